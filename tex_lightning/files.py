@@ -1,0 +1,33 @@
+"""Files that are whole or not there."""
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from tex_lightning.errors import UserError
+
+
+def write_text(target: Path, text: str) -> None:
+    """Write a text file that is whole or not there."""
+    write_atomically(target, lambda path: _write(path, text))
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def write_atomically(target: Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a file beside ``target`` and move it there when it is whole."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    os.close(handle)
+    partial = Path(name)
+    try:
+        write(partial)
+        partial.chmod(0o644)
+        partial.replace(target)
+    except OSError as error:
+        raise UserError(f"Cannot write {target} ({error.strerror}); free some space.") from error
+    finally:
+        partial.unlink(missing_ok=True)

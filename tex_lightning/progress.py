@@ -1,0 +1,20 @@
+"""Progress bars and messages, all on standard error: standard output belongs to results."""
+
+from collections.abc import Iterable, Iterator, Sized
+from typing import TypeVar
+
+from rich.console import Console
+from rich.progress import Progress
+
+Item = TypeVar("Item")
+
+console = Console(stderr=True)
+if not console.is_terminal:
+    console = Console(stderr=True, width=120)  # a log file has room for the tables
+
+
+def track(items: Iterable[Item], title: str) -> Iterator[Item]:
+    """Yield the items behind a progress bar that goes away when it is done."""
+    total = len(items) if isinstance(items, Sized) else None
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        yield from bar.track(items, description=title, total=total)
