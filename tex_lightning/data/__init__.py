@@ -1,0 +1,1 @@
+"""From files to batches: readers, store, folds and data module."""

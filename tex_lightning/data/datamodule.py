@@ -1,0 +1,209 @@
+"""Batches for training and samples for validation.
+
+A training batch is a function of the seed and its number alone: neither loader processes nor an
+interruption change what the network sees.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from lightning import LightningDataModule
+from torch import Tensor
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+
+Batch = dict[str, Tensor]
+Indices = npt.NDArray[np.int64]
+UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
+
+
+class SpectrogramBank:
+    """Spectrograms (bands, frames) of unequal length in one tensor, cut in one indexing step."""
+
+    def __init__(self, spectrograms: Sequence[Tensor], frames: int) -> None:
+        whole = [_at_least(item.cpu(), frames) for item in spectrograms]
+        self.frames = frames
+        self.lengths = np.array([item.shape[1] for item in whole])
+        self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
+        self.flat = torch.cat(whole, dim=1)
+
+    def cut(self, indices: Indices, rng: np.random.Generator) -> Tensor:
+        """Random sub-samples (batch, 1, bands, frames), one from each indexed spectrogram."""
+        offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
+        columns = (self.starts[indices] + offsets)[:, None] + np.arange(self.frames)
+        return self.flat[:, torch.from_numpy(columns)].transpose(0, 1).unsqueeze(1)
+
+
+class PhotoBank:
+    """Square crops of stored photos."""
+
+    def __init__(self, recordings: Sequence[Recording], store: Store, side: int) -> None:
+        self.recordings = recordings
+        self.store = store
+        self.side = side
+
+    def cut(self, indices: Indices, rng: np.random.Generator) -> Tensor:
+        """Random crops (batch, 3, side, side) uint8; photos too small are mirrored outwards."""
+        crops = np.empty((len(indices), self.side, self.side, 3), np.uint8)
+        for crop, index in zip(crops, indices, strict=True):
+            photo = self.store.image(self.recordings[index])
+            rows, columns = (max(0, length - self.side) for length in photo.shape[:2])
+            top, left = rng.integers(0, rows + 1), rng.integers(0, columns + 1)
+            piece = photo[top : top + self.side, left : left + self.side]
+            crop[:] = _mirrored(piece, self.side)
+        return torch.from_numpy(crops).permute(0, 3, 1, 2)
+
+
+@dataclass
+class TrainingBatches(Dataset[Batch]):
+    """Batch number ``i`` of an endless stream.
+
+    Recordings come in permutations, each of which holds every recording once. With two banks the
+    modality with more recordings leads and a random recording of the same class accompanies it.
+
+    Attributes:
+        traces: Bank of spectrograms and their class indices, or None.
+        photos: Bank of photos and their class indices, or None.
+        batch_size: Samples in a batch.
+        rotation: Largest angle in degrees that photos are turned by.
+        seed: Of everything random.
+    """
+
+    traces: tuple[SpectrogramBank, Indices] | None
+    photos: tuple[PhotoBank, Indices] | None
+    batch_size: int
+    rotation: float
+    seed: int
+
+    def __getitem__(self, step: int) -> Batch:
+        """Assemble batch ``step``: spectrogram, crop, degrees and label, as far as they exist."""
+        rng = np.random.default_rng([self.seed, step])
+        leader, follower = self._leader_first()
+        _, labels = leader
+        lead = self._next_in_permutation(step, len(labels))
+        chosen = {id(leader): lead}
+        if follower is not None:
+            chosen[id(follower)] = _partners(labels[lead], follower[1], rng)
+        batch: Batch = {"label": torch.from_numpy(labels[lead])}
+        if self.traces is not None:
+            batch["spectrogram"] = self.traces[0].cut(chosen[id(self.traces)], rng)
+        if self.photos is not None:
+            batch["crop"] = self.photos[0].cut(chosen[id(self.photos)], rng)
+            angles = rng.uniform(-self.rotation, self.rotation, len(lead))
+            batch["degrees"] = torch.from_numpy(angles).float()
+        return batch
+
+    def _leader_first(self) -> tuple[Any, Any]:
+        banks = [bank for bank in (self.traces, self.photos) if bank is not None]
+        banks.sort(key=lambda bank: len(bank[1]), reverse=True)
+        return banks[0], banks[1] if len(banks) > 1 else None
+
+    def _next_in_permutation(self, step: int, count: int) -> Indices:
+        positions = step * self.batch_size + np.arange(self.batch_size)
+        rounds = {
+            number: np.random.default_rng([self.seed, UNSEEN + number]).permutation(count)
+            for number in np.unique(positions // count)
+        }
+        return np.array([rounds[place // count][place % count] for place in positions])
+
+
+class EpochSampler(Sampler[int]):
+    """Numbers of the batches of one epoch; Lightning tells which epoch it is."""
+
+    def __init__(self, steps: int) -> None:
+        self.steps = steps
+        self.epoch = 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Called by Lightning before each epoch, after a resumption too."""
+        self.epoch = epoch
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(self.epoch * self.steps, (self.epoch + 1) * self.steps))
+
+    def __len__(self) -> int:
+        return self.steps
+
+
+class SampleSet(Dataset[Batch]):
+    """Whole decoded samples for validation: trace, photo and label, as far as they exist."""
+
+    def __init__(self, samples: Sequence[Sample], store: Store, classes: list[str]) -> None:
+        self.samples = samples
+        self.store = store
+        self.classes = classes
+
+    def __getitem__(self, index: int) -> Batch:
+        sample = self.samples[index]
+        trace, photo = load_sample(sample, self.store)
+        item = {"label": torch.tensor(self.classes.index(sample.label))}
+        if trace is not None:
+            item["trace"] = trace
+        if photo is not None:
+            item["photo"] = photo
+        return item
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+
+def load_sample(sample: Sample, store: Store) -> tuple[Tensor | None, Tensor | None]:
+    """Decoded trace (axes, samples) and photo (height, width, 3) of a sample, copied to memory."""
+    trace = None if sample.haptic is None else np.array(store.trace(sample.haptic))
+    photo = None if sample.image is None else np.array(store.image(sample.image))
+    return (
+        None if trace is None else torch.from_numpy(trace),
+        None if photo is None else torch.from_numpy(photo),
+    )
+
+
+class SurfaceData(LightningDataModule):
+    """Loaders of training batches and validation samples."""
+
+    def __init__(
+        self, batches: TrainingBatches, steps: int, validation: SampleSet, num_workers: int
+    ) -> None:
+        super().__init__()
+        self.batches = batches
+        self.steps = steps
+        self.validation = validation
+        self.num_workers = num_workers
+
+    def train_dataloader(self) -> DataLoader[Batch]:
+        """Batches of one epoch, each made whole by the data set."""
+        return DataLoader(
+            self.batches,
+            batch_size=None,
+            sampler=EpochSampler(self.steps),
+            num_workers=self.num_workers,
+            persistent_workers=self.num_workers > 0,
+            pin_memory=torch.cuda.is_available(),
+        )
+
+    def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
+        """One sample at a time, since samples have unequal sizes."""
+        return DataLoader(self.validation, batch_size=None) if len(self.validation) else []
+
+
+def _at_least(spectrogram: Tensor, frames: int) -> Tensor:
+    """Repeat a spectrogram until it has ``frames`` frames."""
+    return spectrogram.repeat(1, -(-frames // spectrogram.shape[1]))
+
+
+def _mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
+    rows, columns = side - piece.shape[0], side - piece.shape[1]
+    if rows == 0 and columns == 0:
+        return piece
+    return np.pad(piece, ((0, rows), (0, columns), (0, 0)), mode="symmetric")
+
+
+def _partners(labels: Indices, pool: Indices, rng: np.random.Generator) -> Indices:
+    """For each label a random index of the same label in ``pool``."""
+    return np.array([rng.choice(np.flatnonzero(pool == label)) for label in labels])

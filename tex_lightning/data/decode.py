@@ -1,0 +1,188 @@
+"""Decode one file to an array, strictly: what is damaged is refused, never guessed.
+
+A checkpoint carries the settings used here, so prediction decodes as training did.
+"""
+
+import csv
+import wave
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import kornia
+import numpy as np
+import numpy.typing as npt
+import soundfile
+import torch
+from PIL import Image, ImageOps, UnidentifiedImageError
+from scipy.signal import resample_poly
+
+from tex_lightning.errors import UserError
+
+TRACE_SUFFIXES = (".wav", ".npy", ".txt", ".csv")
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+
+Trace = npt.NDArray[np.float32]
+Photo = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class DecodeSettings:
+    """What decides the content of a decoded file.
+
+    Attributes:
+        sampling_rate: Rate in Hz that every trace is brought to.
+        file_rate: Rate in Hz of traces whose file and reader give none.
+        half_scale: Whether photos are halved (the paper's preprocessing, section III-B).
+    """
+
+    sampling_rate: float = 10_000.0
+    file_rate: float = 10_000.0
+    half_scale: bool = True
+
+    def to_dict(self) -> dict[str, float | bool]:
+        """Plain values for a checkpoint or a cache key."""
+        return asdict(self)
+
+
+def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None) -> Trace:
+    """Read a trace of one or three axes and bring it to the configured rate.
+
+    Args:
+        path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a line.
+        settings: Target rate and the rate of files that carry none.
+        rate: Rate of this file in Hz if it is known and the file carries none.
+
+    Returns:
+        float32 array of shape (axes, samples), axes 1 or 3, in the file's unit.
+
+    Raises:
+        UserError: If the file is missing, empty, damaged, of another shape, or holds NaN.
+    """
+    _require_file(path)
+    samples, file_rate = _read_samples(path)
+    trace = _as_axes(path, samples)
+    if not np.isfinite(trace).all():
+        first = int(np.flatnonzero(~np.isfinite(trace).all(axis=0))[0])
+        raise UserError(f"Trace {path} holds NaN or infinity at sample {first}; repair the file.")
+    source = file_rate or rate or settings.file_rate
+    ratio = Fraction(settings.sampling_rate / source).limit_denominator(10_000)
+    if not 0.001 < ratio < 1000:
+        raise UserError(
+            f"Trace {path} has a sampling rate of {source:g} Hz, too far from "
+            f"{settings.sampling_rate:g} Hz; correct data.file_rate or data.sampling_rate."
+        )
+    if ratio != 1:
+        trace = resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
+    return np.ascontiguousarray(trace, dtype=np.float32)
+
+
+def decode_image(path: Path, settings: DecodeSettings) -> Photo:
+    """Read a photo as RGB, upright, halved if so configured.
+
+    Returns:
+        uint8 array of shape (height, width, 3).
+
+    Raises:
+        UserError: If the file is missing, empty, truncated, no image, or not 8 bits a channel.
+    """
+    _require_file(path)
+    try:
+        with Image.open(path) as image:
+            if image.mode.startswith(("I", "F")):
+                raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
+            photo = np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
+    except UnidentifiedImageError as error:
+        raise UserError(f"Image {path} is in no known image format; use JPEG or PNG.") from error
+    except Image.DecompressionBombError as error:
+        raise UserError(f"Image {path} is too large ({error}); scale it down.") from error
+    except (OSError, SyntaxError, ValueError) as error:
+        raise UserError(f"Image {path} is damaged ({error}); replace the file.") from error
+    return halve(photo) if settings.half_scale else photo
+
+
+def halve(photo: Photo) -> Photo:
+    """Half-scale an RGB photo: each pixel is the rounded mean of a 2x2 block.
+
+    Kornia's ``rescale`` by 0.5 without anti-aliasing is exactly that mean on even sizes.
+    """
+    height, width = photo.shape[0] // 2 * 2, photo.shape[1] // 2 * 2
+    if not height or not width:
+        raise UserError(f"An image of {photo.shape[1]}x{photo.shape[0]} pixels cannot be halved.")
+    pixels = torch.from_numpy(photo[:height, :width].copy()).permute(2, 0, 1)[None].float()
+    small = kornia.geometry.transform.rescale(pixels, 0.5, antialias=False)
+    half: Photo = small[0].add_(0.5).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
+    return half
+
+
+def _require_file(path: Path) -> None:
+    if not path.is_file():
+        raise UserError(f"File {path} does not exist; check the path.")
+    if path.stat().st_size == 0:
+        raise UserError(f"File {path} is empty; record or copy it again.")
+
+
+def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
+    """Samples as (samples,) or 2-D, and the rate if the file carries one."""
+    suffix = path.suffix.lower()
+    try:
+        if suffix == ".wav":
+            samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
+            _check_wav_length(path, len(samples))
+            return samples, float(rate)
+        if suffix == ".npy":
+            return _numeric(np.load(path, allow_pickle=False)), None
+        if suffix in (".txt", ".csv"):
+            return _read_text(path), None
+    except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
+        raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
+    raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
+
+
+def _check_wav_length(path: Path, samples: int) -> None:
+    """Compare with the header: libsndfile reads a truncated file without a word."""
+    try:
+        with wave.open(str(path)) as stream:
+            announced = stream.getnframes()
+    except (wave.Error, EOFError):  # float and extensible formats, which the module cannot parse
+        return
+    if announced > samples:
+        raise ValueError(f"truncated: {samples} of {announced} samples")
+
+
+def _numeric(array: npt.NDArray[np.generic]) -> npt.NDArray[np.floating]:
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"it holds {array.dtype} instead of numbers")
+    return array.astype(np.float64)
+
+
+def _read_text(path: Path) -> npt.NDArray[np.floating]:
+    """One sample a line; columns apart by comma, semicolon or white space; header optional."""
+    with path.open(encoding="utf-8-sig") as stream:
+        first = stream.readline()
+    delimiter = next((mark for mark in ",;" if mark in first), None)
+    header = next(csv.reader([first], delimiter=delimiter or " "), [])
+    skip = int(not all(_is_number(field) for field in header if field.strip()))
+    return np.loadtxt(path, delimiter=delimiter, skiprows=skip, encoding="utf-8-sig", ndmin=1)
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True
+
+
+def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Bring samples to (axes, samples)."""
+    trace = samples[None] if samples.ndim == 1 else samples
+    if trace.ndim == 2 and trace.shape[0] not in (1, 3):
+        trace = trace.T
+    if trace.ndim != 2 or trace.shape[0] not in (1, 3):
+        raise UserError(
+            f"Trace {path} has shape {samples.shape}; a trace has one or three axes (columns)."
+        )
+    if trace.shape[1] == 0:
+        raise UserError(f"Trace {path} holds no samples; record or copy it again.")
+    return trace

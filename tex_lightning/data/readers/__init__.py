@@ -1,0 +1,35 @@
+"""Readers: each maps a data set on disk to the one table of recordings."""
+
+from collections.abc import Callable
+
+from tex_lightning.data.readers import folder, manifest, synthetic, tum
+from tex_lightning.data.recordings import Recordings
+from tex_lightning.errors import UserError
+from tex_lightning.schema import DataConfig
+
+READERS: dict[str, Callable[[DataConfig], Recordings]] = {
+    "synthetic": synthetic.read,
+    "folder": folder.read,
+    "manifest": manifest.read,
+    "tum": tum.read,
+}
+
+
+def read_recordings(config: DataConfig) -> Recordings:
+    """Read the configured data set, cut to its first ``data.classes`` classes if that is set.
+
+    Raises:
+        UserError: If the data set is missing, incomplete or has fewer classes than asked for.
+    """
+    recordings = READERS[config.name](config)
+    classes = recordings.classes
+    if config.classes is not None and config.classes > len(classes):
+        raise UserError(
+            f"data.classes asks for {config.classes} classes, but the data has "
+            f"{len(classes)}; lower it or leave it out."
+        )
+    if len(classes) < 2:
+        raise UserError(
+            f"The data has only the class {', '.join(classes)}; telling classes apart takes two."
+        )
+    return recordings.in_classes(classes[: config.classes])

@@ -1,0 +1,11 @@
+"""Reader of a CSV manifest: the door for data in any other layout."""
+
+from pathlib import Path
+
+from tex_lightning.data.recordings import Recordings, read_manifest
+from tex_lightning.schema import DataConfig
+
+
+def read(config: DataConfig) -> Recordings:
+    """Read the table from ``data.manifest``."""
+    return read_manifest(Path(str(config.manifest)).expanduser())

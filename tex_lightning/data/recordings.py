@@ -1,0 +1,144 @@
+"""The one table that every reader makes and everything after it uses."""
+
+import csv
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from tex_lightning.errors import UserError
+
+Modality = Literal["haptic", "image"]
+MODALITIES: tuple[Modality, ...] = get_args(Modality)
+COLUMNS = ("label", "modality", "path", "group")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One file: an acceleration trace or a photo of a surface.
+
+    Attributes:
+        label: Class name.
+        modality: ``haptic`` or ``image``.
+        path: The file.
+        group: Number of the recording inside its class; it decides the fold.
+        sampling_rate: Rate of the trace in Hz where the reader knows it, else None
+            (a WAV file carries its own; other formats have the configured rate).
+    """
+
+    label: str
+    modality: Modality
+    path: Path
+    group: int
+    sampling_rate: float | None = None
+
+
+@dataclass(frozen=True)
+class Recordings:
+    """An immutable table of recordings."""
+
+    rows: tuple[Recording, ...]
+
+    def __iter__(self) -> Iterator[Recording]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def classes(self) -> list[str]:
+        """Class names in natural order; a name's place is its index everywhere."""
+        return sorted({row.label for row in self.rows}, key=natural_key)
+
+    def of(self, modality: Modality) -> "Recordings":
+        """The rows of one modality."""
+        return Recordings(tuple(row for row in self.rows if row.modality == modality))
+
+    def in_classes(self, classes: Iterable[str]) -> "Recordings":
+        """The rows whose label is one of ``classes``."""
+        wanted = set(classes)
+        return Recordings(tuple(row for row in self.rows if row.label in wanted))
+
+
+def natural_key(text: str) -> list[tuple[int, int, str]]:
+    """Sort key that counts: ``query2`` comes before ``query10``."""
+    return [
+        (0, int(part), "") if part.isdigit() else (1, 0, part.casefold())
+        for part in re.split(r"(\d+)", text)
+        if part
+    ]
+
+
+def number_files(
+    label: str, modality: Modality, files: Iterable[Path], sampling_rate: float | None = None
+) -> list[Recording]:
+    """Make recordings of one class, grouped by their place in the natural order of names."""
+    ordered = sorted(files, key=lambda path: natural_key(path.name))
+    return [
+        Recording(label, modality, path, group, sampling_rate) for group, path in enumerate(ordered)
+    ]
+
+
+def read_manifest(path: Path) -> Recordings:
+    """Read a table from CSV with the columns ``label,modality,path,group``.
+
+    Relative paths are relative to the manifest; an optional column ``sampling_rate`` (Hz) gives
+    the rate of traces whose format carries none.
+
+    Raises:
+        UserError: If the file is missing, a column is missing or a line cannot be understood.
+    """
+    if not path.is_file():
+        raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.DictReader(stream)
+            _check_columns(path, reader.fieldnames)
+            rows = [_read_line(path, reader.line_num, line) for line in reader]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(
+            f"Manifest {path} is not a UTF-8 CSV file ({error}); save it as CSV."
+        ) from error
+    if not rows:
+        raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
+    return Recordings(tuple(rows))
+
+
+def write_manifest(recordings: Recordings, path: Path) -> None:
+    """Write the table as CSV that :func:`read_manifest` reads back, with absolute paths."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([*COLUMNS, "sampling_rate"])
+        for row in recordings:
+            rate = "" if row.sampling_rate is None else row.sampling_rate
+            writer.writerow([row.label, row.modality, row.path.resolve(), row.group, rate])
+
+
+def _check_columns(path: Path, names: Iterable[str] | None) -> None:
+    missing = [column for column in COLUMNS if column not in (names or ())]
+    if missing:
+        raise UserError(
+            f"Manifest {path} lacks the column {', '.join(missing)}; "
+            f"its first line must name {','.join(COLUMNS)}."
+        )
+
+
+def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
+    where = f"Manifest {path}, line {number}"
+    label, modality, file = line["label"], line["modality"], line["path"]
+    if not label or not file:
+        raise UserError(f"{where}: label or path is empty; fill both in.")
+    if modality not in MODALITIES:
+        raise UserError(f"{where}: modality is {modality!r}; write haptic or image.")
+    try:
+        group = int(line["group"])
+        rate = float(line["sampling_rate"]) if line.get("sampling_rate") else None
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{where}: group or sampling_rate is not a number ({error}).") from error
+    if group < 0 or (rate is not None and not rate > 0):
+        raise UserError(f"{where}: group must be 0 or more and sampling_rate positive.")
+    target = (path.parent / file).resolve()
+    if not target.is_file():
+        raise UserError(f"{where}: file {target} does not exist; correct the path.")
+    return Recording(label, modality, target, group, rate)

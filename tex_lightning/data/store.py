@@ -1,0 +1,116 @@
+"""Every file is decoded once, into memory-mapped arrays outside the package.
+
+One ``.npy`` per file, named by a digest of the file's identity (path, size, time of change) and
+the decode settings. Files are written under another name and moved into place, so a reader never
+sees half an array and two processes that decode the same file do no harm.
+"""
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import platformdirs
+
+from tex_lightning.data.decode import DecodeSettings, Photo, Trace, decode_image, decode_trace
+from tex_lightning.data.recordings import Recording
+from tex_lightning.errors import UserError
+from tex_lightning.files import write_atomically
+from tex_lightning.progress import track
+
+
+def cache_root(configured: str | None) -> Path:
+    """The configured cache folder, else the user's own, made if it does not exist."""
+    if configured is not None:
+        root = Path(configured).expanduser()
+    else:
+        root = Path(platformdirs.user_cache_dir("tex_lightning"))
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=root):
+            pass
+    except OSError as error:
+        raise UserError(
+            f"Cache folder {root} cannot be written ({error.strerror}); "
+            "set data.cache_dir to a folder that can."
+        ) from error
+    return root
+
+
+class Store:
+    """Decoded traces (float32) and photos (uint8) of recordings.
+
+    Args:
+        root: The cache folder; see :func:`cache_root`.
+        settings: How files are decoded.
+    """
+
+    def __init__(self, root: Path, settings: DecodeSettings) -> None:
+        self.root = root / "decoded"
+        self.settings = settings
+
+    def trace(self, recording: Recording) -> Trace:
+        """The trace as a read-only (axes, samples) float32 map."""
+        return self._get(recording)
+
+    def image(self, recording: Recording) -> Photo:
+        """The photo as a read-only (height, width, 3) uint8 map."""
+        return self._get(recording)
+
+    def fill(self, recordings: Iterable[Recording]) -> None:
+        """Decode what is not in the cache yet, several files at a time."""
+        missing = [row for row in recordings if not self._entry(row).is_file()]
+        if not missing:
+            return
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            jobs = [pool.submit(self._write, row) for row in missing]
+            try:
+                for job in track(jobs, "Decoding"):
+                    job.result()
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def _get(self, recording: Recording) -> npt.NDArray[Any]:
+        entry = self._entry(recording)
+        try:
+            array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError, EOFError):  # not there yet, or damaged by a full disk
+            self._write(recording)
+            array = np.load(entry, mmap_mode="r", allow_pickle=False)
+        return array
+
+    def _entry(self, recording: Recording) -> Path:
+        try:
+            status = recording.path.stat()
+        except OSError as error:
+            raise UserError(f"File {recording.path} does not exist; check the path.") from error
+        identity = {
+            "path": str(recording.path.resolve()),
+            "size": status.st_size,
+            "changed": status.st_mtime_ns,
+            "modality": recording.modality,
+            "rate": recording.sampling_rate,
+            **self.settings.to_dict(),
+        }
+        digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+        return self.root / digest[:2] / f"{digest[2:34]}.npy"
+
+    def _write(self, recording: Recording) -> None:
+        array: npt.NDArray[Any]
+        if recording.modality == "haptic":
+            array = decode_trace(recording.path, self.settings, recording.sampling_rate)
+        else:
+            array = decode_image(recording.path, self.settings)
+        write_atomically(self._entry(recording), lambda path: _save(path, array))
+
+
+def _save(path: Path, array: npt.NDArray[Any]) -> None:
+    with path.open("wb") as stream:
+        np.save(stream, array, allow_pickle=False)
