@@ -1,0 +1,1 @@
+"""From fragment predictions to one label: pure functions."""

@@ -1,0 +1,64 @@
+"""Max voting over fragments and the random pairs of FusionNet (paper, section III-B)."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Vote:
+    """The decision over all fragments of one sample.
+
+    Attributes:
+        label: Index of the class that won.
+        shares: (classes,) share of the fragments that voted for each class, sums to 1.
+        fragments: (fragments,) class index of every fragment.
+    """
+
+    label: int
+    shares: Tensor
+    fragments: Tensor
+
+
+def max_vote(logits: Tensor) -> Vote:
+    """Let every fragment vote for its most probable class; the class with most votes wins.
+
+    Ties are broken by the larger mean probability over all fragments, then by the lower class
+    index. The order of the fragments never matters beyond rounding of that mean.
+
+    Args:
+        logits: (classes, fragments), at least one fragment.
+    """
+    classes, count = logits.shape
+    if count == 0:
+        raise ValueError("a vote needs at least one fragment")
+    fragments = logits.argmax(dim=0)
+    votes = torch.bincount(fragments, minlength=classes)
+    tied = votes == votes.max()
+    if int(tied.sum()) == 1:
+        label = int(votes.argmax())
+    else:
+        mean = logits.double().softmax(dim=0).mean(dim=1)
+        label = int(torch.where(tied, mean, -torch.ones_like(mean)).argmax())
+    return Vote(label, votes / count, fragments)
+
+
+def random_pairs(haptic: int, visual: int, count: int, seed: int) -> Tensor:
+    """Draw ``count`` pairs of a haptic and a visual position, independently and uniformly.
+
+    The generator lives on the CPU whatever the device, so every device votes over the same pairs.
+
+    Args:
+        haptic: Number of haptic positions L.
+        visual: Number of visual positions M * N.
+        count: K of the paper, 1000 there.
+        seed: Of this sample; the caller derives it from the sample's content.
+
+    Returns:
+        Long tensor (count, 2).
+    """
+    generator = torch.Generator().manual_seed(seed)
+    left = torch.randint(haptic, (count,), generator=generator)
+    right = torch.randint(visual, (count,), generator=generator)
+    return torch.stack((left, right), dim=1)

@@ -1,0 +1,58 @@
+"""From 8-bit photos to the normalised pixels that VisualNet reads, rotated while training."""
+
+import math
+
+import torch
+from kornia.geometry.transform import get_rotation_matrix2d, warp_affine
+from torch import Tensor, nn
+
+MEAN = (0.485, 0.456, 0.406)  # of ImageNet's photos, R G B in [0, 1]
+STD = (0.229, 0.224, 0.225)
+
+
+class ImageFeatures(nn.Module):
+    """Normalise RGB photos; rotate training crops without black corners.
+
+    Convention: input (batch, 3, height, width), uint8 0 to 255, red first; output float with
+    ImageNet's mean and deviation removed, which is what every trunk expects. Angles are degrees,
+    counter-clockwise.
+    """
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.tensor(MEAN).view(3, 1, 1), persistent=False)
+        self.register_buffer("std", torch.tensor(STD).view(3, 1, 1), persistent=False)
+
+    def forward(self, photos: Tensor) -> Tensor:
+        """Photos to network input of the same size."""
+        pixels: Tensor = (photos.float() / 255 - self.mean) / self.std
+        return pixels
+
+    def rotated(self, crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
+        """Rotate crops about their centres and keep the middle ``patch`` pixels.
+
+        Args:
+            crops: uint8 (batch, 3, side, side) with ``side >= crop_side(patch, rotation)``.
+            degrees: (batch,) angles.
+            patch: Side of the result.
+
+        Returns:
+            Network input (batch, 3, patch, patch).
+        """
+        side = crops.shape[-1]
+        centre = torch.full((len(crops), 2), (side - 1) / 2, device=crops.device)
+        matrix = get_rotation_matrix2d(centre, degrees, torch.ones_like(centre))
+        matrix[:, :, 2] -= (side - patch) / 2
+        turned = warp_affine(crops.float(), matrix, (patch, patch), padding_mode="border")
+        return self.forward(turned)
+
+
+def crop_side(patch: int, rotation: float) -> int:
+    """Side of the square from which a patch can be cut at any angle up to ``rotation`` degrees."""
+    if rotation <= 0:
+        return patch
+    angle = math.radians(min(rotation, 45.0))
+    return math.ceil(patch * (math.cos(angle) + math.sin(angle))) + 2
