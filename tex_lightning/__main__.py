@@ -1,0 +1,81 @@
+"""``python -m tex_lightning``: compose the configuration, check it, run one task."""
+
+import logging
+import os
+import sys
+from pathlib import Path
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
+
+from tex_lightning.errors import UserError
+from tex_lightning.schema import register
+
+INSIDE = Path(__file__).parent / "conf"  # in an installed wheel
+BESIDE = Path(__file__).parent.parent / "conf"  # in a checkout
+CONF = INSIDE if INSIDE.is_dir() else BESIDE
+
+USER_FAULT = 2
+FAILED_SWEEP = 1
+INTERRUPTED = 130
+
+log = logging.getLogger(__name__)
+
+
+def run_job(composed: DictConfig) -> None:
+    """Run one composed job; a sweep goes on whatever becomes of it."""
+    # Heavy imports wait until the command line is known to be right.
+    from tex_lightning.report.sweep import note_failure
+    from tex_lightning.tasks.dispatch import run_task
+
+    sweeping = HydraConfig.get().mode == RunMode.MULTIRUN
+    directory = Path(HydraConfig.get().runtime.output_dir)
+    try:
+        run_task(composed, directory)
+    except UserError as error:
+        if not sweeping:
+            raise SystemExit(complain(error)) from error
+        note_failure(directory, str(error))
+    except Exception as error:
+        if not sweeping:
+            raise
+        log.exception("This job of the sweep failed.")
+        note_failure(directory, f"{type(error).__name__}: {error}")
+
+
+def complain(error: Exception) -> int:
+    """Print a user's mistake in one sentence and return the exit status for it."""
+    print(f"Error: {error}", file=sys.stderr)
+    return USER_FAULT
+
+
+def main() -> int:
+    """Run the command line and return its exit status."""
+    # Hydra then raises its errors instead of printing and exiting with status 1.
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    register()
+    entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
+    try:
+        entry()
+    except (HydraException, OmegaConfBaseException) as error:
+        from tex_lightning.mistakes import explain
+
+        return complain(explain(error, sys.argv[1:], CONF))
+    except KeyboardInterrupt:
+        print(
+            "Interrupted. The same command with hydra.run.dir set to this run's folder goes on "
+            "after the last finished epoch.",
+            file=sys.stderr,
+        )
+        return INTERRUPTED
+    from tex_lightning.report.sweep import SweepSummary
+
+    return FAILED_SWEEP if SweepSummary.failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""What types cannot say of a configuration: ranges, choices, and keys that need each other.
+
+Everything is checked before any work, and all complaints are made at once.
+"""
+
+import difflib
+from collections.abc import Iterator, Sequence
+
+from omegaconf import DictConfig, OmegaConf
+
+from tex_lightning.errors import UserError
+from tex_lightning.schema import Config, DataConfig, FitConfig, ModelConfig
+
+CHOICES = {
+    "optimizer": ("adam", "adamw"),
+    "schedule": ("onecycle", "step"),
+    "norm": ("batch", "lrn", "none"),
+    "normalisation": ("standard", "paper"),
+    "level": ("fc2", "fc3"),
+    "layout": ("folder", "tum"),
+    "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
+    "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
+}
+
+
+def check_missing(composed: DictConfig) -> None:
+    """Refuse a configuration with open ``???`` values, naming all of them."""
+    missing = sorted(OmegaConf.missing_keys(composed))
+    if missing:
+        example = " ".join(f"{key}=VALUE" for key in missing)
+        raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
+
+
+def check_config(config: Config, tasks: Sequence[str]) -> None:
+    """Refuse values that cannot be meant, naming all of them in one sentence."""
+    complaints = [
+        *_choice("task", config.task, tasks),
+        *_data(config.data),
+        *_model(config.model),
+        *_choice("generate.layout", config.generate.layout, CHOICES["layout"]),
+        *_choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
+        *_choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
+        *_least("trainer.devices", config.trainer.devices, 1),
+        *_least("trainer.threads", config.trainer.threads, 1),
+        *_least("decision.pairs", config.decision.pairs, 1),
+        *_least("decision.seed", config.decision.seed, 0),
+        *_least("top_k", config.top_k, 1),
+        *_least("seed", config.seed, 0),
+        *_task(config),
+    ]
+    if complaints:
+        raise UserError("; ".join(complaints) + ".")
+
+
+def _task(config: Config) -> Iterator[str]:
+    data = config.data
+    if config.task == "fit" and data.test_fold is None:
+        yield "data.test_fold is null, but task=fit tests on a fold: give its number"
+    if config.task == "crossval" and data.val_fold is not None:
+        yield (
+            "data.val_fold is set, but task=crossval trains on all folds but the tested one: "
+            "leave it null"
+        )
+    if config.weights is not None and config.model.kind == "haptic":
+        yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
+
+
+def _data(data: DataConfig) -> Iterator[str]:
+    yield from _least("data.folds", data.folds, 2)
+    for name in ("test_fold", "val_fold"):
+        fold = getattr(data, name)
+        if fold is not None and not 0 <= fold < data.folds:
+            yield f"data.{name} is {fold}: choose from 0 to {data.folds - 1}"
+    if data.val_fold is not None and data.val_fold == data.test_fold:
+        yield f"data.val_fold and data.test_fold are both {data.val_fold}: choose different folds"
+    yield from _least("data.classes", data.classes, 2)
+    yield from _least("data.num_workers", data.num_workers, 0)
+    yield from _least("data.sampling_rate", data.sampling_rate, 2000)
+    yield from _positive("data.file_rate", data.file_rate)
+
+
+def _model(model: ModelConfig) -> Iterator[str]:
+    yield from _choice("model.kind", model.kind, ("haptic", "visual", "fusion"))
+    yield from _choice("model.haptic.norm", model.haptic.norm, CHOICES["norm"])
+    yield from _choice("model.visual.norm", model.visual.norm, CHOICES["norm"])
+    known = CHOICES["normalisation"]
+    yield from _choice("model.haptic.normalisation", model.haptic.normalisation, known)
+    yield from _choice("model.fusion.level", model.fusion.level, CHOICES["level"])
+    for name in ("haptic", "visual"):
+        section = getattr(model, name)
+        yield from _positive(f"model.{name}.width", section.width)
+        if not 0 <= section.dropout < 1:
+            yield f"model.{name}.dropout is {section.dropout}: choose from 0 up to 1"
+    yield from _least("model.haptic.fit.frames", model.haptic.fit.frames, 177)
+    for name in ("visual", "fusion"):
+        rotation = getattr(model, name).fit.rotation
+        if not 0 <= rotation <= 180:
+            yield f"model.{name}.fit.rotation is {rotation}: choose from 0 to 180 degrees"
+    for name in ("haptic", "visual", "fusion"):
+        yield from _fit(f"model.{name}.fit", getattr(model, name).fit)
+    factor = model.fusion.fit.head_factor
+    if model.kind == "fusion" and not 10 <= factor <= 50:
+        yield f"model.fusion.fit.head_factor is {factor:g}: choose from 10 to 50"
+
+
+def _fit(key: str, fit: FitConfig) -> Iterator[str]:
+    for name in ("epochs", "steps_per_epoch", "batch_size", "step_every"):
+        yield from _least(f"{key}.{name}", getattr(fit, name), 1)
+    for name in ("learning_rate", "gamma", "head_factor"):
+        yield from _positive(f"{key}.{name}", getattr(fit, name))
+    yield from _least(f"{key}.weight_decay", fit.weight_decay, 0)
+    if not 0 <= fit.label_smoothing < 1:
+        yield f"{key}.label_smoothing is {fit.label_smoothing}: choose from 0 up to 1"
+    yield from _choice(f"{key}.optimizer", fit.optimizer, CHOICES["optimizer"])
+    yield from _choice(f"{key}.schedule", fit.schedule, CHOICES["schedule"])
+
+
+def _choice(key: str, value: str, allowed: Sequence[str]) -> Iterator[str]:
+    if value not in allowed:
+        near = difflib.get_close_matches(value, allowed, n=1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        yield f"{key} is {value}{hint}: choose {', '.join(allowed)}"
+
+
+def _least(key: str, value: float | None, least: float) -> Iterator[str]:
+    if value is not None and not value >= least:
+        yield f"{key} is {value:g}: choose {least:g} or more"
+
+
+def _positive(key: str, value: float) -> Iterator[str]:
+    if not 0 < value < float("inf"):
+        yield f"{key} is {value:g}: choose a positive number"
