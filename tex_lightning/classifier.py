@@ -1,0 +1,207 @@
+"""The trained thing itself: features, network and decision in one module.
+
+A :class:`Card` of plain values rebuilds it, and a checkpoint holds the card and the weights, so
+that prediction from raw files does exactly what testing did.
+"""
+
+import math
+import zlib
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.folds import NEEDS, Kind
+from tex_lightning.decision.voting import Vote, max_vote, random_pairs
+from tex_lightning.errors import UserError
+from tex_lightning.features.image import ImageFeatures
+from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.networks.blocks import Level
+from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.visualnet import VisualNet
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a classifier is made of, in plain values.
+
+    Attributes:
+        kind: haptic, visual or fusion.
+        classes: Class names; the network's outputs in order.
+        decode: :class:`DecodeSettings` as a dictionary.
+        haptic_features: Arguments of :class:`HapticFeatures`; empty for VisualNet.
+        haptic_network: Arguments of :class:`HapticNet` but the classes.
+        visual_network: Arguments of :class:`VisualNet` but the classes.
+        fusion: ``level`` of FusionNet; empty for the others.
+        decision: ``pairs`` and ``seed`` of FusionNet's vote.
+        trained_on: The data and folds behind the weights, to refuse testing on them.
+    """
+
+    kind: Kind
+    classes: list[str]
+    decode: dict[str, Any]
+    decision: dict[str, int]
+    haptic_features: dict[str, Any] = field(default_factory=dict)
+    haptic_network: dict[str, Any] = field(default_factory=dict)
+    visual_network: dict[str, Any] = field(default_factory=dict)
+    fusion: dict[str, Any] = field(default_factory=dict)
+    trained_on: dict[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for a checkpoint."""
+        return asdict(self)
+
+    @property
+    def settings(self) -> DecodeSettings:
+        """How files are decoded for this classifier."""
+        return DecodeSettings(**self.decode)
+
+
+class SurfaceClassifier(nn.Module):
+    """Classify raw traces and photos.
+
+    Attributes:
+        haptic_features: None for VisualNet.
+        image_features: None for HapticNet.
+        network: HapticNet, VisualNet or FusionNet.
+    """
+
+    def __init__(self, card: Card) -> None:
+        super().__init__()
+        self.card = card
+        needs = NEEDS[card.kind]
+        self.haptic_features = HapticFeatures(**card.haptic_features) if "haptic" in needs else None
+        self.image_features = ImageFeatures() if "image" in needs else None
+        self.network = _build_network(card)
+
+    @classmethod
+    def from_checkpoint(cls, path: str | Path) -> "SurfaceClassifier":
+        """Load a checkpoint of this package, ready to classify on the CPU.
+
+        Raises:
+            UserError: If the file is missing, damaged or from elsewhere.
+        """
+        path = Path(path).expanduser()
+        if not path.is_file():
+            raise UserError(f"Checkpoint {path} does not exist; check the path.")
+        try:
+            content = torch.load(path, map_location="cpu", weights_only=True)
+            known = {entry.name for entry in fields(Card)}
+            stored = content["hyper_parameters"]["card"]
+            classifier = cls(Card(**{key: stored[key] for key in known}))
+            prefix = "classifier."
+            state = {
+                key.removeprefix(prefix): value
+                for key, value in content["state_dict"].items()
+                if key.startswith(prefix)
+            }
+            classifier.load_state_dict(state)
+        except Exception as error:  # damage shows in as many ways as there are formats
+            raise UserError(
+                f"Checkpoint {path} is damaged or was not written by tex_lightning "
+                f"({type(error).__name__}); give a file from a run's checkpoints folder."
+            ) from error
+        return classifier.eval()
+
+    @torch.inference_mode()
+    def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
+        """Decide on one sample; see :meth:`logits`."""
+        return max_vote(self.logits(trace, photo))
+
+    def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
+        """Class scores of every fragment of one sample of decoded recordings.
+
+        Args:
+            trace: (axes, samples) float32 at the card's sampling rate.
+            photo: (height, width, 3) uint8, already halved if the card says so.
+
+        Returns:
+            (classes, fragments); FusionNet's fragments are its random pairs.
+
+        Raises:
+            UserError: If a modality the network needs is absent, or a recording is too small.
+        """
+        self._require(trace, photo)
+        if isinstance(self.network, HapticNet):
+            return cast(Tensor, self.network(self.haptic_input(cast(Tensor, trace)))[0])
+        visual = self.visual_input(cast(Tensor, photo))
+        if isinstance(self.network, VisualNet):
+            return cast(Tensor, self.network(visual)[0].flatten(1))
+        haptic = self.haptic_input(cast(Tensor, trace))
+        pairs = random_pairs(
+            self.network.haptic.output_length(haptic.shape[-1]),
+            math.prod(self.network.visual.output_size(*visual.shape[-2:])),
+            self.card.decision["pairs"],
+            self._pair_seed(cast(Tensor, trace), cast(Tensor, photo)),
+        )
+        return cast(Tensor, self.network(haptic, visual, pairs.to(visual.device))[0])
+
+    def haptic_input(self, trace: Tensor) -> Tensor:
+        """Spectrogram (1, 1, 50, frames) of a decoded trace, on the module's device."""
+        features = cast(HapticFeatures, self.haptic_features)
+        spectrogram = features(trace.to(features.window.device))
+        check_frames(spectrogram.shape[-1], features)
+        return cast(Tensor, spectrogram)
+
+    def visual_input(self, photo: Tensor) -> Tensor:
+        """Normalised pixels (1, 3, height, width) of a decoded photo, on the module's device."""
+        features = cast(ImageFeatures, self.image_features)
+        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
+        check_side(photo.shape[0], photo.shape[1], cast(VisualNet, network).min_side)
+        return cast(Tensor, features(photo.permute(2, 0, 1)[None].to(features.mean.device)))
+
+    def _pair_seed(self, trace: Tensor, photo: Tensor) -> int:
+        """From the content of the sample: its place in a batch or list cannot matter."""
+        seed = self.card.decision["seed"] & 0xFFFFFFFF
+        for array in (trace, photo):
+            seed = zlib.crc32(array.cpu().contiguous().numpy().data, seed)
+        return seed
+
+    def _require(self, trace: Tensor | None, photo: Tensor | None) -> None:
+        given = {"haptic": trace is not None, "image": photo is not None}
+        absent = [modality for modality in NEEDS[self.card.kind] if not given[modality]]
+        if absent:
+            raise UserError(
+                f"This {self.card.kind} network needs {' and '.join(NEEDS[self.card.kind])}; "
+                f"give {' and '.join(f'{key}=FILE' for key in absent)} too."
+            )
+
+
+def check_frames(frames: int, features: HapticFeatures) -> None:
+    """Refuse a spectrogram too short for one fragment."""
+    least = HapticNet.min_frames
+    if frames < least:
+        rate, hop = features.sampling_rate, features.hop_length
+        have = ((frames - 1) * hop + features.window_length) / rate
+        need = ((least - 1) * hop + features.window_length) / rate
+        raise UserError(
+            f"The trace has {have:.2f} s of movement, and HapticNet needs {need:.2f} s for one "
+            "fragment; record a longer stroke."
+        )
+
+
+def check_side(height: int, width: int, least: int) -> None:
+    """Refuse a photo too small for one fragment."""
+    if min(height, width) < least:
+        raise UserError(
+            f"The photo has {width}x{height} pixels after decoding, and this network needs "
+            f"{least} on each side; use a larger photo or train with data.half_scale=false."
+        )
+
+
+def _build_network(card: Card) -> HapticNet | VisualNet | FusionNet:
+    classes = len(card.classes)
+    if card.kind == "haptic":
+        return HapticNet(classes, **card.haptic_network)
+    if card.kind == "visual":
+        return VisualNet(classes, **card.visual_network)
+    return FusionNet(
+        HapticNet(classes, **card.haptic_network),
+        VisualNet(classes, **card.visual_network),
+        classes=classes,
+        level=cast(Level, card.fusion["level"]),
+    )

@@ -1,0 +1,1 @@
+"""Training: one LightningModule per network on a short common base."""

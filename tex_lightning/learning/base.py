@@ -1,0 +1,116 @@
+"""What the three LightningModules share: loss, metrics, optimiser and checkpoint."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from lightning import LightningModule
+from torch import Tensor, nn
+
+from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.data.datamodule import Batch
+from tex_lightning.decision.voting import max_vote
+
+
+class SurfaceModule(LightningModule, ABC):
+    """Train a :class:`SurfaceClassifier` on fragments.
+
+    Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of right
+    fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
+    with a validation fold ``val/loss``, ``val/fragment_accuracy`` and ``val/vote_accuracy``.
+
+    Args:
+        card: :class:`Card` as a dictionary.
+        fit: The training recipe as a dictionary of plain values.
+        seed: Of dropout; batches have their own.
+    """
+
+    def __init__(self, card: dict[str, Any], fit: dict[str, Any], seed: int) -> None:
+        super().__init__()
+        self.save_hyperparameters({"card": card, "fit": fit, "seed": seed}, logger=False)
+        self.classifier = SurfaceClassifier(Card(**card))
+        self.fit_config = fit
+        self.head_factor: float = fit["head_factor"]
+        self.seed = seed
+        self.fit_seconds = 0.0
+
+    @abstractmethod
+    def inputs(self, batch: Batch) -> tuple[Tensor, ...]:
+        """The network's input tensors for a training batch."""
+
+    @abstractmethod
+    def backbone_parameters(self) -> Iterator[nn.Parameter]:
+        """Parameters at the base learning rate."""
+
+    @abstractmethod
+    def head_parameters(self) -> Iterator[nn.Parameter]:
+        """Parameters at ``head_factor`` times the base learning rate."""
+
+    def on_train_epoch_start(self) -> None:
+        """Make dropout a function of seed and epoch, so that a resumed run repeats it exactly."""
+        torch.manual_seed(self.seed * 100_003 + self.current_epoch)
+
+    def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
+        """Cross entropy of every fragment against the label of its sample."""
+        logits = self.classifier.network(*self.inputs(batch)).flatten(2)
+        labels = batch["label"][:, None].expand(-1, logits.shape[2])
+        loss = nn.functional.cross_entropy(
+            logits, labels, label_smoothing=self.fit_config["label_smoothing"]
+        )
+        accuracy = (logits.detach().argmax(dim=1) == labels).float().mean()
+        size = len(labels)
+        self.log("train/loss", loss.detach(), prog_bar=True, batch_size=size)
+        self.log("train/fragment_accuracy", accuracy, prog_bar=True, batch_size=size)
+        for group in self.trainer.optimizers[0].param_groups:
+            self.log(f"lr/{group['name']}", group["lr"], batch_size=size)
+        return loss
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> None:
+        """Whole samples, classified as in testing."""
+        logits = self.classifier.logits(batch.get("trace"), batch.get("photo"))
+        vote, label = max_vote(logits), batch["label"]
+        labels = label.expand(logits.shape[1])
+        self.log_dict(
+            {
+                "val/loss": nn.functional.cross_entropy(logits.T, labels),
+                "val/fragment_accuracy": (vote.fragments == label).float().mean(),
+                "val/vote_accuracy": float(vote.label == int(label)),
+            },
+            on_epoch=True,
+            prog_bar=True,
+            batch_size=1,
+        )
+
+    def configure_optimizers(self) -> Any:  # noqa: ANN401  (Lightning's union of unions)
+        """Two named groups, made up front so that every scheduler and a resumption can have them.
+
+        ``adam`` adds weight decay to the gradient, as the paper's L2 term does; ``adamw`` decays
+        the weights themselves.
+        """
+        fit, rate = self.fit_config, self.fit_config["learning_rate"]
+        groups = [
+            {"params": list(self.backbone_parameters()), "lr": rate, "name": "backbone"},
+            {"params": list(self.head_parameters()), "lr": rate * self.head_factor, "name": "head"},
+        ]
+        kind = torch.optim.Adam if fit["optimizer"] == "adam" else torch.optim.AdamW
+        optimizer = kind(groups, lr=rate, weight_decay=fit["weight_decay"])
+        scheduler: torch.optim.lr_scheduler.LRScheduler
+        if fit["schedule"] == "onecycle":
+            scheduler = torch.optim.lr_scheduler.OneCycleLR(
+                optimizer,
+                max_lr=[rate, rate * self.head_factor],
+                total_steps=fit["epochs"] * fit["steps_per_epoch"],
+            )
+        else:
+            scheduler = torch.optim.lr_scheduler.StepLR(
+                optimizer, step_size=fit["step_every"], gamma=fit["gamma"]
+            )
+        return {
+            "optimizer": optimizer,
+            "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
+        }
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Keep the cost of the weights beside them."""
+        checkpoint["fit_seconds"] = self.fit_seconds

@@ -1,0 +1,281 @@
+"""Train one network to one checkpoint, or go on where an earlier run stopped."""
+
+import logging
+import shutil
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from lightning import Callback, Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
+from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+from lightning.pytorch.trainer.states import TrainerStatus
+
+from tex_lightning.classifier import Card, SurfaceClassifier, check_frames
+from tex_lightning.data.datamodule import (
+    PhotoBank,
+    SampleSet,
+    SpectrogramBank,
+    SurfaceData,
+    TrainingBatches,
+)
+from tex_lightning.data.folds import Kind, Split, make_samples
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+from tex_lightning.devices import pick_device
+from tex_lightning.errors import UserError
+from tex_lightning.features.image import crop_side
+from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.callbacks.figures import SampleFigures
+from tex_lightning.learning.callbacks.fusion import FusionStart
+from tex_lightning.learning.fusion import FusionModule
+from tex_lightning.learning.haptic import HapticModule
+from tex_lightning.learning.visual import VisualModule
+from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.networks.weights import load_trunk_weights
+from tex_lightning.progress import track
+from tex_lightning.schema import Config
+
+log = logging.getLogger(__name__)
+
+MODULES: dict[Kind, type[SurfaceModule]] = {
+    "haptic": HapticModule,
+    "visual": VisualModule,
+    "fusion": FusionModule,
+}
+
+UNHELPFUL = (
+    ".*does not have many workers.*",  # data is decoded already; workers rarely pay
+    ".*exists and is not empty.*",  # that is what resuming means
+    ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
+)
+
+
+@dataclass(frozen=True)
+class Training:
+    """What one training is about.
+
+    Attributes:
+        config: The whole configuration.
+        card: Of the classifier to train.
+        parts: Recordings by part.
+        store: Decoded files.
+        directory: The run folder.
+        unimodal: Checkpoints that FusionNet starts from; empty for the others.
+    """
+
+    config: Config
+    card: Card
+    parts: Split
+    store: Store
+    directory: Path
+    unimodal: dict[Kind, Path]
+
+    @property
+    def final(self) -> Path:
+        """Where the trained checkpoint goes; its presence means that training is finished."""
+        return self.directory / "checkpoints" / f"{self.card.kind}.ckpt"
+
+    @property
+    def working(self) -> Path:
+        """Folder of the checkpoints that an interrupted run goes on from."""
+        return self.directory / "checkpoints" / self.card.kind
+
+    @property
+    def fit_values(self) -> dict[str, Any]:
+        """The training recipe as plain values."""
+        return asdict(getattr(self.config.model, self.card.kind).fit)
+
+
+def train_network(training: Training) -> Path:
+    """Train unless the checkpoint is there already; return its path.
+
+    Raises:
+        UserError: If a recording is too short, or weights or checkpoints do not fit.
+        KeyboardInterrupt: If the user stopped it; the last finished epoch is kept.
+    """
+    if training.final.is_file():
+        log.info("%s is trained already.", training.final)
+        return training.final
+    begin = time.perf_counter()
+    torch.manual_seed(training.config.seed)
+    module = MODULES[training.card.kind](
+        training.card.to_dict(), training.fit_values, training.config.seed
+    )
+    if training.card.kind == "visual" and training.config.weights is not None:
+        network = module.classifier.network
+        assert isinstance(network, VisualNet)
+        log.info(load_trunk_weights(network, training.config.weights))
+    data = _make_data(training, module)
+    preparation = time.perf_counter() - begin
+    last = training.working / "last.ckpt"
+    with _quiet_lightning():
+        trainer, timer, keeper = _make_trainer(training, resumed=last.is_file())
+        _fit(trainer, module, data, last if last.is_file() else None)
+        module.fit_seconds = preparation + timer.time_elapsed("train")
+        _finish(training, trainer, module, keeper)
+    return training.final
+
+
+@contextmanager
+def _quiet_lightning() -> Iterator[None]:
+    """Keep Lightning's advice and advertisements out of the user's way."""
+    logger = logging.getLogger("lightning.pytorch")
+    level, handlers = logger.level, logger.handlers
+    logger.setLevel(logging.WARNING)
+    logger.handlers = []  # its own handler would say everything twice
+    with warnings.catch_warnings():
+        for message in UNHELPFUL:
+            warnings.filterwarnings("ignore", message=message)
+        try:
+            yield
+        finally:
+            logger.setLevel(level)
+            logger.handlers = handlers
+
+
+def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path | None) -> None:
+    try:
+        # The folder holds nothing but this package's own checkpoints of plain values and tensors.
+        trainer.fit(module, datamodule=data, ckpt_path=last, weights_only=True)
+    except SystemExit as stop:  # Lightning's answer to Ctrl-C
+        raise KeyboardInterrupt from stop
+    if trainer.state.status == TrainerStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+
+
+def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
+    fit, kind = training.fit_values, training.card.kind
+    train, network = training.parts.train, module.classifier.network
+    traces = photos = None
+    if kind != "visual":
+        frames = HapticNet.window if kind == "fusion" else fit["frames"]
+        bank = SpectrogramBank(_spectrograms(training, module), frames)
+        traces = bank, _class_indices(train.of("haptic").rows, training.card.classes)
+    if kind != "haptic":
+        patch = network.visual.patch if isinstance(network, FusionNet) else fit["patch"]
+        rows = train.of("image").rows
+        photo_bank = PhotoBank(rows, training.store, crop_side(patch, fit["rotation"]))
+        photos = photo_bank, _class_indices(rows, training.card.classes)
+    rotation = fit.get("rotation", 0.0)
+    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.config.seed)
+    samples = make_samples(training.parts.val, kind)
+    validation = SampleSet(samples, training.store, training.card.classes)
+    workers = training.config.data.num_workers
+    return SurfaceData(batches, fit["steps_per_epoch"], validation, workers)
+
+
+def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tensor]:
+    """Normalised spectrograms of all training traces; fits the normalisation for HapticNet.
+
+    FusionNet takes the normalisation of the HapticNet it starts from.
+    """
+    features = module.classifier.haptic_features
+    assert features is not None
+    fitted = training.card.kind == "fusion"
+    if fitted:
+        start = SurfaceClassifier.from_checkpoint(training.unimodal["haptic"]).haptic_features
+        assert start is not None
+        features.load_state_dict(start.state_dict())
+    device = pick_device(training.config.trainer.accelerator)
+    features.to(device)
+    rows = training.parts.train.of("haptic").rows
+    spectra = [
+        _magnitudes(features, training.store, row, device) for row in track(rows, "Spectrograms")
+    ]
+    if not fitted:
+        features.fit(spectra)
+    return [features.normalise(item).cpu() for item in spectra]
+
+
+def _magnitudes(
+    features: HapticFeatures, store: Store, row: Recording, device: torch.device
+) -> torch.Tensor:
+    try:
+        trace = torch.from_numpy(np.array(store.trace(row))).to(device)
+        magnitudes = features.magnitudes(trace)
+        check_frames(magnitudes.shape[1], features)
+    except UserError as error:
+        raise UserError(f"{row.path}: {error}") from error
+    return magnitudes
+
+
+def _class_indices(rows: tuple[Recording, ...], classes: list[str]) -> np.ndarray[Any, Any]:
+    index = {label: number for number, label in enumerate(classes)}
+    return np.array([index[row.label] for row in rows])
+
+
+def _make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer, ModelCheckpoint]:
+    config, fit = training.config, training.fit_values
+    validated = bool(make_samples(training.parts.val, training.card.kind))
+    timer = Timer()
+    keeper = ModelCheckpoint(
+        dirpath=training.working,
+        filename="best",
+        monitor="val/loss" if validated else None,
+        save_top_k=1 if validated else 0,
+        save_last=True,
+        enable_version_counter=False,
+        auto_insert_metric_name=False,
+    )
+    bar = RichProgressBar(console_kwargs={"stderr": True})
+    callbacks: list[Callback] = [timer, keeper, bar, SampleFigures()]
+    if training.card.kind == "fusion":
+        paths = training.unimodal
+        callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"]))
+    trainer = Trainer(
+        accelerator=config.trainer.accelerator,
+        devices=config.trainer.devices,
+        precision=config.trainer.precision,  # type: ignore[arg-type]  # a string from the config
+        max_epochs=fit["epochs"],
+        callbacks=callbacks,
+        logger=make_loggers(training, resumed=resumed),
+        log_every_n_steps=min(10, fit["steps_per_epoch"]),
+        limit_val_batches=1.0 if validated else 0,
+        num_sanity_val_steps=0,
+        enable_model_summary=False,
+        default_root_dir=training.directory,
+    )
+    return trainer, timer, keeper
+
+
+def make_loggers(training: Training, *, resumed: bool) -> list[Logger]:
+    """CSV of metrics always, TensorBoard events if configured; a resumed run gets its own CSV."""
+    kind: str = training.card.kind
+    version = kind
+    if resumed:
+        earlier = len(list((training.directory / "metrics").glob(f"{kind}*")))
+        version = f"{kind}_resumed{earlier}"
+    loggers: list[Logger] = [CSVLogger(training.directory, name="metrics", version=version)]
+    if training.config.logger.tensorboard:
+        loggers.append(
+            TensorBoardLogger(
+                training.directory, name="tensorboard", version=kind, default_hp_metric=False
+            )
+        )
+    return loggers
+
+
+def _finish(
+    training: Training, trainer: Trainer, module: SurfaceModule, keeper: ModelCheckpoint
+) -> None:
+    """Write the checkpoint of the best validation loss, or of the last step where none was asked.
+
+    Only weights and plain values are kept; what a resumption would need goes.
+    """
+    if keeper.best_model_path:
+        best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
+        module.load_state_dict(best["state_dict"])
+    partial = training.working / "final.ckpt"
+    trainer.save_checkpoint(partial, weights_only=True)
+    partial.replace(training.final)
+    shutil.rmtree(training.working, ignore_errors=True)

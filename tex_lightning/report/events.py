@@ -1,0 +1,54 @@
+"""Final figures and hyper-parameters in TensorBoard, beside the curves of training."""
+
+from pathlib import Path
+from typing import Any
+
+from torch.utils.tensorboard import SummaryWriter
+
+HPARAM_TYPES = (bool, int, float, str)
+
+
+def log_test(
+    directory: Path,
+    name: str,
+    config: dict[str, Any],
+    result: dict[str, Any],
+    figures: Any,  # noqa: ANN401
+) -> None:
+    """Add test accuracies, figures and the hyper-parameters that led to them.
+
+    Args:
+        directory: The run folder; events go to ``tensorboard/NAME``.
+        name: haptic, visual or fusion.
+        config: The whole configuration as plain values.
+        result: The network's entry of ``results.json``.
+        figures: Matplotlib figures by title.
+    """
+    metrics = {
+        "test/fragment_accuracy": result["fragment_accuracy"],
+        "test/vote_accuracy": result["vote_accuracy"],
+        "test/latency_ms": result["latency_ms"]["median"],
+        "test/fit_seconds": result["fit_seconds"],
+    }
+    with SummaryWriter(str(directory / "tensorboard" / name)) as writer:
+        for title, figure in figures.items():
+            writer.add_figure(f"test/{title}", figure)
+        for title, value in metrics.items():
+            writer.add_scalar(title, value)
+        writer.add_hparams(_hyper_parameters(config, name), metrics, run_name=".")
+
+
+def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
+    """Flat plain values of what this network was trained with."""
+    chosen = {"seed": config["seed"], "data": config["data"], name: config["model"][name]}
+    return dict(_flatten(chosen, ""))
+
+
+def _flatten(values: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
+    pairs: list[tuple[str, Any]] = []
+    for key, value in values.items():
+        if isinstance(value, dict):
+            pairs += _flatten(value, f"{prefix}{key}.")
+        elif isinstance(value, HPARAM_TYPES):
+            pairs.append((f"{prefix}{key}", value))
+    return pairs

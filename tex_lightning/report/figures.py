@@ -1,0 +1,95 @@
+"""Figures, drawn without a display and closed by whoever saves them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from torch import Tensor
+
+from tex_lightning.features.image import MEAN, STD
+from tex_lightning.features.spectrogram import HapticFeatures
+
+Counts = npt.NDArray[np.int64]
+
+
+def confusion_counts(labels: Sequence[str], predicted: Sequence[str], classes: list[str]) -> Counts:
+    """Count samples by true class (row) and predicted class (column)."""
+    index = {name: number for number, name in enumerate(classes)}
+    counts = np.zeros((len(classes), len(classes)), dtype=np.int64)
+    np.add.at(counts, ([index[name] for name in labels], [index[name] for name in predicted]), 1)
+    return counts
+
+
+def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
+    """Confusion matrix, rows normalised to 1; counts are written in where they are legible."""
+    size = min(4.5 + 0.28 * len(classes), 22)
+    figure = Figure(figsize=(size, size), layout="constrained")
+    axes = figure.subplots()
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    image = axes.imshow(shares, vmin=0, vmax=1, cmap="viridis")
+    places = np.arange(len(classes))
+    axes.set_xticks(places, classes, rotation=90, fontsize=7)
+    axes.set_yticks(places, classes, fontsize=7)
+    if len(classes) <= 30:
+        for row, column in zip(*np.nonzero(counts), strict=True):
+            colour = "black" if shares[row, column] > 0.6 else "white"
+            axes.text(
+                column, row, counts[row, column], ha="center", va="center", fontsize=7, color=colour
+            )
+    axes.set(xlabel="predicted", ylabel="true", title=title)
+    figure.colorbar(image, ax=axes, shrink=0.7, label="share of the true class")
+    return figure
+
+
+def class_accuracy_figure(counts: Counts, classes: list[str], title: str) -> Figure:
+    """Vote accuracy of every class as bars."""
+    figure = Figure(figsize=(7, min(2.0 + 0.22 * len(classes), 16)), layout="constrained")
+    axes = figure.subplots()
+    totals = counts.sum(axis=1)
+    axes.barh(np.arange(len(classes)), np.diag(counts) / np.maximum(totals, 1), color="#4477aa")
+    names = [f"{name} ({total})" for name, total in zip(classes, totals, strict=True)]
+    axes.set_yticks(np.arange(len(classes)), names, fontsize=7)
+    axes.invert_yaxis()
+    axes.set(xlim=(0, 1), xlabel="vote accuracy (test samples in brackets)", title=title)
+    return figure
+
+
+def spectrogram_figure(spectrograms: Tensor, titles: list[str]) -> Figure:
+    """Normalised spectrograms (count, bands, frames) side by side, at 10 kHz axes."""
+    figure, grid = _grid(len(titles))
+    seconds = spectrograms.shape[2] * HapticFeatures.hop_length / 10_000
+    top = HapticFeatures.bands * 10_000 / HapticFeatures.window_length
+    for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=False):
+        axes.imshow(
+            spectrogram, origin="lower", aspect="auto", cmap="magma", extent=(0, seconds, 0, top)
+        )
+        axes.set_title(title, fontsize=7)
+        axes.set(xlabel="s", ylabel="Hz")
+    return figure
+
+
+def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
+    """Normalised patches (count, 3, height, width) side by side, in their own colours."""
+    figure, grid = _grid(len(titles))
+    pixels = patches.permute(0, 2, 3, 1).numpy() * np.array(STD) + np.array(MEAN)
+    for axes, patch, title in zip(grid, pixels.clip(0, 1), titles, strict=False):
+        axes.imshow(patch)
+        axes.set_title(title, fontsize=7)
+        axes.set_axis_off()
+    return figure
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Save as PNG, making the folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
+
+
+def _grid(count: int) -> tuple[Figure, list[Axes]]:
+    columns = min(count, 4)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(3 * columns, 2.4 * rows), layout="constrained")
+    return figure, list(np.atleast_1d(figure.subplots(rows, columns)).ravel())

@@ -1,0 +1,118 @@
+"""Outcomes per sample, their summary with intervals, and ``results.json``."""
+
+import csv
+import json
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.stats import binomtest
+
+from tex_lightning import __version__
+from tex_lightning.files import write_text
+
+LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one test sample.
+
+    Attributes:
+        haptic: File of the trace, or empty.
+        image: File of the photo, or empty.
+        label: True class.
+        predicted: Class that won the vote.
+        share: Share of the fragments that voted for it.
+        fragments: Number of fragments.
+        correct_fragments: Those that voted for the true class.
+        latency_ms: Time from decoded recordings to the label.
+    """
+
+    haptic: str
+    image: str
+    label: str
+    predicted: str
+    share: float
+    fragments: int
+    correct_fragments: int
+    latency_ms: float
+
+
+def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Accuracies, Wilson interval, counts and latency of a list of outcomes."""
+    correct = sum(outcome.label == outcome.predicted for outcome in outcomes)
+    latencies = [outcome.latency_ms for outcome in outcomes]
+    return {
+        "fragment_accuracy": sum(outcome.correct_fragments for outcome in outcomes)
+        / sum(outcome.fragments for outcome in outcomes),
+        "vote_accuracy": correct / len(outcomes),
+        "vote_ci95": wilson_interval(correct, len(outcomes)),
+        "correct": correct,
+        "test_samples": len(outcomes),
+        "latency_ms": {
+            "median": float(np.median(latencies)),
+            "p95": float(np.percentile(latencies, 95)),
+        },
+    }
+
+
+def wilson_interval(correct: int, count: int) -> list[float]:
+    """Wilson's 95 % interval of a share."""
+    interval = binomtest(correct, count).proportion_ci(confidence_level=0.95, method="wilson")
+    return [float(interval.low), float(interval.high)]
+
+
+def write_outcomes(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Write one line per test sample as CSV."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(entry.name for entry in fields(Outcome))
+        writer.writerows(astuple(outcome) for outcome in outcomes)
+
+
+def read_outcomes(path: Path) -> list[Outcome]:
+    """Read what :func:`write_outcomes` wrote."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        types = {entry.name: entry.type for entry in fields(Outcome)}
+        return [
+            Outcome(**{key: types[key](value) for key, value in line.items()})  # type: ignore[operator]
+            for line in csv.DictReader(stream)
+        ]
+
+
+def write_results(path: Path, results: dict[str, Any]) -> None:
+    """Write ``results.json`` so that it is whole or not there."""
+    write_text(path, json.dumps(results, indent=2) + "\n")
+
+
+def environment(device: torch.device) -> dict[str, Any]:
+    """What a figure was measured on."""
+    name = torch.cuda.get_device_name(device) if device.type == "cuda" else device.type
+    return {
+        "versions": {
+            "tex_lightning": __version__,
+            "python": platform.python_version(),
+            **{library: version(library) for library in LIBRARIES},
+        },
+        "cpu": _cpu_name(),
+        "cores": os.cpu_count(),
+        "device": name,
+        "threads": torch.get_num_threads(),
+    }
+
+
+def _cpu_name() -> str:
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        for line in info.read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -1,0 +1,91 @@
+"""Test every fold once with networks trained on all the others, and pool the counts.
+
+A fold that is finished is never repeated: the same command with the same ``hydra.run.dir`` goes on
+where the last one stopped, in the middle of a fold if need be.
+"""
+
+import json
+import logging
+import time
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.errors import UserError
+from tex_lightning.report.results import read_outcomes, summarise, write_results
+from tex_lightning.report.table import print_results
+from tex_lightning.schema import Config
+from tex_lightning.tasks.fit import fit_fold, results_frame
+from tex_lightning.tasks.testing import draw_figures
+from tex_lightning.tasks.workspace import Workspace, open_workspace
+
+log = logging.getLogger(__name__)
+
+
+def run(config: Config, directory: Path) -> dict[str, Any]:
+    """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
+    begin = time.perf_counter()
+    chosen = _chosen_folds(config)
+    workspace = open_workspace(config, directory)
+    folds = {fold: _run_fold(workspace, fold) for fold in chosen}
+    names = next(iter(folds.values()))["networks"]
+    networks = {name: _pool(workspace, folds, name) for name in names}
+    results = results_frame(workspace, networks, time.perf_counter() - begin)
+    write_results(directory / "results.json", results)
+    print_results(results, directory)
+    return results
+
+
+def _chosen_folds(config: Config) -> list[int]:
+    every = range(config.data.folds)
+    chosen = list(every) if config.crossval.only is None else config.crossval.only
+    wrong = [fold for fold in chosen if fold not in every]
+    if wrong or not chosen:
+        raise UserError(
+            f"crossval.only={chosen} must name folds from 0 to {config.data.folds - 1}."
+        )
+    return sorted(set(chosen))
+
+
+def _fold_directory(workspace: Workspace, fold: int) -> Path:
+    return workspace.directory / "folds" / str(fold)
+
+
+def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:
+    """Results of one fold, from its own folder if they are there."""
+    directory = _fold_directory(workspace, fold)
+    done = directory / "results.json"
+    if done.is_file():
+        log.info("Fold %d is done already.", fold)
+        results: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
+        return results
+    begin = time.perf_counter()
+    log.info("Fold %d of %d.", fold, workspace.config.data.folds)
+    on_fold = workspace.on_fold(fold, directory)
+    results = results_frame(on_fold, fit_fold(on_fold), time.perf_counter() - begin)
+    write_results(done, results)
+    return results
+
+
+def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> dict[str, Any]:
+    """One network over all folds: counts pooled, sizes and checkpoint of the first fold."""
+    entries = {fold: results["networks"][name] for fold, results in folds.items()}
+    outcomes = [
+        outcome
+        for fold in folds
+        for outcome in read_outcomes(
+            _fold_directory(workspace, fold) / "predictions" / f"{name}.csv"
+        )
+    ]
+    draw_figures(outcomes, workspace.classes, name, workspace.directory)
+    first = next(iter(entries.values()))
+    kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
+    return {
+        **summarise(outcomes),
+        "parameters": first["parameters"],
+        "macs_per_sample": first["macs_per_sample"],
+        "fit_seconds": sum(entry["fit_seconds"] for entry in entries.values()),
+        "checkpoint": first["checkpoint"],
+        "folds": [
+            {"fold": fold, **{key: entry[key] for key in kept}} for fold, entry in entries.items()
+        ],
+    }

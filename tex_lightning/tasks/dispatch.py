@@ -1,0 +1,34 @@
+"""From a composed configuration to the task it names."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import cast
+
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+from tex_lightning.schema import Config
+from tex_lightning.tasks import crossval, evaluate, fit, generate, predict
+from tex_lightning.validation import check_config, check_missing
+
+TASKS: dict[str, Callable[[Config, Path], object]] = {
+    "fit": fit.run,
+    "crossval": crossval.run,
+    "evaluate": evaluate.run,
+    "predict": predict.run,
+    "generate": generate.run,
+}
+
+
+def run_task(composed: DictConfig, directory: Path) -> None:
+    """Check the configuration and run its task with ``directory`` as the run folder.
+
+    Raises:
+        UserError: If the configuration or what it names cannot be used.
+    """
+    check_missing(composed)
+    config = cast(Config, OmegaConf.to_object(composed))
+    check_config(config, tuple(TASKS))
+    if config.trainer.threads is not None:
+        torch.set_num_threads(config.trainer.threads)
+    TASKS[config.task](config, directory.resolve())

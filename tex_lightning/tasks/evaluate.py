@@ -1,0 +1,99 @@
+"""Test a checkpoint on a fold of any data set, or on the whole of it."""
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.folds import NEEDS, make_samples, split
+from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.store import Store, cache_root
+from tex_lightning.devices import pick_device
+from tex_lightning.errors import UserError
+from tex_lightning.report.results import environment, summarise, write_outcomes, write_results
+from tex_lightning.report.table import print_results
+from tex_lightning.schema import Config
+from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
+from tex_lightning.tasks.workspace import claim_folder, trained_on
+
+
+def run(config: Config, directory: Path) -> dict[str, Any]:
+    """Classify the test samples with ``checkpoint``; write ``results.json`` and return it.
+
+    Files are decoded as the checkpoint says, whatever the configuration has; only
+    ``data.file_rate`` belongs to the files themselves and is taken from it.
+    """
+    begin = time.perf_counter()
+    claim_folder(config, directory)
+    checkpoint = Path(cast(str, config.checkpoint)).expanduser()
+    classifier = SurfaceClassifier.from_checkpoint(checkpoint)
+    device = pick_device(config.trainer.accelerator)
+    classifier.to(device)
+    kind, classes = classifier.card.kind, classifier.card.classes
+    test = _test_part(config, classifier)
+    settings = replace(classifier.card.settings, file_rate=config.data.file_rate)
+    store = Store(cache_root(config.data.cache_dir), settings)
+    store.fill(test)
+    samples = make_samples(test, kind)
+    if not samples:
+        raise UserError(
+            f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
+            "data.test_fold=null for everything."
+        )
+    outcomes = run_test(classifier, samples, store)
+    write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
+    draw_figures(outcomes, classes, kind, directory)
+    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    network = {
+        **summarise(outcomes),
+        **network_facts(classifier, samples[0], store),
+        "fit_seconds": stored["fit_seconds"],
+        "checkpoint": str(checkpoint.resolve()),
+    }
+    results = {
+        "task": config.task,
+        "model": kind,
+        "data": config.data.name,
+        "classes": classes,
+        "seed": config.seed,
+        "wall_seconds": time.perf_counter() - begin,
+        "environment": environment(device),
+        "networks": {kind: network},
+    }
+    write_results(directory / "results.json", results)
+    print_results(results, directory)
+    return results
+
+
+def _test_part(config: Config, classifier: SurfaceClassifier) -> Recordings:
+    """The recordings to test on.
+
+    Raises:
+        UserError: If their classes are unknown to the checkpoint, or it was trained on them.
+    """
+    card = classifier.card
+    rows = read_recordings(config.data)
+    unknown = [label for label in rows.classes if label not in card.classes]
+    if unknown:
+        raise UserError(
+            f"The checkpoint does not know the class {', '.join(unknown)}; leave it out of the "
+            "data or train on it."
+        )
+    _refuse_training_data(config, card.trained_on)
+    wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
+    return split(wanted, config.data.folds, config.data.test_fold, None).test
+
+
+def _refuse_training_data(config: Config, theirs: dict[str, Any]) -> None:
+    ours = trained_on(config)
+    if all(ours[key] == theirs[key] for key in ("data", "source", "folds")):
+        allowed = theirs["test_fold"]
+        if ours["test_fold"] != allowed:
+            raise UserError(
+                f"The checkpoint was trained on all folds of this data but {allowed}; testing it "
+                f"elsewhere would flatter it, so set data.test_fold={allowed}."
+            )

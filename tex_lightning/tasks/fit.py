@@ -1,0 +1,103 @@
+"""Train a network and test it on the held-out fold; FusionNet trains its two parts first."""
+
+import logging
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.folds import Kind, Split, make_samples
+from tex_lightning.devices import pick_device
+from tex_lightning.learning.train import Training, train_network
+from tex_lightning.report.events import log_test
+from tex_lightning.report.results import (
+    environment,
+    read_outcomes,
+    summarise,
+    write_outcomes,
+    write_results,
+)
+from tex_lightning.report.table import print_results
+from tex_lightning.schema import Config
+from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
+from tex_lightning.tasks.workspace import Workspace, make_card, open_workspace
+
+log = logging.getLogger(__name__)
+
+
+def run(config: Config, directory: Path) -> dict[str, Any]:
+    """Train and test on ``data.test_fold``; write ``results.json`` and return its content."""
+    begin = time.perf_counter()
+    workspace = open_workspace(config, directory)
+    networks = fit_fold(workspace)
+    results = results_frame(workspace, networks, time.perf_counter() - begin)
+    write_results(directory / "results.json", results)
+    print_results(results, directory)
+    return results
+
+
+def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """What every training task's ``results.json`` holds around its networks."""
+    config = workspace.config
+    return {
+        "task": config.task,
+        "model": config.model.name,
+        "data": config.data.name,
+        "classes": workspace.classes,
+        "seed": config.seed,
+        "wall_seconds": seconds,
+        "environment": environment(pick_device(config.trainer.accelerator)),
+        "networks": networks,
+    }
+
+
+def fit_fold(workspace: Workspace) -> dict[str, Any]:
+    """Train and test all networks that the model consists of on one fold."""
+    parts = workspace.parts()
+    fusion = workspace.config.model.fusion
+    unimodal: dict[Kind, Path] = {}
+    networks: dict[str, Any] = {}
+    if workspace.kind == "fusion":
+        given = {"haptic": fusion.haptic_checkpoint, "visual": fusion.visual_checkpoint}
+        for kind in ("haptic", "visual"):
+            path = given[kind]
+            if path is None:
+                networks[kind] = _fit_network(workspace, parts, kind, {})
+                unimodal[kind] = Path(networks[kind]["checkpoint"])
+            else:
+                unimodal[kind] = Path(path).expanduser()
+    networks[workspace.kind] = _fit_network(workspace, parts, workspace.kind, unimodal)
+    return networks
+
+
+def _fit_network(
+    workspace: Workspace,
+    parts: Split,
+    kind: Kind,
+    unimodal: dict[Kind, Path],
+) -> dict[str, Any]:
+    directory = workspace.directory
+    card = make_card(workspace, kind, unimodal)
+    training = Training(workspace.config, card, parts, workspace.store, directory, unimodal)
+    checkpoint = train_network(training)
+    classifier = SurfaceClassifier.from_checkpoint(checkpoint)
+    classifier.to(pick_device(workspace.config.trainer.accelerator))
+    samples = make_samples(parts.test, kind)
+    table = directory / "predictions" / f"{kind}.csv"
+    write_outcomes(run_test(classifier, samples, workspace.store), table)
+    outcomes = read_outcomes(table)
+    seconds = torch.load(checkpoint, map_location="cpu", weights_only=True)["fit_seconds"]
+    result = {
+        **summarise(outcomes),
+        **network_facts(classifier, samples[0], workspace.store),
+        "fit_seconds": seconds,
+        "checkpoint": str(checkpoint.resolve()),
+    }
+    figures = draw_figures(outcomes, workspace.classes, kind, directory)
+    if workspace.config.logger.tensorboard:
+        log_test(directory, kind, asdict(workspace.config), result, figures)
+    log.info("%s: %d of %d votes right.", kind, result["correct"], result["test_samples"])
+    return result

@@ -1,0 +1,86 @@
+"""Classify files with a trained network; one JSON object per sample on standard output."""
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.decode import decode_image, decode_trace
+from tex_lightning.decision.voting import Vote
+from tex_lightning.devices import pick_device, synchronise
+from tex_lightning.errors import UserError
+from tex_lightning.schema import Config
+
+
+def run(config: Config, directory: Path) -> None:
+    """Load the checkpoint once and print a line for each sample.
+
+    Several traces and photos are paired in the order given. Decoding is part of the latency.
+    """
+    classifier = SurfaceClassifier.from_checkpoint(cast(str, config.checkpoint))
+    classifier.to(pick_device(config.trainer.accelerator))
+    for haptic, image in _pairs(_files("haptic", config.haptic), _files("image", config.image)):
+        print(json.dumps(_predict(classifier, config, haptic, image)), flush=True)
+
+
+def _predict(
+    classifier: SurfaceClassifier, config: Config, haptic: Path | None, image: Path | None
+) -> dict[str, Any]:
+    settings = replace(classifier.card.settings, file_rate=config.data.file_rate)
+    begin = time.perf_counter()
+    try:
+        vote = classifier.classify(
+            None if haptic is None else torch.from_numpy(decode_trace(haptic, settings)),
+            None if image is None else torch.from_numpy(decode_image(image, settings).copy()),
+        )
+    except UserError as error:
+        files = [str(file) for file in (haptic, image) if file is not None]
+        named = any(file in str(error) for file in files)
+        raise UserError(str(error) if named else f"{' and '.join(files)}: {error}") from error
+    synchronise(next(classifier.parameters()).device)
+    latency = (time.perf_counter() - begin) * 1000
+    given = {"haptic": haptic, "image": image}
+    return {
+        **{key: str(file) for key, file in given.items() if file is not None},
+        **_report(vote, classifier.card.classes, config.top_k),
+        "latency_ms": round(latency, 3),
+    }
+
+
+def _report(vote: Vote, classes: list[str], top_k: int) -> dict[str, Any]:
+    """Label first whatever the tie; then the others by votes, then by their place."""
+    shares = vote.shares.tolist()
+    ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
+    return {
+        "label": classes[vote.label],
+        "confidence": shares[vote.label],
+        "top_k": [{"label": classes[i], "share": shares[i]} for i in ranked[:top_k]],
+        "fragments": len(vote.fragments),
+    }
+
+
+def _files(key: str, value: object) -> list[Path]:
+    """A file or a list of files from the configuration."""
+    if value is None:
+        return []
+    values = value if isinstance(value, list) else [value]
+    if not values or any(isinstance(item, dict | list) for item in values):
+        raise UserError(f"{key}={value} is not a file or a list of files; give {key}=FILE.")
+    return [Path(str(item)).expanduser() for item in values]
+
+
+def _pairs(traces: list[Path], photos: list[Path]) -> list[tuple[Path | None, Path | None]]:
+    if not traces and not photos:
+        raise UserError("There is nothing to classify; give haptic=FILE, image=FILE or both.")
+    if traces and photos and len(traces) != len(photos):
+        raise UserError(
+            f"There are {len(traces)} traces and {len(photos)} photos; give as many of each."
+        )
+    count = max(len(traces), len(photos))
+    return list(
+        zip(traces or [None] * count, photos or [None] * count, strict=True)  # type: ignore[list-item]
+    )

@@ -1,0 +1,108 @@
+"""Test a checkpoint sample by sample, as prediction would classify it, and write what came out."""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch.utils.flop_counter import FlopCounterMode
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.datamodule import load_sample
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.decision.voting import Vote
+from tex_lightning.devices import synchronise
+from tex_lightning.errors import UserError
+from tex_lightning.progress import track
+from tex_lightning.report.figures import (
+    class_accuracy_figure,
+    confusion_counts,
+    confusion_figure,
+    save_figure,
+)
+from tex_lightning.report.results import Outcome
+
+WARM_UP = 2
+
+
+def classify_sample(
+    classifier: SurfaceClassifier, sample: Sample, store: Store
+) -> tuple[Vote, float]:
+    """Classify one sample; the time in ms runs from decoded recordings to the label.
+
+    Raises:
+        UserError: Naming the file, if a recording cannot be used.
+    """
+    trace, photo = load_sample(sample, store)
+    device = next(classifier.parameters()).device
+    synchronise(device)
+    begin = time.perf_counter()
+    try:
+        vote = classifier.classify(trace, photo)
+    except UserError as error:
+        files = [str(row.path) for row in (sample.haptic, sample.image) if row is not None]
+        raise UserError(f"{' and '.join(files)}: {error}") from error
+    synchronise(device)
+    return vote, (time.perf_counter() - begin) * 1000
+
+
+def run_test(
+    classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
+) -> list[Outcome]:
+    """Classify every sample, one at a time."""
+    classes = classifier.card.classes
+    for sample in samples[:WARM_UP]:
+        classify_sample(classifier, sample, store)
+    outcomes = []
+    for sample in track(samples, f"Testing {classifier.card.kind}"):
+        vote, latency = classify_sample(classifier, sample, store)
+        truth = classes.index(sample.label)
+        outcomes.append(
+            Outcome(
+                haptic="" if sample.haptic is None else str(sample.haptic.path),
+                image="" if sample.image is None else str(sample.image.path),
+                label=sample.label,
+                predicted=classes[vote.label],
+                share=float(vote.shares[vote.label]),
+                fragments=len(vote.fragments),
+                correct_fragments=int((vote.fragments == truth).sum()),
+                latency_ms=latency,
+            )
+        )
+    return outcomes
+
+
+def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -> dict[str, Any]:
+    """Parameters, and multiply-accumulates of the network for one whole sample.
+
+    PyTorch counts two operations for each multiply-accumulate of convolutions and matrix
+    products; normalisation, pooling and features are not counted.
+    """
+    trace, photo = load_sample(sample, store)
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        classifier.logits(trace, photo)
+    return {
+        "parameters": sum(parameter.numel() for parameter in classifier.network.parameters()),
+        "macs_per_sample": counter.get_total_flops() // 2,
+    }
+
+
+def draw_figures(
+    outcomes: Sequence[Outcome], classes: list[str], name: str, directory: Path
+) -> dict[str, Any]:
+    """Save the confusion matrix and the accuracy per class; return them for other uses."""
+    counts = confusion_counts(
+        [outcome.label for outcome in outcomes],
+        [outcome.predicted for outcome in outcomes],
+        classes,
+    )
+    count = len(outcomes)
+    figures = {
+        "confusion": confusion_figure(counts, classes, f"{name}: votes on {count} test samples"),
+        "class_accuracy": class_accuracy_figure(counts, classes, f"{name}: {count} test samples"),
+    }
+    for title, figure in figures.items():
+        save_figure(figure, directory / "figures" / f"{name}_{title}.png")
+    return figures
