@@ -1,0 +1,127 @@
+"""HapticNet against the paper's table and its own windows."""
+
+import pytest
+import torch
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks import HapticNet
+
+NARROW = 0.04
+
+
+def parameters(net):
+    return sum(p.numel() for p in net.parameters())
+
+
+def test_paper_parameter_count():
+    # The table's weights and biases, layer by layer: inputs * kernel * outputs + outputs.
+    convolutions = [(1, 9, 50), (50, 9, 100), (100, 9, 150), (150, 9, 200), (200, 48, 400)]
+    dense = [(400, 1, 250), (250, 1, 69)]
+    table = sum(i * k * o + o for i, k, o in convolutions + dense)
+    assert parameters(HapticNet(69, norm="lrn")) == table == 4_408_919
+
+
+def test_batch_normalisation_trades_each_bias_for_scale_and_shift():
+    normalised = 50 + 100 + 150 + 200 + 400 + 250
+    assert parameters(HapticNet(69)) == 4_408_919 + normalised
+    assert parameters(HapticNet(69, norm="none")) == 4_408_919
+
+
+def test_layer_order_of_the_paper():
+    net = HapticNet(69, norm="lrn")
+    names = [type(layer).__name__ for layer in net.trunk]
+    block, pool = "Sequential", "MaxPool2d"
+    assert names == [block, pool, "LocalResponseNorm", *[block, pool] * 3, block]
+
+
+@pytest.mark.parametrize(
+    ("frames", "length"),
+    [(177, 1), (192, 1), (193, 2), (300, 8), (997, 52), (1996, 114)],
+    # 10 s and 20 s at 10 kHz, window 500, hop 100: 996 and 1996 frames or one more.
+)
+def test_output_length(frames, length):
+    net = HapticNet(3, width=NARROW).eval()
+    assert net.output_length(frames) == length
+    assert net(torch.zeros(1, 1, 50, frames)).shape == (1, 3, length)
+
+
+def test_every_length_matches_the_forward_pass():
+    net = HapticNet(2, width=NARROW).eval()
+    for frames in range(net.min_frames, net.min_frames + 40):
+        assert net(torch.zeros(1, 1, 50, frames)).shape[-1] == net.output_length(frames)
+
+
+def test_single_output_range():
+    net = HapticNet(2, width=NARROW)
+    single = [frames for frames in range(1, 400) if net.output_length(frames) == 1]
+    assert single == list(range(net.min_frames, net.window + 1)) == list(range(177, 193))
+    assert net.output_length(net.min_frames - 1) == net.output_length(5) == 0
+    assert net.output_length(1600 + net.stride) == net.output_length(1600) + 1
+
+
+def test_receptive_field_by_impulses():
+    net = HapticNet(1, width=0.001, norm="none").double().eval()
+    for parameter in net.parameters():
+        torch.nn.init.constant_(parameter, 0.5)
+    frames = 320
+    impulses = torch.eye(frames, dtype=torch.float64)[:, None, None, :].expand(-1, 1, 50, -1)
+    with torch.no_grad():
+        change = net(impulses) - net(torch.zeros_like(impulses[:1]))
+    seen = change[:, 0, 3].abs().nonzero().flatten()
+    assert len(seen) == seen[-1] - seen[0] + 1 == net.receptive_field == 222
+    assert seen[0] == 3 * net.stride - 15
+
+
+@pytest.mark.parametrize("norm", ["batch", "lrn", "none"])
+def test_dense_predictions_equal_those_of_crops(norm):
+    """Away from the padding, a crop cut at a multiple of the stride gives the same scores."""
+    torch.manual_seed(0)
+    net = HapticNet(3, width=NARROW, norm=norm).double().eval()
+    x = torch.rand(1, 1, 50, 700, dtype=torch.float64)
+    dense = net(x)
+    assert dense.std() > 1e-4  # dead units would make the comparison empty
+    for start in (16, 64, 256):
+        crop = net(x[..., start : start + 300])
+        inner = slice(1, 6)  # receptive fields that lie wholly inside the crop
+        first = start // net.stride
+        torch.testing.assert_close(crop[..., inner], dense[..., first + 1 : first + 6])
+
+
+def test_features():
+    net = HapticNet(7, width=0.5).eval()
+    x = torch.rand(2, 1, 50, 300)
+    hidden, scores = net.features(x, "fc2"), net.features(x, "fc3")
+    assert hidden.shape == (2, net.feature_size("fc2"), 8) == (2, 125, 8)
+    assert scores.shape == (2, net.feature_size("fc3"), 8) == (2, 7, 8)
+    assert hidden.min() == 0
+    assert torch.equal(scores, net(x))
+    last = net.head.scores[1]
+    expected = torch.einsum("cd,bdl->bcl", last.weight[..., 0, 0], hidden) + last.bias[:, None]
+    torch.testing.assert_close(scores, expected)
+
+
+def test_width_scales_every_layer_but_the_classes():
+    convolutions = [m for m in HapticNet(69, width=0.5).modules() if hasattr(m, "out_channels")]
+    assert [m.out_channels for m in convolutions] == [25, 50, 75, 100, 200, 125, 69]
+
+
+def test_dropout_only_in_training():
+    net = HapticNet(3, width=NARROW, norm="none")
+    x = torch.rand(2, 1, 50, 300)
+    assert torch.equal(net.eval()(x), net(x))
+    assert not torch.equal(net.train().features(x, "fc2"), net.features(x, "fc2"))
+    still = HapticNet(3, width=NARROW, norm="none", dropout=0.0)
+    assert torch.equal(still(x), still(x))
+
+
+@pytest.mark.parametrize("norm", ["batch", "lrn", "none"])
+def test_every_parameter_learns(norm):
+    torch.manual_seed(0)
+    net = HapticNet(3, width=0.1, norm=norm)
+    net(torch.rand(4, 1, 50, 300)).square().sum().backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
+
+
+def test_wrong_norm():
+    with pytest.raises(UserError, match=r"model\.haptic\.norm=layer .*batch, lrn, none"):
+        HapticNet(3, norm="layer")

@@ -1,0 +1,226 @@
+"""VisualNet against the paper, the published networks and its own crops."""
+
+import pytest
+import torch
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks import VisualNet
+from tex_lightning.networks.trunks import TRUNKS
+
+NARROW = 0.05
+# Offset of the first output's receptive field and its size, by hand from kernels and paddings.
+RECEPTIVE_FIELDS = {
+    "alexnet_caffe": (-64, 355),
+    "alexnet_torchvision": (-66, 355),
+    "tcnn": (-32, 291),
+    "squeezenet": (-60, 347),
+}
+SINGLE_OUTPUT = {
+    "alexnet_caffe": (199, 230),
+    "alexnet_torchvision": (223, 254),
+    "tcnn": (215, 230),
+    "squeezenet": (213, 244),
+}
+
+
+def parameters(module):
+    return sum(p.numel() for p in module.parameters())
+
+
+@pytest.mark.parametrize(
+    ("trunk", "norm", "fc1_kernel", "count"),
+    [
+        ("alexnet_caffe", "lrn", None, 5_191_749),
+        ("alexnet_caffe", "lrn", 1, 2_503_749),
+        ("tcnn", "lrn", None, 1_435_589),
+    ],
+)
+def test_paper_parameter_counts(trunk, norm, fc1_kernel, count):
+    assert parameters(VisualNet(69, trunk=trunk, norm=norm, fc1_kernel=fc1_kernel)) == count
+
+
+@pytest.mark.parametrize(
+    ("trunk", "count"),
+    # SqueezeNet v1.0 has 1,248,424 parameters, 513,000 of them in the classifier.
+    [
+        ("alexnet_caffe", 2_334_080),
+        ("alexnet_torchvision", 2_469_696),
+        ("squeezenet", 1_248_424 - 513_000),
+    ],
+)
+def test_published_trunk_parameter_counts(trunk, count):
+    assert parameters(TRUNKS[trunk](width=1, norm="none")) == count
+
+
+@pytest.mark.parametrize("trunk", TRUNKS)
+def test_one_prediction_for_a_patch(trunk):
+    net = VisualNet(3, trunk=trunk, width=NARROW).eval()
+    assert net(torch.zeros(1, 3, 224, 224)).shape == (1, 3, 1, 1)
+    assert net.patch == 224
+    low, high = SINGLE_OUTPUT[trunk]
+    single = [side for side in range(1, 300) if net.output_size(side, side) == (1, 1)]
+    assert single == list(range(low, high + 1))
+    assert net.min_side == net.trunk.min_side == low
+
+
+@pytest.mark.parametrize(
+    ("trunk", "height", "width", "expected"),
+    [
+        ("alexnet_caffe", 384, 384, (6, 6)),
+        ("alexnet_caffe", 1224, 1632, (33, 45)),
+        ("tcnn", 1224, 1632, (64, 89)),
+        ("tcnn", 256, 256, (3, 3)),
+        ("alexnet_caffe", 256, 256, (2, 2)),
+        ("squeezenet", 384, 384, (6, 6)),
+    ],
+)
+def test_output_size(trunk, height, width, expected):
+    assert VisualNet(1, trunk=trunk, width=NARROW).output_size(height, width) == expected
+
+
+@pytest.mark.parametrize("trunk", TRUNKS)
+def test_output_size_matches_the_forward_pass(trunk):
+    net = VisualNet(2, trunk=trunk, width=0.02).eval()
+    for step in range(0, 70, 3):
+        height, width = net.min_side + step, net.min_side + 69 - step
+        assert net(torch.zeros(1, 3, height, width)).shape[2:] == net.output_size(height, width)
+    assert net.output_size(net.min_side - 1, 400)[0] == 0
+    assert net.output_size(20, 5) == (0, 0)
+    grown = net.output_size(1000 + net.stride, 1000)
+    assert grown == (net.output_size(1000, 1000)[0] + 1, net.output_size(1000, 1000)[1])
+
+
+def test_caffe_map_sizes():
+    """The published map sides 55, 27, 13, 6 of a 227 input, and 6 rather than 5 at 224."""
+    geometry = TRUNKS["alexnet_caffe"].geometry
+    sides = [227]
+    for window in geometry:
+        sides.append(window.output(sides[-1]))
+    assert sides == [227, 55, 27, 13, 6]
+    assert TRUNKS["alexnet_caffe"](width=NARROW, norm="none").output_side(224) == 6
+
+
+def test_squeezenet_map_sizes():
+    """The published map sides 111, 55, 27, 13 hold for 227; 224 ends in 13 as well."""
+    trunk = TRUNKS["squeezenet"](width=NARROW, norm="none")
+    maps = []
+    for name, layer in trunk.layers.named_children():
+        if name.startswith("pool"):
+            layer.register_forward_hook(lambda _, __, output: maps.append(output.shape[-1]))
+    trunk(torch.zeros(1, 3, 227, 227))
+    trunk(torch.zeros(1, 3, 224, 224))
+    assert maps == [55, 27, 13, 54, 27, 13]
+
+
+@pytest.mark.parametrize("trunk", TRUNKS)
+def test_dense_predictions_equal_those_of_crops(trunk):
+    """Away from the padding, a crop cut at a multiple of the stride gives the same features."""
+    torch.manual_seed(0)
+    net = VisualNet(3, trunk=trunk, width=0.1).double().eval()
+    offset, field = RECEPTIVE_FIELDS[trunk]
+    x = torch.rand(1, 3, 560, 540, dtype=torch.float64)
+    rows, columns, side = 2 * net.stride, net.stride, 448
+    dense = net.features(x, "fc2")
+    crop = net.features(x[..., rows : rows + side, columns : columns + side], "fc2")
+    inner = [
+        index
+        for index in range(crop.shape[-1])
+        if index * net.stride + offset >= 0 and index * net.stride + offset + field <= side
+    ]
+    assert len(inner) >= 2
+    part = slice(inner[0], inner[-1] + 1)
+    moved = dense[..., inner[0] + 2 : inner[-1] + 3, inner[0] + 1 : inner[-1] + 2]
+    assert moved.std() > 1e-4  # dead units would make the comparison empty
+    torch.testing.assert_close(crop[..., part, part], moved)
+
+
+def test_literal_1x1_fc1_gives_36_predictions():
+    net = VisualNet(3, width=NARROW, fc1_kernel=1).eval()
+    assert net(torch.zeros(1, 3, 224, 224)).shape == (1, 3, 6, 6)
+    assert net.output_size(224, 224) == (6, 6)
+    assert net(torch.zeros(1, 3, net.min_side, net.min_side)).shape == (1, 3, 1, 1)
+    assert net.output_size(net.min_side - 1, 224)[0] == 0
+
+
+def test_tcnn_features_are_plain_averages():
+    torch.manual_seed(0)
+    trunk = TRUNKS["tcnn"](width=NARROW, norm="none").double()
+    x = torch.rand(1, 3, 240, 250, dtype=torch.float64)
+    conv3 = trunk.layers[:-1](x)
+    rows, columns = trunk.output_side(240), trunk.output_side(250)
+    for row in range(rows):
+        for column in range(columns):
+            mean = conv3[..., row : row + 13, column : column + 13].mean((2, 3))
+            torch.testing.assert_close(trunk(x)[..., row, column], mean)
+
+
+def test_squeezenet_features_are_averages_and_maxima():
+    torch.manual_seed(0)
+    trunk = TRUNKS["squeezenet"](width=0.1, norm="none")
+    x = torch.rand(1, 3, 224, 224)
+    fire9 = trunk.layers[:-1](x)
+    assert fire9.shape[2:] == (13, 13)
+    expected = torch.cat([fire9.mean((2, 3)), fire9.amax((2, 3))], dim=1)
+    torch.testing.assert_close(trunk(x)[..., 0, 0], expected)
+    assert TRUNKS["squeezenet"](width=1, norm="none").out_channels == 1024
+
+
+@pytest.mark.parametrize("trunk", TRUNKS)
+@pytest.mark.parametrize("width", [0.03, 0.13, 0.5])
+def test_any_width_builds_and_agrees_with_out_channels(trunk, width):
+    net = TRUNKS[trunk](width=width, norm="batch").eval()
+    assert net(torch.zeros(1, 3, 224, 224)).shape[1] == net.out_channels
+
+
+def test_width_scales_the_head_but_the_classes():
+    net = VisualNet(69, width=0.5)
+    convolutions = [m for m in net.head.modules() if isinstance(m, torch.nn.Conv2d)]
+    assert [m.out_channels for m in convolutions] == [150, 125, 69]
+    assert net.trunk.out_channels == 128
+
+
+@pytest.mark.parametrize("trunk", TRUNKS)
+def test_batch_normalisation_follows_every_hidden_convolution(trunk):
+    net = VisualNet(3, trunk=trunk, width=NARROW)
+    convolutions = [m for m in net.modules() if isinstance(m, torch.nn.Conv2d)]
+    norms = [m for m in net.modules() if isinstance(m, torch.nn.BatchNorm2d)]
+    assert len(norms) == len(convolutions) - 1
+    assert [m.bias is not None for m in convolutions] == [False] * len(norms) + [True]
+
+
+@pytest.mark.parametrize(("trunk", "norm"), [("alexnet_caffe", "lrn"), ("squeezenet", "none")])
+def test_plain_networks_have_no_batch_normalisation(trunk, norm):
+    net = VisualNet(3, trunk=trunk, norm=norm, width=NARROW)
+    kinds = [type(m).__name__ for m in net.modules()]
+    assert "BatchNorm2d" not in kinds
+    assert kinds.count("LocalResponseNorm") == (2 if norm == "lrn" else 0)
+    assert all(m.bias is not None for m in net.modules() if isinstance(m, torch.nn.Conv2d))
+
+
+def test_features():
+    net = VisualNet(7, trunk="tcnn", width=0.2).eval()
+    x = torch.rand(2, 3, 232, 216)
+    hidden, scores = net.features(x, "fc2"), net.features(x, "fc3")
+    assert hidden.shape == (2, net.feature_size("fc2"), 2, 1) == (2, 50, 2, 1)
+    assert scores.shape == (2, net.feature_size("fc3"), 2, 1) == (2, 7, 2, 1)
+    assert hidden.min() == 0
+    assert torch.equal(scores, net(x))
+
+
+@pytest.mark.parametrize("trunk", TRUNKS)
+def test_every_parameter_learns(trunk):
+    torch.manual_seed(0)
+    net = VisualNet(3, trunk=trunk, width=0.1)
+    net(torch.randn(2, 3, 224, 224)).square().sum().backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
+
+
+@pytest.mark.parametrize("trunk", ["alexnet_torchvision", "squeezenet"])
+def test_lrn_is_only_for_caffe_trunks(trunk):
+    with pytest.raises(UserError, match=r"model\.visual\.norm=lrn .*batch, none\."):
+        VisualNet(3, trunk=trunk, norm="lrn")
+
+
+def test_unknown_trunk():
+    with pytest.raises(UserError, match=r"model\.visual\.trunk=vgg .*alexnet_caffe.*squeezenet"):
+        VisualNet(3, trunk="vgg")

@@ -1,0 +1,363 @@
+"""Importing weights against an independent Caffe-style computation, and every refusal."""
+
+import hashlib
+import urllib.error
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks import VisualNet
+from tex_lightning.networks.weights import load_trunk_weights
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+SQUEEZENET = REPOSITORY.parent / "shared" / "weights" / "squeezenet_v1.0_imagenet.npz"
+needs_squeezenet = pytest.mark.skipif(not SQUEEZENET.is_file(), reason="no SqueezeNet weights")
+
+ALEXNET_TORCHVISION = {
+    "features.0": (64, 3, 11, 11),
+    "features.3": (192, 64, 5, 5),
+    "features.6": (384, 192, 3, 3),
+    "features.8": (256, 384, 3, 3),
+    "features.10": (256, 256, 3, 3),
+    "classifier.6": (10, 20),
+}
+ALEXNET_CAFFE = {
+    "conv1": (96, 3, 11, 11),
+    "conv2": (256, 48, 5, 5),
+    "conv3": (384, 256, 3, 3),
+    "conv4": (384, 192, 3, 3),
+    "conv5": (256, 192, 3, 3),
+    "fc8": (10, 20),
+}
+
+
+def squeezenet_torchvision():
+    shapes = {"features.0": (96, 3, 7, 7), "classifier.1": (10, 512, 1, 1)}
+    inputs = 96
+    for place, squeeze in zip(
+        (3, 4, 5, 7, 8, 9, 10, 12), (16, 16, 32, 32, 48, 48, 64, 64), strict=True
+    ):
+        shapes[f"features.{place}.squeeze"] = (squeeze, inputs, 1, 1)
+        shapes[f"features.{place}.expand1x1"] = (4 * squeeze, squeeze, 1, 1)
+        shapes[f"features.{place}.expand3x3"] = (4 * squeeze, squeeze, 3, 3)
+        inputs = 8 * squeeze
+    return shapes
+
+
+def fabricate(shapes):
+    generator = torch.Generator().manual_seed(0)
+    state = {}
+    for name, shape in shapes.items():
+        state[f"{name}.weight"] = 0.05 * torch.randn(shape, generator=generator)
+        state[f"{name}.bias"] = torch.randn(shape[0], generator=generator)
+    return state
+
+
+def save_npz(path, state):
+    np.savez(path, **{name: value.numpy() for name, value in state.items()})
+    return path
+
+
+def visualnet(trunk="squeezenet", norm="none", **options):
+    return VisualNet(3, trunk=trunk, norm=norm, **options).eval()
+
+
+def photo(side=64):
+    return np.random.default_rng(0).integers(0, 256, (side, side, 3), dtype=np.uint8)
+
+
+def normalised(rgb):
+    """Return the input that every trunk documents."""
+    scaled = (rgb / 255 - np.array([0.485, 0.456, 0.406])) / np.array([0.229, 0.224, 0.225])
+    return torch.from_numpy(scaled.transpose(2, 0, 1)[None]).float()
+
+
+def caffe_conv1(rgb, weight, bias, stride):
+    """Convolve as Caffe does, with OpenCV: BGR in 0-255 less the mean, unchanged weights."""
+    planes = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR))
+    kernel = weight.shape[-1]
+    maps = []
+    for filters, shift in zip(weight.astype(np.float64), bias, strict=True):
+        total = shift + sum(
+            cv2.filter2D(plane - mean, cv2.CV_64F, part, anchor=(0, 0))
+            for plane, mean, part in zip(planes, (104.0, 117.0, 123.0), filters, strict=True)
+        )
+        last = rgb.shape[0] - kernel + 1
+        maps.append(total[:last:stride, :last:stride])
+    return np.stack(maps)
+
+
+def assert_conv1_equals_caffe(net, weight, bias, stride):
+    rgb = photo()
+    expected = caffe_conv1(rgb, weight, bias, stride)
+    with torch.no_grad():
+        actual = net.trunk.layers.conv1[0](normalised(rgb))[0].numpy()
+    assert actual.shape == expected.shape
+    assert np.abs(actual - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+@needs_squeezenet
+def test_npz_conv1_equals_caffe():
+    net = visualnet()
+    message = load_trunk_weights(net, SQUEEZENET)
+    assert message == f"squeezenet trunk from {SQUEEZENET} (caffe layout, 50 tensors)"
+    with np.load(SQUEEZENET) as raw:
+        assert_conv1_equals_caffe(net, raw["conv1.weight"], raw["conv1.bias"], stride=2)
+        for name in ("squeeze", "expand1x1", "expand3x3"):
+            caffe = {"squeeze": "conv1x1_1", "expand1x1": "conv1x1_2", "expand3x3": "conv3x3_2"}
+            loaded = getattr(net.trunk.layers.fire5, name)[0].weight.detach().numpy()
+            np.testing.assert_array_equal(loaded, raw[f"fire5__{caffe[name]}.weight"])
+
+
+@needs_squeezenet
+def test_npz_features_tell_textures_apart():
+    """Two crops of a texture are closer to each other than to another texture."""
+    net = visualnet()
+    load_trunk_weights(net, str(SQUEEZENET))
+    rng = np.random.default_rng(0)
+    noise = rng.integers(0, 256, (300, 300, 3), dtype=np.uint8)
+    stripes = np.broadcast_to((np.arange(300) % 12 < 6)[None, :, None] * 255, (300, 300, 3))
+    crops = [image[at : at + 224, at : at + 224] for image in (noise, stripes) for at in (0, 51)]
+    with torch.no_grad():
+        features = torch.cat([net.trunk(normalised(crop)) for crop in crops]).flatten(1)
+    similar = torch.nn.functional.cosine_similarity(features[:, None], features[None], dim=-1)
+    assert min(similar[0, 1], similar[2, 3]) > similar[:2, 2:].max() + 0.2
+
+
+@pytest.mark.parametrize("trunk", ["alexnet_caffe", "tcnn"])
+def test_caffe_alexnet(tmp_path, trunk):
+    state = fabricate(ALEXNET_CAFFE)
+    net = visualnet(trunk, norm="lrn")
+    head = [p.clone() for p in net.head.parameters()]
+    message = load_trunk_weights(net, save_npz(tmp_path / "alexnet.npz", state))
+    assert f"{trunk} trunk" in message
+    weight, bias = state["conv1.weight"].numpy(), state["conv1.bias"].numpy()
+    assert_conv1_equals_caffe(net, weight, bias, stride=4)
+    assert torch.equal(net.trunk.layers.conv2[0].weight, state["conv2.weight"])
+    assert all(torch.equal(a, b) for a, b in zip(head, net.head.parameters(), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("trunk", "shapes", "pairs"),
+    [
+        ("alexnet_torchvision", ALEXNET_TORCHVISION, {"features.8": "layers.conv4.0"}),
+        (
+            "squeezenet",
+            squeezenet_torchvision(),
+            {"features.0": "layers.conv1.0", "features.12.squeeze": "layers.fire9.squeeze.0"},
+        ),
+    ],
+)
+def test_torchvision_layout_is_copied(tmp_path, trunk, shapes, pairs):
+    state = fabricate(shapes)
+    path = tmp_path / "weights.pth"
+    torch.save(state, path)
+    net = visualnet(trunk)
+    message = load_trunk_weights(net, path)
+    convolutions = len(shapes) - 1
+    assert message == f"{trunk} trunk from {path} (torchvision layout, {2 * convolutions} tensors)"
+    loaded = net.trunk.state_dict()
+    for theirs, ours in pairs.items():
+        assert torch.equal(loaded[f"{ours}.weight"], state[f"{theirs}.weight"])
+        assert torch.equal(loaded[f"{ours}.bias"], state[f"{theirs}.bias"])
+
+
+@pytest.mark.parametrize("trunk", ["alexnet_torchvision", "squeezenet"])
+def test_features_are_the_published_ones_divided_by_one_number(tmp_path, trunk):
+    shapes = ALEXNET_TORCHVISION if trunk != "squeezenet" else squeezenet_torchvision()
+    state = fabricate(shapes)
+    torch.save(state, tmp_path / "weights.pth")
+    net, published = visualnet(trunk), visualnet(trunk)
+    load_trunk_weights(net, tmp_path / "weights.pth")
+    names = published.trunk.layouts["torchvision"].items()
+    kinds = ("weight", "bias")
+    published.trunk.load_state_dict(
+        {f"{ours}.{kind}": state[f"{theirs}.{kind}"] for theirs, ours in names for kind in kinds}
+    )
+    torch.manual_seed(0)
+    image = torch.randn(1, 3, 224, 224)
+    features, expected = net.trunk(image), published.trunk(image)
+    factor = expected.norm() / features.norm()
+    torch.testing.assert_close(features * factor, expected, rtol=1e-4, atol=1e-4 * factor.item())
+    assert 0.5 < features.square().mean().sqrt() < 2
+
+
+@pytest.fixture
+def hub(tmp_path, monkeypatch):
+    """A folder of torch.hub of this test's own, and a fabricated official file to fetch."""
+    folder = tmp_path / "hub"
+    monkeypatch.setattr(torch.hub, "get_dir", lambda: str(folder))
+    source = tmp_path / "weights.pth"
+    torch.save(fabricate(ALEXNET_TORCHVISION), source)
+    digits = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
+    official = source.rename(tmp_path / f"alexnet-{digits}.pth")
+    return folder / "checkpoints", official
+
+
+@pytest.mark.parametrize("by_address", [False, True])
+def test_official_weights_are_fetched_once(hub, monkeypatch, by_address):
+    folder, official = hub
+    net = visualnet("alexnet_torchvision")
+    url = official.as_uri()
+    monkeypatch.setattr(type(net.trunk), "imagenet_url", url)
+    source = url if by_address else "imagenet"
+    assert str(folder / official.name) in load_trunk_weights(net, source)
+    official.unlink()
+    load_trunk_weights(net, source)
+
+
+def test_fetched_file_must_have_the_digest_of_its_name(hub, monkeypatch):
+    folder, official = hub
+    net = visualnet("alexnet_torchvision")
+    altered = official.rename(official.with_name("alexnet-01234567.pth"))
+    monkeypatch.setattr(type(net.trunk), "imagenet_url", altered.as_uri())
+    with pytest.raises(UserError, match=r"could not fetch .*invalid hash value"):
+        load_trunk_weights(net, "imagenet")
+    assert not list(folder.iterdir())
+
+
+def test_official_addresses():
+    """The addresses of torchvision's own weight tables."""
+    urls = [visualnet(t).trunk.imagenet_url for t in ("alexnet_torchvision", "squeezenet")]
+    assert urls == [
+        "https://download.pytorch.org/models/alexnet-owt-7be5be79.pth",
+        "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth",
+    ]
+
+
+def test_no_network(hub, monkeypatch):
+    def refuse(*_args, **_options):
+        raise urllib.error.URLError("no route to host")
+
+    monkeypatch.setattr(torch.hub, "download_url_to_file", refuse)
+    place = hub[0] / "squeezenet1_0-b66bff10.pth"
+    with pytest.raises(UserError) as caught:
+        load_trunk_weights(visualnet(), "imagenet")
+    text = str(caught.value)
+    assert "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth" in text
+    assert "no route to host" in text
+    assert f"put the file at {place} or give weights=PATH." in text
+
+
+def refused(net, source, *parts):
+    before = {name: value.clone() for name, value in net.state_dict().items()}
+    with pytest.raises(UserError) as caught:
+        load_trunk_weights(net, source)
+    text = str(caught.value)
+    assert text.startswith("weights")
+    assert all(part in text for part in parts), text
+    assert all(torch.equal(value, before[name]) for name, value in net.state_dict().items())
+
+
+@pytest.mark.parametrize("trunk", ["alexnet_caffe", "tcnn"])
+def test_caffe_trunks_have_no_official_file(trunk):
+    refused(visualnet(trunk), "imagenet", "weights=imagenet", trunk, "weights=PATH")
+
+
+def test_other_addresses():
+    refused(visualnet(), "https://example.org/squeezenet.pth", "not an official file")
+
+
+def test_missing_file(tmp_path):
+    refused(visualnet(), tmp_path / "none.npz", "there is no file", "none.npz")
+
+
+def test_wrong_suffix(tmp_path):
+    path = tmp_path / "weights.caffemodel"
+    path.touch()
+    refused(visualnet(), path, str(path), ".npz, .pth or .pt")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".pth"])
+@pytest.mark.parametrize("kept", [0.0, 0.01, 0.5, 0.999])
+def test_truncated_file(tmp_path, suffix, kept):
+    path = tmp_path / f"weights{suffix}"
+    state = fabricate({"features.0": (64, 3, 11, 11)})
+    if suffix == ".npz":
+        save_npz(path, state)
+    else:
+        torch.save(state, path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(kept * len(content))])
+    refused(visualnet(), path, str(path), "cannot be read")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".pth", ".pt"])
+def test_file_of_something_else(tmp_path, suffix):
+    path = tmp_path / f"weights{suffix}"
+    path.write_text("<html>not found</html>")
+    refused(visualnet(), path, "cannot be read")
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_damaged_array(tmp_path, save):
+    path = tmp_path / "weights.npz"
+    save(path, **{"conv1.weight": np.random.default_rng(0).random((96, 3, 11, 11))})
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+    refused(visualnet("alexnet_caffe"), path, "cannot be read")
+
+
+def test_single_array_under_the_name_of_an_archive(tmp_path):
+    path = tmp_path / "weights.npz"
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+    refused(visualnet(), path, "cannot be read")
+
+
+def test_pickled_objects_are_not_run(tmp_path):
+    path = tmp_path / "weights.pth"
+    torch.save({"features.0.weight": Path("/")}, path)
+    refused(visualnet(), path, "cannot be read")
+
+
+@pytest.mark.parametrize("content", [[1, 2], {"epoch": 3}])
+def test_not_a_state_dict(tmp_path, content):
+    path = tmp_path / "weights.pt"
+    torch.save(content, path)
+    refused(visualnet(), path, "state dict")
+
+
+def test_weights_of_another_network(tmp_path):
+    path = save_npz(tmp_path / "alexnet.npz", fabricate(ALEXNET_CAFFE))
+    refused(visualnet(), path, "conv1.weight", "(96, 3, 11, 11)", "(96, 3, 7, 7)")
+
+
+def test_missing_tensor(tmp_path):
+    state = fabricate(ALEXNET_CAFFE)
+    del state["conv4.bias"]
+    path = save_npz(tmp_path / "alexnet.npz", state)
+    refused(visualnet("alexnet_caffe"), path, "has no conv4.bias", "alexnet_caffe")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_numbers_must_be_finite(tmp_path, value):
+    state = fabricate(ALEXNET_CAFFE)
+    state["conv3.bias"][7] = value
+    path = save_npz(tmp_path / "alexnet.npz", state)
+    refused(visualnet("tcnn"), path, "conv3.bias", "not finite")
+
+
+@pytest.mark.parametrize(
+    ("trunk", "suffix", "use"),
+    [("alexnet_torchvision", ".npz", ".pth or .pt"), ("tcnn", ".pth", "use .npz")],
+)
+def test_layout_the_trunk_does_not_have(tmp_path, trunk, suffix, use):
+    path = tmp_path / f"weights{suffix}"
+    path.touch()
+    refused(visualnet(trunk), path, use, trunk)
+
+
+def test_width_must_be_one():
+    refused(visualnet(width=0.5), "imagenet", "model.visual.width=1", "0.5")
+
+
+def test_batch_normalised_trunk():
+    refused(visualnet(norm="batch"), "imagenet", "model.visual.norm=none")
+    caffe = visualnet("alexnet_caffe", norm="batch")
+    refused(caffe, "imagenet", "model.visual.norm=lrn or none")

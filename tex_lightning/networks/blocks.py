@@ -1,0 +1,114 @@
+"""Pieces that the networks share: channel scaling, geometry, layers, initialisation, the head."""
+
+from collections.abc import Iterable
+from typing import Literal, NamedTuple
+
+from torch import Tensor, nn
+
+from tex_lightning.errors import UserError
+
+Norm = Literal["batch", "lrn", "none"]
+Level = Literal["fc2", "fc3"]
+
+NORMS: tuple[Norm, ...] = ("batch", "lrn", "none")
+
+
+class Window(NamedTuple):
+    """Geometry along one axis of a convolution or pooling that changes the size."""
+
+    kernel: int
+    stride: int = 1
+    padding: int = 0
+    ceil: bool = False
+
+    def output(self, size: int) -> int:
+        """Return how many places the window takes on an axis of `size`; 0 if it does not fit."""
+        room = size + 2 * self.padding - self.kernel
+        steps = -(-room // self.stride) if self.ceil else room // self.stride
+        return max(0, steps + 1) if size > 0 else 0
+
+    def max_pool(self) -> nn.MaxPool2d:
+        """Return the max pooling of this geometry."""
+        return nn.MaxPool2d(self.kernel, self.stride, self.padding, ceil_mode=self.ceil)
+
+
+def scaled(channels: int, width: float) -> int:
+    """Scale a channel count by the width factor, keeping at least one channel."""
+    return max(1, round(channels * width))
+
+
+def check_norm(norm: str, allowed: Iterable[str], key: str) -> None:
+    """Raise `UserError` naming the configuration `key` unless `norm` is one of `allowed`."""
+    if norm not in (allowed := tuple(allowed)):
+        raise UserError(f"{key}={norm} is not possible here; choose one of {', '.join(allowed)}.")
+
+
+def conv_block(
+    inputs: int,
+    outputs: int,
+    kernel: int | tuple[int, int],
+    *,
+    norm: Norm,
+    stride: int = 1,
+    padding: int = 0,
+    groups: int = 1,
+) -> nn.Sequential:
+    """Return convolution, batch normalisation (for norm="batch" only) and ReLU.
+
+    Under batch normalisation the convolution has no bias, which would be subtracted again.
+    """
+    batch = norm == "batch"
+    conv = nn.Conv2d(inputs, outputs, kernel, stride, padding, groups=groups, bias=not batch)
+    normalisation = [nn.BatchNorm2d(outputs)] if batch else []
+    return nn.Sequential(conv, *normalisation, nn.ReLU(inplace=True))
+
+
+def response_norm(norm: Norm) -> list[nn.Module]:
+    """Return AlexNet's local response normalisation across channels, or nothing.
+
+    Caffe's values: b_i = a_i / (1 + (1e-4 / 5) sum_j a_j^2)^0.75 over the 5 channels around i.
+    """
+    return [nn.LocalResponseNorm(5, alpha=1e-4, beta=0.75, k=1.0)] if norm == "lrn" else []
+
+
+def initialise(module: nn.Module) -> None:
+    """Draw He-normal weights for every convolution inside `module`, with biases at zero."""
+    for layer in module.modules():
+        if isinstance(layer, nn.Conv2d):
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            if layer.bias is not None:
+                nn.init.zeros_(layer.bias)
+
+
+def initialise_scores(layer: nn.Conv2d | nn.Linear) -> None:
+    """Draw small weights for a layer of class scores, so that training starts near uniform."""
+    nn.init.normal_(layer.weight, std=0.01)
+    if layer.bias is not None:
+        nn.init.zeros_(layer.bias)
+
+
+class Head(nn.Module):
+    """Hidden 1x1 layers up to FC2, then dropout and FC3, the class scores.
+
+    Args:
+        hidden: Layers from the trunk's features to `features` channels after FC2's ReLU.
+        features: Channel count of FC2.
+        classes: Channel count of FC3.
+        dropout: Probability of dropping an FC2 feature while training, in [0, 1).
+    """
+
+    def __init__(self, hidden: nn.Sequential, features: int, classes: int, dropout: float) -> None:
+        super().__init__()
+        scores = nn.Conv2d(features, classes, 1)
+        self.hidden = hidden
+        self.scores: nn.Module = nn.Sequential(nn.Dropout(dropout), scores)
+        initialise(hidden)
+        initialise_scores(scores)
+
+    def forward(self, x: Tensor, level: Level = "fc3") -> Tensor:
+        """Map trunk features (B, D, M, N) to FC2 features or to class scores before softmax."""
+        hidden: Tensor = self.hidden(x)
+        if level == "fc2":
+            return hidden
+        scores: Tensor = self.scores(hidden)
+        return scores

@@ -1,0 +1,88 @@
+"""FusionNet: haptic and visual features, concatenated and classified together."""
+
+from collections.abc import Iterator
+from copy import deepcopy
+
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.networks.blocks import Level, initialise_scores
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.visualnet import VisualNet
+
+
+class FusionNet(nn.Module):
+    """Classify pairs of a haptic and a visual position (paper, section "FusionNet").
+
+    One 1x1 convolution over the concatenated features is the sum of a haptic and a visual part:
+    W [f_h; f_v] + b = W_h f_h + (W_v f_v + b). Each part is computed once per position, so that a
+    thousand sampled pairs cost a thousand additions.
+
+    Whether the paper fuses FC3 before or after softmax is open; here it is before, where a linear
+    layer loses nothing. At level "fc2" the FC3 layers and their dropout do not exist.
+
+    Args:
+        haptic: The haptic network, with pretrained or random weights; it is copied.
+        visual: The visual network, with pretrained or random weights; it is copied.
+        classes: Number of materials.
+        level: Layer whose features are fused.
+    """
+
+    def __init__(
+        self, haptic: HapticNet, visual: VisualNet, *, classes: int, level: Level = "fc2"
+    ) -> None:
+        super().__init__()
+        self.level: Level = level
+        self.classes = classes
+        self.haptic = deepcopy(haptic)
+        self.visual = deepcopy(visual)
+        if level == "fc2":
+            self.haptic.head.scores = nn.Identity()
+            self.visual.head.scores = nn.Identity()
+        self.haptic_size = haptic.feature_size(level)
+        self.head = nn.Linear(self.haptic_size + visual.feature_size(level), classes)
+        initialise_scores(self.head)
+
+    def forward(self, spectrogram: Tensor, image: Tensor, pairs: Tensor | None = None) -> Tensor:
+        """Return class scores before softmax, (B, classes, P).
+
+        Args:
+            spectrogram: (B, 1, 50, T), as for HapticNet.
+            image: (B, 3, H, W), as for VisualNet.
+            pairs: (P, 2), int64; each row a haptic position below L and a visual position below
+                M * N, row by row. None, for training, takes the only pair there is.
+
+        Raises:
+            ValueError: `pairs` is None but the inputs have more than one pair of positions.
+        """
+        haptic, visual = self.parts(spectrogram, image)
+        if pairs is not None:
+            return haptic[..., pairs[:, 0]] + visual[..., pairs[:, 1]]
+        if haptic.shape[-1] != 1 or visual.shape[-1] != 1:
+            raise ValueError(
+                f"pairs is needed for {haptic.shape[-1]} haptic and {visual.shape[-1]} visual"
+                " positions; without it both inputs must give one prediction."
+            )
+        return haptic + visual
+
+    def parts(self, spectrogram: Tensor, image: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the two summands of the class scores for every position.
+
+        Returns:
+            The haptic part (B, classes, L), and the visual part (B, classes, M * N), which holds
+            the bias, with the positions row by row.
+        """
+        haptic = self.haptic.features(spectrogram, self.level)
+        visual = self.visual.features(image, self.level).flatten(2)
+        haptic_weight, visual_weight = self.head.weight.tensor_split([self.haptic_size], dim=1)
+        bias = self.head.bias[:, None]
+        return torch.matmul(haptic_weight, haptic), torch.matmul(visual_weight, visual) + bias
+
+    def backbone_parameters(self) -> Iterator[nn.Parameter]:
+        """Iterate over the parameters of both networks."""
+        yield from self.haptic.parameters()
+        yield from self.visual.parameters()
+
+    def head_parameters(self) -> Iterator[nn.Parameter]:
+        """Iterate over the parameters of the fusion layer, trained faster than the networks."""
+        yield from self.head.parameters()

@@ -1,0 +1,103 @@
+"""HapticNet: the fully convolutional network on spectrograms of acceleration traces."""
+
+from torch import Tensor, nn
+
+from tex_lightning.networks.blocks import (
+    NORMS,
+    Head,
+    Level,
+    Norm,
+    Window,
+    check_norm,
+    conv_block,
+    initialise,
+    response_norm,
+    scaled,
+)
+
+POOL = Window(2, 2, ceil=True)
+CHANNELS = (50, 100, 150, 200)
+FINAL_CHANNELS = 400
+FINAL_KERNEL = (4, 12)
+HIDDEN_CHANNELS = 250
+
+
+class HapticNet(nn.Module):
+    """Classify every 16th position of a spectrogram (paper, Table "HapticNet-structure").
+
+    Four 3x3 convolutions with padding 1, each followed by ReLU and 2x2 max pooling, reduce 50
+    frequency bands to 4; an unpadded convolution over 4 bands and 12 positions joins them.
+    The paper leaves padding and pooling mode open: padding 1 with ceil-mode pooling is the only
+    choice for which the 4x12 convolution fits and 50x192 gives exactly one prediction.
+
+    Args:
+        classes: Number of materials.
+        width: Factor on every channel count except `classes`; 1 is the paper's size.
+        norm: "lrn" is the paper's network, with one local response normalisation after the first
+            pooling; "batch" normalises after every convolution but the last, before ReLU, and
+            trains from scratch in far fewer steps; "none" does neither.
+        dropout: Probability of dropping an input of the two 1x1 layers while training.
+
+    Raises:
+        UserError: `norm` is not one of the three.
+    """
+
+    bands = 50
+    stride = 16  # frames between neighbouring predictions
+    window = 192  # frames that give exactly one prediction
+    min_frames = 177
+    receptive_field = 222  # frames seen by one prediction of a longer spectrogram
+
+    def __init__(
+        self, classes: int, *, width: float = 1.0, norm: Norm = "batch", dropout: float = 0.5
+    ) -> None:
+        super().__init__()
+        check_norm(norm, NORMS, "model.haptic.norm")
+        self.classes = classes
+        self.hidden = scaled(HIDDEN_CHANNELS, width)
+        self.trunk = _trunk(width, norm)
+        final = scaled(FINAL_CHANNELS, width)
+        hidden = nn.Sequential(nn.Dropout(dropout), conv_block(final, self.hidden, 1, norm=norm))
+        self.head = Head(hidden, self.hidden, classes, dropout)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map a spectrogram (B, 1, 50, T) to class scores before softmax (B, classes, L)."""
+        return self.features(x, "fc3")
+
+    def features(self, x: Tensor, level: Level) -> Tensor:
+        """Return the features that fusion samples from.
+
+        Args:
+            x: Spectrogram (B, 1, 50, T) with T >= `min_frames`.
+            level: "fc2" for the activations of the last hidden layer after ReLU, "fc3" for the
+                class scores before softmax.
+
+        Returns:
+            (B, D, L) with D = `feature_size(level)` and L = `output_length(T)`.
+        """
+        scores: Tensor = self.head(self.trunk(x), level)
+        return scores.squeeze(2)
+
+    def feature_size(self, level: Level) -> int:
+        """Return the channel count of `features` at `level`."""
+        return self.hidden if level == "fc2" else self.classes
+
+    def output_length(self, frames: int) -> int:
+        """Return the number of predictions for a spectrogram of `frames`; 0 if it is too short."""
+        for _ in CHANNELS:
+            frames = POOL.output(frames)
+        return Window(FINAL_KERNEL[1]).output(frames)
+
+
+def _trunk(width: float, norm: Norm) -> nn.Sequential:
+    layers: list[nn.Module] = []
+    source = 1
+    for index, channels in enumerate(scaled(c, width) for c in CHANNELS):
+        layers += [conv_block(source, channels, 3, norm=norm, padding=1), POOL.max_pool()]
+        if index == 0:
+            layers += response_norm(norm)
+        source = channels
+    layers.append(conv_block(source, scaled(FINAL_CHANNELS, width), FINAL_KERNEL, norm=norm))
+    trunk = nn.Sequential(*layers)
+    initialise(trunk)
+    return trunk

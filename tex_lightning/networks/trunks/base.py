@@ -1,0 +1,83 @@
+"""What every trunk of VisualNet declares, and the geometry that follows from it."""
+
+from collections.abc import Mapping
+from itertools import count
+from math import prod
+from typing import ClassVar, Literal
+
+from torch import Tensor, nn
+
+from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise
+
+Layout = Literal["caffe", "torchvision"]
+
+
+class Trunk(nn.Module):
+    """Convolutions that turn an image (B, 3, H, W) into features (B, out_channels, M', N').
+
+    A trunk is one subclass in one file: class attributes, and a `build` method that returns the
+    layers. Images are RGB in [0, 1], normalised with the ImageNet mean and standard deviation.
+
+    Attributes:
+        norms: Normalisations the trunk can be built with.
+        geometry: The layers that change the side of the map, in order.
+        fc1_kernel: Side of FC1's kernel that makes one prediction out of a `patch`.
+        patch: Side in pixels of an input that gives one prediction.
+        final: Names of the convolutions whose activations are pooled into the features.
+        layouts: For each layout of weight files, the file's name of every convolution here.
+        imagenet_url: Official ImageNet weights in the torchvision layout, if there are any.
+        out_channels: Channel count of the features.
+
+    Args:
+        width: Factor on every channel count.
+        norm: One of `norms`.
+
+    Raises:
+        UserError: `norm` is not one of `norms`.
+    """
+
+    norms: ClassVar[tuple[Norm, ...]]
+    geometry: ClassVar[tuple[Window, ...]]
+    fc1_kernel: ClassVar[int]
+    patch: ClassVar[int] = 224
+    final: ClassVar[tuple[str, ...]]
+    layouts: ClassVar[Mapping[Layout, Mapping[str, str]]]
+    imagenet_url: ClassVar[str | None] = None
+    out_channels: int
+
+    def __init__(self, *, width: float, norm: Norm) -> None:
+        super().__init__()
+        check_norm(norm, self.norms, "model.visual.norm")
+        self.width = width
+        self.norm: Norm = norm
+        self.layers = self.build()
+        initialise(self.layers)
+
+    def build(self) -> nn.Sequential:
+        """Return the layers, and set `out_channels`."""
+        raise NotImplementedError
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map an image (B, 3, H, W) to features (B, out_channels, M', N')."""
+        features: Tensor = self.layers(x)
+        return features
+
+    def output_side(self, side: int) -> int:
+        """Return the side of the feature map of an image of `side` pixels; 0 if too small."""
+        for window in self.geometry:
+            side = window.output(side)
+        return side
+
+    def smallest_side(self, features: int) -> int:
+        """Return the smallest image side in pixels whose feature map has side `features`."""
+        return next(side for side in count(1) if self.output_side(side) >= features)
+
+    @property
+    def min_side(self) -> int:
+        """Smallest image side in pixels that gives one prediction."""
+        return self.smallest_side(self.fc1_kernel)
+
+    @property
+    def stride(self) -> int:
+        """Pixels between neighbouring predictions."""
+        return prod(window.stride for window in self.geometry)
