@@ -1,0 +1,17 @@
+from functools import cache
+
+import pytest
+
+from tex_lightning.data.synthetic.materials import make_materials
+from tex_lightning.data.synthetic.specimen import make_specimen
+
+
+@cache
+def _specimen(index):
+    return make_specimen(make_materials(6, 0)[index])
+
+
+@pytest.fixture(scope="session")
+def specimen():
+    """Give class 0 to 5 of seed 0, made up once for the whole session."""
+    return _specimen

@@ -1,0 +1,123 @@
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from tex_lightning.data.synthetic import SyntheticSpec, make_materials, write_folder, write_tum
+from tex_lightning.data.synthetic.dataset import photograph, record
+from tex_lightning.errors import UserError
+from tex_lightning.features.dft321 import dft321
+
+TINY = {"recordings": 2, "seconds": 1, "photo_width": 64, "photo_height": 48}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    root = tmp_path_factory.mktemp("folder")
+    write_folder(SyntheticSpec(classes=3, **TINY), root)
+    return root
+
+
+def _files(root):
+    return {str(p.relative_to(root)): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+
+
+def test_folder_holds_exactly_the_promised_files(folder):
+    names = [material.name for material in make_materials(3, 0)]
+    expected = {f"{name}/haptic/{n:02d}.npy" for name in names for n in range(2)}
+    expected |= {f"{name}/image/{n:02d}.jpg" for name in names for n in range(2)}
+    assert set(_files(folder)) == expected
+
+
+def test_folder_files_have_their_types_and_shapes(folder):
+    trace = np.load(next(folder.rglob("*.npy")))
+    assert trace.dtype == np.float32
+    assert trace.shape == (3, 10_000)
+    assert cv2.imread(str(next(folder.rglob("*.jpg")))).shape == (48, 64, 3)
+
+
+def test_photos_are_written_as_red_green_blue(folder, specimen):
+    expected = photograph(SyntheticSpec(classes=3, **TINY), specimen(0), 0, 1)
+    path = folder / specimen(0).material.name / "image" / "01.jpg"
+    decoded = cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB)
+    np.testing.assert_allclose(decoded.mean(axis=(0, 1)), expected.mean(axis=(0, 1)), atol=1)
+
+
+def test_same_spec_gives_the_same_bytes_and_a_subset_is_unchanged(folder, tmp_path):
+    write_folder(SyntheticSpec(classes=2, **TINY), tmp_path)
+    larger = _files(folder)
+    smaller = _files(tmp_path)
+    assert len(smaller) == 8
+    assert all(larger[name] == content for name, content in smaller.items())
+
+
+def test_longer_sets_of_recordings_keep_the_first_traces(specimen):
+    short, long = SyntheticSpec(recordings=2, seconds=1), SyntheticSpec(recordings=9, seconds=1)
+    first, second = (record(spec, specimen(0), 0, 1) for spec in (short, long))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_first_half_of_the_photos_is_daylight(specimen):
+    spec = SyntheticSpec(photo_width=64, photo_height=48)
+    blue_to_red = [
+        photograph(spec, specimen(0), 0, n).mean(axis=(0, 1)) @ [-1, 0, 1] for n in range(10)
+    ]
+    assert min(blue_to_red[:5]) > max(blue_to_red[5:])
+
+
+def test_tum_layout_is_numbered_through_without_class_names(folder, specimen, tmp_path):
+    spec = SyntheticSpec(classes=3, **TINY)
+    write_tum(spec, tmp_path)
+    names = [material.name for material in make_materials(3, 0)]
+    expected = {f"Training/Accel/{name}_query{n}.txt" for name in names for n in range(2)}
+    expected |= {f"Training/Images/IMG_{5529 + n}.JPG" for n in range(6)}
+    written = _files(tmp_path)
+    assert set(written) == expected
+    # The same photos as in the other layout, in class order.
+    for index, name in enumerate(names):
+        for n in range(2):
+            photo = written[f"Training/Images/IMG_{5529 + 2 * index + n}.JPG"]
+            assert photo == (folder / name / "image" / f"{n:02d}.jpg").read_bytes()
+
+
+def test_tum_traces_are_the_dft321_of_the_folder_traces(folder, tmp_path):
+    write_tum(SyntheticSpec(classes=2, **TINY), tmp_path)
+    name = make_materials(2, 0)[1].name
+    text = np.loadtxt(tmp_path / "Training/Accel" / f"{name}_query1.txt", dtype=np.float32)
+    axes = np.load(folder / name / "haptic" / "01.npy")
+    np.testing.assert_array_equal(text, dft321(torch.from_numpy(axes)).numpy())
+    moving = axes - axes.mean(axis=1, keepdims=True)
+    assert np.square(text).sum() == pytest.approx(np.square(moving).sum(), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("classes", 1),
+        ("classes", 1000),
+        ("recordings", 0),
+        ("seed", -1),
+        ("seconds", 0.5),
+        ("seconds", float("nan")),
+        ("photo_width", 8),
+        ("photo_height", 0),
+    ],
+)
+def test_bad_spec_names_the_key(key, value):
+    with pytest.raises(UserError, match=rf"data\.{key} is {value}"):
+        SyntheticSpec(**{key: value})
+
+
+@pytest.mark.parametrize("write", [write_folder, write_tum])
+def test_nothing_is_written_over(write, tmp_path):
+    kept = tmp_path / "kept.txt"
+    kept.write_text("mine")
+    with pytest.raises(UserError, match="not an empty folder"):
+        write(SyntheticSpec(classes=2, **TINY), tmp_path)
+    assert _files(tmp_path) == {"kept.txt": b"mine"}
+
+
+def test_tum_numbers_must_suffice(tmp_path):
+    with pytest.raises(UserError, match="numbers 4471 photos at most"):
+        write_tum(SyntheticSpec(classes=999), tmp_path)
+    assert not any(tmp_path.iterdir())

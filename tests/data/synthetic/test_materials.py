@@ -1,0 +1,55 @@
+import itertools
+
+import pytest
+
+from tex_lightning.data.synthetic.materials import BLOCK, make_materials
+
+
+@pytest.mark.parametrize("seed", [0, 1, 7])
+def test_a_smaller_set_is_the_beginning_of_a_larger_one(seed):
+    assert make_materials(12, seed)[:6] == make_materials(6, seed)
+    assert make_materials(69, seed)[:12] == make_materials(12, seed)
+
+
+def test_another_seed_makes_other_materials():
+    assert make_materials(6, 0) != make_materials(6, 1)
+
+
+@pytest.mark.parametrize("classes", [2, 12, 69, 101])
+def test_names_are_unique_sorted_and_plain(classes):
+    names = [material.name for material in make_materials(classes, 0)]
+    assert len(set(names)) == classes
+    assert names == sorted(names)
+    assert all(name.replace("_", "").isalnum() and name.isascii() for name in names)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_every_block_has_one_pair_alike_to_the_eye_and_one_alike_to_the_tool(seed):
+    materials = make_materials(72, seed)
+    alike_to_eye, alike_to_tool = [], []
+    for (i, first), (j, second) in itertools.combinations(enumerate(materials), 2):
+        if first.looks_like(second):
+            alike_to_eye.append((i, j))
+        if first.feels_like(second):
+            alike_to_tool.append((i, j))
+    blocks = range(0, 72, BLOCK)
+    assert alike_to_eye == [(start, start + 1) for start in blocks]
+    assert alike_to_tool == [(start + 2, start + 3) for start in blocks]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_look_alikes_differ_threefold_or_more_in_stiffness(seed):
+    materials = make_materials(12, seed)
+    for start in (0, BLOCK):
+        first, second = (materials[start + k].body.stiffness for k in (0, 1))
+        assert max(first / second, second / first) > 3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_parameters_stay_physical(seed):
+    for material in make_materials(69, seed):
+        assert 0.8 <= material.relief.wavelength <= 4
+        assert 0 < material.relief.depth < material.relief.wavelength / 10
+        assert 0 < material.body.damping < 1
+        assert 0 < material.body.stick < 1
+        assert all(0 <= part <= 1 for part in material.skin.colour + material.skin.accent)

@@ -1,0 +1,118 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tex_lightning.data.synthetic.tool import (
+    GRAVITY,
+    accelerate,
+    draw_stroke,
+    slide_tool,
+)
+
+RATE = 10_000
+
+
+def _trace(specimen, seed=0, seconds=1.5):
+    return slide_tool(specimen, np.random.default_rng(seed), seconds, RATE)
+
+
+def _rms(x):
+    return float(np.sqrt(np.mean(np.square(x - x.mean(axis=-1, keepdims=True)))))
+
+
+@pytest.mark.parametrize(("seconds", "rate"), [(1, 10_000), (2.5, 10_000), (1.5, 2_000)])
+def test_trace_has_three_axes_and_its_duration(specimen, seconds, rate):
+    trace = slide_tool(specimen(0), np.random.default_rng(0), seconds, rate)
+    assert trace.shape == (3, round(seconds * rate))
+    assert trace.dtype == np.float32
+    assert np.isfinite(trace).all()
+
+
+def test_trace_is_reproducible_and_varies_with_its_random_numbers(specimen):
+    np.testing.assert_array_equal(_trace(specimen(0), 4), _trace(specimen(0), 4))
+    assert not np.array_equal(_trace(specimen(0), 4), _trace(specimen(0), 5))
+
+
+def test_trace_saturates_at_six_g_and_not_beyond(specimen):
+    traces = np.stack([_trace(specimen(0), seed) for seed in range(8)])
+    assert np.abs(traces).max() == 6.0
+
+
+def test_tool_hangs_still_under_gravity_until_the_impact(specimen):
+    for seed in range(5):
+        trace = _trace(specimen(0), seed)
+        lead = trace[:, :1900]
+        assert np.linalg.norm(lead.mean(axis=1)) == pytest.approx(1.0, abs=0.05)
+        assert _rms(lead) < 0.03
+        moved = np.linalg.norm(trace - lead.mean(axis=1, keepdims=True), axis=0)
+        landing = int(np.argmax(moved > 0.5))
+        assert 0.2 * RATE <= landing <= 0.42 * RATE
+        assert moved[landing : landing + 300].max() > 2
+
+
+def test_gravity_stays_in_the_mean_of_the_whole_trace(specimen):
+    mean = _trace(specimen(1), 2, seconds=3).mean(axis=1)
+    assert np.linalg.norm(mean) == pytest.approx(1.0, abs=0.15)
+
+
+def test_stroke_rests_until_the_landing_and_keeps_its_speed():
+    stroke = draw_stroke(np.random.default_rng(0), 4.0, RATE, mean_speed=100)
+    assert (stroke.speed[: stroke.landing] == 0).all()
+    assert (stroke.force > 0).all()
+    moving = slice(stroke.landing + RATE // 2, None)
+    assert stroke.speed[moving].mean() == pytest.approx(100, rel=0.3)
+    travelled = np.linalg.norm(np.diff(stroke.position), axis=0) * RATE
+    np.testing.assert_allclose(travelled, stroke.speed[1:], rtol=1e-6, atol=1e-6)
+
+
+def test_faster_strokes_shake_the_tool_more(specimen):
+    energy = []
+    for speed in (40, 80, 160):
+        stroke = draw_stroke(np.random.default_rng(1), 2.0, RATE, mean_speed=speed)
+        shaken = accelerate(specimen(4), stroke, np.random.default_rng(2))
+        energy.append(_rms(shaken[:, 8000:]))
+    assert energy[0] < energy[1] < energy[2]
+
+
+def test_faster_strokes_shift_the_grooves_to_higher_frequencies(specimen):
+    # Over a mesh of wavelength w at speed v, the relief's lowest line lies at v / w.
+    wavelength = specimen(1).material.relief.wavelength
+    for speed in (60, 120):
+        stroke = draw_stroke(np.random.default_rng(3), 4.0, RATE, mean_speed=speed)
+        straight = dataclasses.replace(
+            stroke,
+            position=np.stack([np.cumsum(stroke.speed) / RATE, np.full(4 * RATE, 0.3)]),
+        )
+        normal = accelerate(specimen(1), straight, np.random.default_rng(2))[2, 8000:]
+        spectrum = np.abs(np.fft.rfft(normal * np.hanning(len(normal)))) ** 2
+        hertz = np.fft.rfftfreq(len(normal), 1 / RATE)
+        line = stroke.speed[8000:].mean() / wavelength
+        near = spectrum[(hertz > 0.7 * line) & (hertz < 1.3 * line)].sum()
+        below = spectrum[(hertz > 0.1 * line) & (hertz < 0.7 * line)].sum()
+        assert near > 5 * below
+
+
+def test_stiffer_contact_rings_higher(specimen):
+    # The look-alikes share everything but the body.
+    stiff, soft = sorted((specimen(0), specimen(1)), key=lambda s: -s.material.body.stiffness)
+
+    def centroid(which):
+        stroke = draw_stroke(np.random.default_rng(1), 2.0, RATE, mean_speed=90)
+        normal = accelerate(which, stroke, np.random.default_rng(2))[2, 8000:]
+        power = np.abs(np.fft.rfft(normal)) ** 2
+        return (power * np.fft.rfftfreq(len(normal), 1 / RATE)).sum() / power.sum()
+
+    assert centroid(stiff) > 1.5 * centroid(soft)
+
+
+def test_surface_never_pulls_the_tool_down(specimen):
+    stroke = draw_stroke(np.random.default_rng(1), 2.0, RATE, mean_speed=150)
+    normal = accelerate(specimen(0), stroke, np.random.default_rng(2))[2, 8000:]
+    # The stylus' own ringing adds half of the motion in its band at most.
+    assert normal.min() > -2 * (stroke.force.max() / 0.05 + 0.1 * GRAVITY)
+
+
+def test_feel_alikes_give_the_very_same_trace_from_the_same_random_numbers(specimen):
+    np.testing.assert_array_equal(_trace(specimen(2), 3), _trace(specimen(3), 3))
+    assert not np.array_equal(_trace(specimen(0), 3), _trace(specimen(1), 3))

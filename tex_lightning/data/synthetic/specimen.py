@@ -1,0 +1,110 @@
+"""A specimen: one material made up once, for any number of photos and strokes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tex_lightning.data.synthetic.materials import Material, Skin
+from tex_lightning.data.synthetic.relief import (
+    PITCH,
+    TILE,
+    Field,
+    make_micro,
+    make_relief,
+    shaped_noise,
+    smooth,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """The tiles of one material.
+
+    Attributes:
+        material: What it is made of.
+        height: Relief in mm, shape (`TILE`, `TILE`); everything below but `micro` and the colours
+            of `albedo` is derived from it.
+        slope_x: Derivative of the height along x, same shape, without unit.
+        slope_y: Derivative along y.
+        occlusion: Diffuse light that a point receives, 1 on a plain, less in the valleys and up to
+            1.22 on a ridge.
+        albedo: Reflectance, shape (`TILE`, `TILE`, 3), linear red, green, blue.
+        contact_height: Relief as the tip follows it, in mm: averaged over the contact patch.
+        micro: Fine roughness in mm, shape (`MICRO_TILE`, `MICRO_TILE`).
+    """
+
+    material: Material
+    height: Field
+    slope_x: Field
+    slope_y: Field
+    occlusion: Field
+    albedo: Field
+    contact_height: Field
+    micro: Field
+
+
+def make_specimen(material: Material) -> Specimen:
+    """Make up a material; takes about a fifth of a second and 40 MB."""
+    height = make_relief(material.relief)
+    return Specimen(
+        material=material,
+        height=height,
+        slope_x=_slope(height, axis=1),
+        slope_y=_slope(height, axis=0),
+        occlusion=_occlusion(height, material.relief.wavelength),
+        albedo=_albedo(height, material.skin),
+        contact_height=smooth(height, _contact_radius(material.body.stiffness)),
+        micro=make_micro(material.body),
+    )
+
+
+def _slope(height: Field, axis: int) -> Field:
+    slope: Field = (np.roll(height, -1, axis) - np.roll(height, 1, axis)) / np.float32(2 * PITCH)
+    return slope
+
+
+def _occlusion(height: Field, wavelength: float) -> Field:
+    """Estimate sky visibility from how far a point lies below its surroundings."""
+    sunk = (smooth(height, wavelength / 2) - height) / np.float32(wavelength)
+    seen: Field = np.exp(-6 * np.maximum(sunk, 0) - 2 * np.clip(sunk, -0.1, 0))
+    return seen
+
+
+def _contact_radius(stiffness: float) -> float:
+    """Give the radius of the contact patch in mm: the softer the surface, the wider."""
+    return float(np.clip(0.12 * (1e6 / stiffness) ** 0.25, 0.12, 0.4))
+
+
+def _albedo(height: Field, skin: Skin) -> Field:
+    rng = np.random.default_rng([skin.seed, 2])
+    weight = _pattern(height, skin, rng)[..., None]
+    mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
+    ground = np.asarray(skin.colour, np.float32)
+    accent = np.asarray(skin.accent, np.float32)
+    mixed: Field = ground + weight * (accent - ground)
+    return np.clip(mixed * (1 + np.float32(0.05) * mottle[..., None]), 0, 1)
+
+
+def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
+    """Give the share of the accent colour at every point, in [0, 1]."""
+    count = max(2, round(TILE * PITCH / skin.pattern_size))
+    line = np.arange(TILE, dtype=np.float32) * np.float32(2 * np.pi * count / TILE)
+    rows, columns = np.meshgrid(line, line, indexing="ij")
+    if skin.pattern == "valleys":
+        return _step(-height / height.std() - 0.3, 4)
+    if skin.pattern == "stripes":
+        return _step(np.sin(rows + columns), 6)
+    if skin.pattern == "dots":
+        return _step(np.cos(rows) + np.cos(columns) - 0.7, 5)
+    if skin.pattern == "speckle":
+        size = skin.pattern_size / 8
+        grain = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-((3 * size * k) ** 2)))
+        return _step(grain - 0.8, 5)
+    return np.zeros_like(height)
+
+
+def _step(level: Field, sharpness: float) -> Field:
+    share: Field = 0.5 + 0.5 * np.tanh(np.float32(sharpness) * level)
+    return share
