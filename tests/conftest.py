@@ -1,0 +1,89 @@
+"""Small data in the real layouts, and the command line as a function."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from PIL import Image
+
+from tex_lightning.__main__ import main
+
+RATE = 10_000
+CLASSES = ("alpha", "beta", "gamma")
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Real recordings beside the checkout; the test is skipped where there are none."""
+    if not (SHARED / "data").is_dir():
+        pytest.skip("no real recordings beside the checkout")
+    return SHARED
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory) -> Path:
+    """One cache for all tests, so that synthetic surfaces are rendered once."""
+    return tmp_path_factory.mktemp("cache")
+
+
+def make_trace(kind: int, recording: int, seconds: float = 2.4) -> np.ndarray:
+    """A tone of its own for each class in noise, in [-1, 1]."""
+    rng = np.random.default_rng([kind, recording])
+    time = np.arange(int(seconds * RATE)) / RATE
+    tone = 0.3 * np.sin(2 * np.pi * (150 + 250 * kind) * time + rng.uniform(0, 6))
+    return (tone + 0.03 * rng.standard_normal(len(time))).astype(np.float32)
+
+
+def make_photo(kind: int, recording: int, side: int = 240) -> np.ndarray:
+    """Stripes of its own width for each class, at any angle, under noise."""
+    rng = np.random.default_rng([kind, recording, 1])
+    y, x = np.mgrid[:side, :side]
+    angle = rng.uniform(0, np.pi)
+    wave = np.sin((x * np.cos(angle) + y * np.sin(angle)) * 2 * np.pi / (6 * 2**kind))
+    grey = 128 + 60 * wave + 8 * rng.standard_normal((side, side))
+    return np.repeat(grey.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+
+@pytest.fixture(scope="session")
+def surfaces(tmp_path_factory) -> Path:
+    """ROOT/CLASS/{haptic,image}: three classes, ten recordings each, easily told apart."""
+    root = tmp_path_factory.mktemp("surfaces")
+    for kind, label in enumerate(CLASSES):
+        for modality in ("haptic", "image"):
+            (root / label / modality).mkdir(parents=True)
+        for recording in range(10):
+            wav = root / label / "haptic" / f"{label}_{recording}.wav"
+            soundfile.write(wav, make_trace(kind, recording), RATE, subtype="FLOAT")
+            photo = Image.fromarray(make_photo(kind, recording))
+            photo.save(root / label / "image" / f"{label}_{recording}.png")
+    return root
+
+
+@dataclass(frozen=True)
+class Outcome:
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def cli(cache, monkeypatch, capfd) -> Callable[..., Outcome]:
+    """Run the command line in this process, with the tests' cache and one thread."""
+
+    def run(*arguments: object) -> Outcome:
+        common = [f"data.cache_dir={cache}"]
+        monkeypatch.setattr(sys, "argv", ["tex_lightning", *map(str, arguments), *common])
+        capfd.readouterr()
+        try:
+            status = main()
+        except SystemExit as stop:
+            status = int(stop.code or 0)
+        captured = capfd.readouterr()
+        return Outcome(status, captured.out, captured.err)
+
+    return run

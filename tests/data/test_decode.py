@@ -1,0 +1,143 @@
+import io
+
+import cv2
+import numpy as np
+import pytest
+import soundfile
+from PIL import Image
+
+from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace, halve
+from tex_lightning.errors import UserError
+
+SETTINGS = DecodeSettings()
+AXES = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 700)).astype(np.float32)
+
+
+def write_csv(path, array, header=""):
+    np.savetxt(path, array, delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+@pytest.mark.parametrize("axes", [1, 3])
+@pytest.mark.parametrize("suffix", ["wav", "npy", "txt", "csv"])
+def test_every_format_gives_the_same_trace(tmp_path, axes, suffix):
+    path, trace = tmp_path / f"t.{suffix}", AXES[:axes]
+    match suffix:
+        case "wav":
+            soundfile.write(path, trace.T, 10_000, subtype="FLOAT")
+        case "npy":
+            np.save(path, trace)
+        case "txt":
+            np.savetxt(path, trace.T, fmt="%.9g")
+        case "csv":
+            write_csv(path, trace.T, header="x,y,z"[: 2 * axes - 1])
+    decoded = decode_trace(path, SETTINGS)
+    assert decoded.dtype == np.float32
+    np.testing.assert_allclose(decoded, trace, rtol=1e-6)
+
+
+def test_orientation_and_shape_of_arrays(tmp_path):
+    np.save(tmp_path / "a.npy", AXES.T)
+    np.testing.assert_array_equal(decode_trace(tmp_path / "a.npy", SETTINGS), AXES)
+    np.save(tmp_path / "b.npy", AXES[0])
+    assert decode_trace(tmp_path / "b.npy", SETTINGS).shape == (1, 700)
+
+
+@pytest.mark.parametrize("rate", [44_100, 5_000, 12_345])
+def test_a_tone_keeps_its_frequency_when_resampled(tmp_path, rate):
+    time = np.arange(rate * 2) / rate
+    soundfile.write(tmp_path / "t.wav", np.sin(2 * np.pi * 440 * time), rate, subtype="FLOAT")
+    trace = decode_trace(tmp_path / "t.wav", SETTINGS)[0]
+    assert abs(len(trace) - 20_000) <= 1
+    middle = trace[5000:15_000]
+    assert np.abs(np.fft.rfft(middle)).argmax() == 440
+    assert np.abs(middle).max() == pytest.approx(1, abs=0.02)
+
+
+def test_the_known_rate_of_a_bare_file_is_used(tmp_path):
+    np.save(tmp_path / "t.npy", AXES)
+    assert decode_trace(tmp_path / "t.npy", SETTINGS, rate=5000).shape == (3, 1400)
+    slower = DecodeSettings(file_rate=20_000)
+    assert decode_trace(tmp_path / "t.npy", slower).shape == (3, 350)
+
+
+def test_bad_traces_are_refused_with_a_reason(tmp_path):
+    def refuse(name, content, message):
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(UserError, match=message):
+            decode_trace(path, SETTINGS)
+
+    def npy(array):
+        stream = io.BytesIO()
+        np.save(stream, array)
+        return stream.getvalue()
+
+    def wav(array):
+        stream = io.BytesIO()
+        soundfile.write(stream, array, 10_000, format="WAV", subtype="PCM_16")
+        return stream.getvalue()
+
+    refuse("empty.wav", b"", "is empty")
+    refuse("text.wav", b"hello", "cannot be read")
+    refuse("cut.wav", wav(AXES.T)[:-400], "truncated: 633 of 700")
+    refuse("cut.npy", npy(AXES)[:-4], "cannot be read")
+    refuse("words.txt", b"1\n2\nthree\n", "cannot be read")
+    refuse("words.npy", npy(np.array(["a", "b"])), "instead of numbers")
+    refuse("pickle.npy", npy(np.array([{}])), "cannot be read")
+    refuse("nan.txt", b"1\nnan\n3\n", "NaN or infinity at sample 1")
+    refuse("two.wav", wav(AXES[:2].T), "one or three axes")
+    refuse("cube.npy", npy(np.zeros((2, 3, 4))), "one or three axes")
+    refuse("none.npy", npy(np.zeros((3, 0))), "no samples")
+    refuse("trace.mp3", b"x", "unknown type; use .wav, .npy, .txt, .csv")
+    with pytest.raises(UserError, match="does not exist"):
+        decode_trace(tmp_path / "nowhere.wav", SETTINGS)
+    (tmp_path / "t.npy").write_bytes(npy(AXES))
+    with pytest.raises(UserError, match="too far from"):
+        decode_trace(tmp_path / "t.npy", DecodeSettings(file_rate=1.0))
+
+
+def test_halving_is_opencvs_area_mean():
+    photo = np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8)
+    theirs = cv2.resize(photo, (40, 30), interpolation=cv2.INTER_AREA)
+    assert np.abs(halve(photo).astype(int) - theirs).max() <= 1  # they round halves to even
+    assert halve(photo[:59, :79]).shape == (29, 39, 3)
+
+
+def test_photos_come_upright_in_rgb(tmp_path):
+    photo = np.zeros((20, 40, 3), np.uint8)
+    photo[:, :20] = (200, 100, 0)
+    image = Image.fromarray(photo)
+    image.save(tmp_path / "p.png")
+    whole = decode_image(tmp_path / "p.png", DecodeSettings(half_scale=False))
+    np.testing.assert_array_equal(whole, photo)
+    assert decode_image(tmp_path / "p.png", SETTINGS).shape == (10, 20, 3)
+    exif = Image.Exif()
+    exif[0x0112] = 6  # to be turned clockwise
+    image.save(tmp_path / "turned.png", exif=exif)
+    turned = decode_image(tmp_path / "turned.png", DecodeSettings(half_scale=False))
+    np.testing.assert_array_equal(turned, np.rot90(photo, -1))
+    image.convert("L").save(tmp_path / "grey.png")
+    assert decode_image(tmp_path / "grey.png", SETTINGS).shape == (10, 20, 3)
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_truncated_photos_are_refused(tmp_path, suffix):
+    noise = np.random.default_rng(0).integers(0, 256, (100, 100, 3)).astype(np.uint8)
+    whole = tmp_path / f"whole.{suffix}"
+    Image.fromarray(noise).save(whole)
+    cut = tmp_path / f"cut.{suffix}"
+    cut.write_bytes(whole.read_bytes()[:-2000])
+    with pytest.raises(UserError, match="damaged"):
+        decode_image(cut, SETTINGS)
+
+
+def test_bad_photos_are_refused_with_a_reason(tmp_path):
+    (tmp_path / "text.jpg").write_text("hello")
+    with pytest.raises(UserError, match="no known image format"):
+        decode_image(tmp_path / "text.jpg", SETTINGS)
+    Image.fromarray(np.zeros((4, 4), np.uint16)).save(tmp_path / "deep.png")
+    with pytest.raises(UserError, match="8 bits"):
+        decode_image(tmp_path / "deep.png", SETTINGS)
+    Image.new("RGB", (1, 9)).save(tmp_path / "thin.png")
+    with pytest.raises(UserError, match="cannot be halved"):
+        decode_image(tmp_path / "thin.png", SETTINGS)

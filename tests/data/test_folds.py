@@ -1,0 +1,73 @@
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tex_lightning.data.folds import check_split, make_samples, split
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.errors import UserError
+
+
+def table(**counts: tuple[int, int]) -> Recordings:
+    """Classes with so many traces and photos."""
+    rows = []
+    for label, (traces, photos) in counts.items():
+        rows += [Recording(label, "haptic", Path(f"{label}{i}.wav"), i) for i in range(traces)]
+        rows += [Recording(label, "image", Path(f"{label}{i}.jpg"), i) for i in range(photos)]
+    return Recordings(tuple(rows))
+
+
+@given(folds=st.integers(2, 12), groups=st.lists(st.integers(0, 99), min_size=1, max_size=40))
+def test_every_recording_is_tested_once_and_never_with_its_group_in_training(folds, groups):
+    rows = Recordings(tuple(Recording("a", "haptic", Path(), group) for group in groups))
+    tested = 0
+    for fold in range(folds):
+        parts = split(rows, folds, fold, (fold + 1) % folds)
+        assert len(parts.train) + len(parts.val) + len(parts.test) == len(rows)
+        tested += len(parts.test)
+        groups_of = [
+            {row.group % folds for row in part} for part in (parts.train, parts.val, parts.test)
+        ]
+        assert (
+            not groups_of[0] & groups_of[1]
+            | groups_of[0] & groups_of[2]
+            | groups_of[1] & groups_of[2]
+        )
+    assert tested == len(rows)
+
+
+def test_without_a_test_fold_everything_is_test():
+    rows = table(a=(3, 0))
+    assert split(rows, 10, None, None).test == rows
+
+
+def test_fusion_pairs_go_through_the_longer_list():
+    samples = make_samples(table(a=(1, 4), b=(3, 2), c=(2, 0)), "fusion")
+    assert [s.label for s in samples] == ["a"] * 4 + ["b"] * 3
+    assert {s.image.path.name for s in samples if s.label == "a"} == {f"a{i}.jpg" for i in range(4)}
+    assert [(s.haptic.group, s.image.group) for s in samples if s.label == "b"] == [
+        (0, 0),
+        (1, 1),
+        (2, 0),
+    ]
+    assert all(s.haptic.label == s.image.label == s.label for s in samples)
+
+
+def test_unimodal_samples_leave_the_other_modality_out():
+    rows = table(a=(2, 3))
+    assert len(make_samples(rows, "haptic")) == 2
+    assert all(sample.haptic is None for sample in make_samples(rows, "visual"))
+
+
+def test_classes_that_cannot_be_trained_are_named():
+    rows = table(a=(10, 10), b=(1, 10))
+    with pytest.raises(UserError, match="no traces to train on for b"):
+        check_split(split(rows, 10, 0, None), rows.classes, "haptic", 0)
+    check_split(split(rows, 10, 0, None), rows.classes, "visual", 0)
+
+
+def test_an_empty_test_fold_is_said():
+    rows = table(a=(3, 0), b=(3, 0))
+    with pytest.raises(UserError, match="Fold 7 holds nothing"):
+        check_split(split(rows, 10, 7, None), rows.classes, "haptic", 7)

@@ -1,0 +1,87 @@
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tex_lightning.data.recordings import (
+    Recording,
+    Recordings,
+    natural_key,
+    number_files,
+    read_manifest,
+    write_manifest,
+)
+from tex_lightning.errors import UserError
+
+HEADER = "label,modality,path,group\n"
+
+
+def manifest(tmp_path: Path, lines: str) -> Path:
+    (tmp_path / "a.wav").write_bytes(b"x")
+    path = tmp_path / "m.csv"
+    path.write_text(lines, encoding="utf-8")
+    return path
+
+
+def test_natural_order_counts():
+    names = ["q10", "q2", "Q1", "G2b", "G1z"]
+    assert sorted(names, key=natural_key) == ["G1z", "G2b", "Q1", "q2", "q10"]
+
+
+@given(st.lists(st.text(), min_size=2))
+def test_natural_order_is_defined_for_any_names(names):
+    assert sorted(sorted(names), key=natural_key)
+
+
+def test_groups_are_places_in_the_natural_order():
+    rows = number_files("x", "haptic", [Path("a10.wav"), Path("a9.wav")], 5000.0)
+    assert [(row.path.name, row.group) for row in rows] == [("a9.wav", 0), ("a10.wav", 1)]
+    assert rows[0].sampling_rate == 5000.0
+
+
+def test_a_manifest_survives_a_round_trip(tmp_path):
+    path = manifest(tmp_path, HEADER + "wood,haptic,a.wav,3\n")
+    table = read_manifest(path)
+    assert table.rows == (Recording("wood", "haptic", (tmp_path / "a.wav").resolve(), 3),)
+    elsewhere = tmp_path / "copy.csv"
+    write_manifest(table, elsewhere)
+    assert read_manifest(elsewhere) == table
+
+
+def test_rates_byte_order_marks_and_extra_columns_are_read(tmp_path):
+    path = manifest(
+        tmp_path, "\ufefflabel,modality,path,group,sampling_rate,note\nw,haptic,a.wav,0,2500,x\n"
+    )
+    assert read_manifest(path).rows[0].sampling_rate == 2500
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("label,path\n", "lacks the column modality, group"),
+        (HEADER, "lists no recordings"),
+        (HEADER + "w,sound,a.wav,0\n", "line 2: modality is 'sound'; write haptic or image"),
+        (HEADER + "w,haptic,b.wav,0\n", "b.wav does not exist"),
+        (HEADER + "w,haptic,a.wav,x\n", "not a number"),
+        (HEADER + "w,haptic,a.wav,-1\n", "0 or more"),
+        (HEADER + ",haptic,a.wav,1\n", "label or path is empty"),
+        (HEADER + "w,haptic\n", "label or path is empty"),
+    ],
+)
+def test_what_is_wrong_with_a_manifest_is_said(tmp_path, lines, message):
+    with pytest.raises(UserError, match=message):
+        read_manifest(manifest(tmp_path, lines))
+
+
+def test_a_manifest_that_is_no_text_or_not_there(tmp_path):
+    (tmp_path / "m.csv").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(UserError, match="UTF-8"):
+        read_manifest(tmp_path / "m.csv")
+    with pytest.raises(UserError, match="does not exist"):
+        read_manifest(tmp_path / "none.csv")
+
+
+def test_classes_are_distinct_and_in_natural_order():
+    rows = [Recording(label, "image", Path(), 0) for label in ("c10", "c2", "c2")]
+    assert Recordings(tuple(rows)).classes == ["c2", "c10"]

@@ -1,0 +1,92 @@
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace
+from tex_lightning.data.readers.folder import read_folder
+from tex_lightning.data.store import Store, cache_root
+from tex_lightning.errors import UserError
+
+
+@pytest.fixture
+def store(tmp_path) -> Store:
+    return Store(cache_root(str(tmp_path / "cache")), DecodeSettings())
+
+
+def entries(store: Store) -> set[Path]:
+    return {path for path in store.root.rglob("*") if path.is_file()}
+
+
+def test_gives_what_decoding_gives_from_a_read_only_map(store, surfaces):
+    trace, photo = (read_folder(surfaces).of(modality).rows[0] for modality in ("haptic", "image"))
+    np.testing.assert_array_equal(store.trace(trace), decode_trace(trace.path, store.settings))
+    np.testing.assert_array_equal(store.image(photo), decode_image(photo.path, store.settings))
+    assert isinstance(store.trace(trace), np.memmap)
+    with pytest.raises(ValueError, match="read-only"):
+        store.trace(trace)[0, 0] = 1
+
+
+def test_decodes_each_file_once(store, surfaces, monkeypatch):
+    rows = read_folder(surfaces)
+    store.fill(rows)
+    assert len(entries(store)) == len(rows)
+
+    def forbidden(*args):
+        raise AssertionError("decoded twice")
+
+    monkeypatch.setattr("tex_lightning.data.store.decode_trace", forbidden)
+    monkeypatch.setattr("tex_lightning.data.store.decode_image", forbidden)
+    store.fill(rows)
+    store.trace(rows.of("haptic").rows[0])
+
+
+def test_a_changed_file_or_setting_is_decoded_anew(store, tmp_path):
+    path = tmp_path / "data" / "a" / "haptic" / "1.npy"
+    path.parent.mkdir(parents=True)
+    np.save(path, np.ones(100))
+    (row,) = read_folder(tmp_path / "data")
+    assert store.trace(row).max() == 1
+    np.save(path, np.full(100, 2.0))
+    os.utime(path, ns=(1, 1))
+    assert store.trace(row).max() == 2
+    half_rate = Store(store.root.parent, DecodeSettings(sampling_rate=5000))
+    assert half_rate.trace(row).shape == (1, 50)
+
+
+def test_a_damaged_entry_is_replaced(store, surfaces):
+    row = read_folder(surfaces).of("haptic").rows[0]
+    whole = np.array(store.trace(row))
+    (entry,) = entries(store)
+    for damage in (b"", entry.read_bytes()[:50], entry.read_bytes()[:-8]):
+        entry.write_bytes(damage)
+        np.testing.assert_array_equal(store.trace(row), whole)
+
+
+def _fill(root: str, surfaces: str) -> int:
+    rows = read_folder(Path(surfaces))
+    store = Store(Path(root), DecodeSettings())
+    store.fill(rows)
+    return sum(int(store.image(row).sum()) for row in rows.of("image"))
+
+
+def test_two_processes_may_fill_it_at_once(tmp_path, surfaces):
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        jobs = [pool.submit(_fill, str(tmp_path), str(surfaces)) for _ in range(2)]
+        first, second = (job.result() for job in jobs)
+    assert first == second
+    leftovers = [path for path in tmp_path.rglob(".*") if path.is_file()]
+    assert not leftovers
+
+
+def test_a_missing_file_and_an_unwritable_cache_are_said(store, surfaces, tmp_path):
+    row = read_folder(surfaces).rows[0]
+    gone = type(row)("a", "haptic", tmp_path / "gone.wav", 0)
+    with pytest.raises(UserError, match=r"gone\.wav does not exist"):
+        store.fill([gone])
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(UserError, match=r"data\.cache_dir"):
+        cache_root(str(tmp_path / "file"))

@@ -1,0 +1,60 @@
+import statistics
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from tex_lightning.decision.voting import max_vote, random_pairs
+
+LOGITS = arrays(
+    np.float32,
+    st.tuples(st.integers(2, 6), st.integers(1, 30)),
+    elements=st.integers(-4, 4).map(float),
+)
+
+
+@given(LOGITS)
+def test_the_winner_is_a_mode_of_the_fragments(logits):
+    vote = max_vote(torch.from_numpy(logits))
+    assert vote.label in statistics.multimode(logits.argmax(axis=0).tolist())
+    assert vote.shares.sum().item() == pytest.approx(1)
+
+
+@given(LOGITS, st.randoms())
+def test_the_order_of_fragments_does_not_matter(logits, random):
+    order = list(range(logits.shape[1]))
+    random.shuffle(order)
+    assert (
+        max_vote(torch.from_numpy(logits)).label
+        == max_vote(torch.from_numpy(logits[:, order])).label
+    )
+
+
+def test_ties_go_to_the_larger_mean_probability_then_the_lower_index():
+    surer_second = torch.tensor([[2.0, 0.0], [0.0, 5.0]])
+    assert max_vote(surer_second).label == 1
+    equal = torch.tensor([[1.0, 0.0], [0.0, 1.0]])
+    assert max_vote(equal).label == 0
+
+
+def test_votes_count_more_than_certainty():
+    logits = torch.tensor([[1.0, 1.0, 0.0], [0.0, 0.0, 50.0]])
+    vote = max_vote(logits)
+    assert vote.label == 0
+    assert vote.shares.tolist() == pytest.approx([2 / 3, 1 / 3])
+
+
+def test_no_fragments_is_a_programming_error():
+    with pytest.raises(ValueError, match="at least one"):
+        max_vote(torch.zeros(3, 0))
+
+
+def test_pairs_are_uniform_independent_and_repeatable():
+    pairs = random_pairs(4, 6, 24_000, seed=7)
+    assert torch.equal(pairs, random_pairs(4, 6, 24_000, seed=7))
+    assert not torch.equal(pairs, random_pairs(4, 6, 24_000, seed=8))
+    counts = torch.bincount(pairs[:, 0] * 6 + pairs[:, 1], minlength=24).double()
+    assert ((counts - 1000) ** 2 / 1000).sum() < 49.7  # chi-squared, 23 degrees, 0.1 %

@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from tex_lightning.features.dft321 import dft321
+
+
+def reference(axes: np.ndarray) -> np.ndarray:
+    """The two-sided transform with both halves written out, in NumPy."""
+    spectrum = np.fft.fft(axes - axes.mean(axis=1, keepdims=True), axis=1)
+    magnitude = np.sqrt((np.abs(spectrum) ** 2).sum(axis=0))
+    phase = np.angle(spectrum.sum(axis=0))
+    return np.fft.ifft(magnitude * np.exp(1j * phase)).real
+
+
+@given(samples=st.integers(8, 400), seed=st.integers(0, 1000))
+def test_equals_the_two_sided_transform(samples, seed):
+    axes = np.random.default_rng(seed).standard_normal((3, samples))
+    result = dft321(torch.from_numpy(axes)).numpy()
+    np.testing.assert_allclose(result, reference(axes), atol=1e-9)
+
+
+@pytest.mark.parametrize("samples", [1000, 1001])
+def test_keeps_the_energy(samples):
+    axes = np.random.default_rng(0).standard_normal((3, samples)) + [[9.81], [0.0], [1.0]]
+    energy = ((axes - axes.mean(axis=1, keepdims=True)) ** 2).sum()
+    assert dft321(torch.from_numpy(axes)).square().sum().item() == pytest.approx(energy)
+
+
+def test_rotating_the_tool_keeps_the_magnitude_spectrum():
+    axes = np.random.default_rng(1).standard_normal((3, 2048))
+    turned = Rotation.random(rng=2).as_matrix() @ axes
+    spectra = [torch.fft.rfft(dft321(torch.from_numpy(item))).abs() for item in (axes, turned)]
+    torch.testing.assert_close(*spectra)
+
+
+def test_axes_that_cancel_and_silence_are_finite():
+    wave = torch.sin(torch.arange(500) * 0.1)
+    cancelled = dft321(torch.stack((wave, -wave, torch.zeros(500))))
+    assert torch.isfinite(cancelled).all()
+    assert torch.equal(dft321(torch.zeros(3, 500)), torch.zeros(500))
+
+
+def test_other_than_three_axes_is_a_programming_error():
+    with pytest.raises(ValueError, match="three axes"):
+        dft321(torch.zeros(2, 100))

@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import ShortTimeFFT
+
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import HapticFeatures, movement_start
+
+
+def noise(seconds: float, axes: int = 1, seed: int = 0) -> torch.Tensor:
+    rng = np.random.default_rng(seed)
+    return torch.from_numpy(rng.standard_normal((axes, int(seconds * 10_000))).astype(np.float32))
+
+
+def test_magnitudes_equal_scipys():
+    trace = noise(1.5)
+    ours = HapticFeatures(skip_impact=False).magnitudes(trace).numpy()
+    signal = (trace[0] - trace[0].mean()).numpy().astype(np.float64)
+    transform = ShortTimeFFT(np.hamming(500), hop=100, fs=10_000)
+    assert transform.f[49] == pytest.approx(980)
+    # SciPy numbers slices by their centre, and half a window is no multiple of the hop: without
+    # the first half hop its first slice inside the signal is our frame 1.
+    first, last = transform.lower_border_end[1], transform.upper_border_begin(len(signal))[1]
+    theirs = np.abs(transform.stft(signal[50:], p0=first, p1=last))[:50]
+    frames = min(theirs.shape[1], ours.shape[1] - 1)
+    assert frames > 140
+    np.testing.assert_allclose(ours[:, 1 : frames + 1], theirs[:, :frames], rtol=1e-3, atol=2e-3)
+
+
+@pytest.mark.parametrize(("seconds", "frames"), [(20, 1996), (10, 996), (4.7985, 475)])
+def test_number_of_frames(seconds, frames):
+    assert HapticFeatures(skip_impact=False).magnitudes(noise(seconds)).shape == (50, frames)
+
+
+def test_a_tone_lands_in_its_channel():
+    time = torch.arange(20_000) / 10_000
+    magnitudes = HapticFeatures().magnitudes(torch.sin(2 * torch.pi * 440 * time)[None])
+    assert (magnitudes.argmax(dim=0) == 440 // 20).all()
+
+
+def test_shifting_by_a_hop_shifts_by_a_frame():
+    features = HapticFeatures(skip_impact=False)
+    start, rest = noise(0.01), noise(1.0, seed=1)
+    trace = torch.cat((start - start.mean(), rest - rest.mean()), dim=1)  # both have mean 0
+    whole, later = features.magnitudes(trace), features.magnitudes(trace[:, 100:])
+    torch.testing.assert_close(whole[:, 1:], later, atol=1e-3, rtol=1e-3)
+
+
+def test_paper_normalisation_spans_zero_to_one_per_channel():
+    spectrogram = HapticFeatures(normalisation="paper")(noise(1.0, axes=3))[0, 0]
+    assert spectrogram.amin(dim=1).eq(0).all()
+    assert spectrogram.amax(dim=1).eq(1).all()
+
+
+@given(gain=st.floats(1e-3, 1e3))
+def test_paper_normalisation_cancels_gain(gain):
+    features = HapticFeatures(normalisation="paper")
+    trace = noise(0.5)
+    torch.testing.assert_close(features(trace * gain), features(trace), atol=1e-3, rtol=0)
+
+
+def test_standard_normalisation_of_the_training_set_is_standard():
+    features = HapticFeatures()
+    magnitudes = [features.magnitudes(noise(1.0, seed=seed)) for seed in range(4)]
+    features.fit(magnitudes)
+    frames = torch.cat([features.normalise(item) for item in magnitudes], dim=1)
+    torch.testing.assert_close(frames.mean(dim=1), torch.zeros(50), atol=1e-4, rtol=0)
+    torch.testing.assert_close(frames.std(dim=1), torch.ones(50), atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("normalisation", ["paper", "standard"])
+def test_silent_and_constant_traces_are_defined(normalisation):
+    features = HapticFeatures(normalisation=normalisation)
+    features.fit([features.magnitudes(torch.zeros(1, 5000))])
+    for trace in (torch.zeros(1, 5000), torch.full((3, 5000), 2.5)):
+        assert torch.equal(features(trace), torch.zeros(1, 1, 50, 46))
+
+
+def test_skips_the_touch_but_no_movement():
+    quiet, movement = 0.001 * noise(0.5), 0.3 * noise(3.0, seed=1)
+    touch = torch.zeros(1, 500)
+    touch[0, 0] = 5.0
+    start = movement_start(torch.cat((quiet, touch, movement), dim=1), 10_000)
+    assert start == 5000 + 2000
+    assert movement_start(movement, 10_000) == 0
+
+
+def test_gravity_does_not_hide_the_touch():
+    trace = torch.cat((0.001 * noise(0.5, 3), 0.5 * noise(2.0, 3)), dim=1)
+    trace += torch.tensor([[0.1], [0.99], [0.0]])
+    assert 7000 <= movement_start(trace, 10_000) <= 7010
+
+
+def test_a_trace_below_one_window_is_refused():
+    with pytest.raises(UserError, match="longer stroke"):
+        HapticFeatures().magnitudes(noise(0.0499))
+    assert HapticFeatures().magnitudes(noise(0.05)).shape == (50, 1)
