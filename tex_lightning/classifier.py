@@ -77,13 +77,19 @@ class SurfaceClassifier(nn.Module):
         self.haptic_features = HapticFeatures(**card.haptic_features) if "haptic" in needs else None
         self.image_features = ImageFeatures() if "image" in needs else None
         self.network = _build_network(card)
+        # channels-last was the faster layout for every network with batch normalisation
+        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
 
     @classmethod
-    def from_checkpoint(cls, path: str | Path) -> "SurfaceClassifier":
+    def from_checkpoint(cls, path: str | Path, kind: Kind | None = None) -> "SurfaceClassifier":
         """Load a checkpoint of this package, ready to classify on the CPU.
 
+        Args:
+            path: The file.
+            kind: What kind of network it has to be; None takes any.
+
         Raises:
-            UserError: If the file is missing, damaged or from elsewhere.
+            UserError: If the file is missing, damaged, from elsewhere or of another kind.
         """
         path = Path(path).expanduser()
         if not path.is_file():
@@ -105,7 +111,17 @@ class SurfaceClassifier(nn.Module):
                 f"Checkpoint {path} is damaged or was not written by tex_lightning "
                 f"({type(error).__name__}); give a file from a run's checkpoints folder."
             ) from error
+        if kind is not None and classifier.card.kind != kind:
+            raise UserError(
+                f"Checkpoint {path} holds a {classifier.card.kind} network where a {kind} network "
+                "is needed; give another file."
+            )
         return classifier.eval()
+
+    def adopt_haptic_features(self, other: "SurfaceClassifier") -> None:
+        """Take over the normalisation that another classifier was fitted with."""
+        if self.haptic_features is not None and other.haptic_features is not None:
+            self.haptic_features.load_state_dict(other.haptic_features.state_dict())
 
     @torch.inference_mode()
     def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:

@@ -63,6 +63,8 @@ def _task(config: Config) -> Iterator[str]:
         )
     if config.weights is not None and config.model.kind == "haptic":
         yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
+    if config.weights is not None and config.model.fusion.visual_checkpoint is not None:
+        yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
 
 
 def _data(data: DataConfig) -> Iterator[str]:

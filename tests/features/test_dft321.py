@@ -25,7 +25,8 @@ def test_equals_the_two_sided_transform(samples, seed):
 
 @pytest.mark.parametrize("samples", [1000, 1001])
 def test_keeps_the_energy(samples):
-    axes = np.random.default_rng(0).standard_normal((3, samples)) + [[9.81], [0.0], [1.0]]
+    axes = np.random.default_rng(0).standard_normal((3, samples))
+    axes += np.array([[9.81], [0.0], [1.0]])
     energy = ((axes - axes.mean(axis=1, keepdims=True)) ** 2).sum()
     assert dft321(torch.from_numpy(axes)).square().sum().item() == pytest.approx(energy)
 

@@ -8,7 +8,10 @@ from tex_lightning.features.image import MEAN, STD, ImageFeatures, crop_side
 
 def test_normalisation_is_per_colour():
     photo = torch.tensor([0, 128, 255], dtype=torch.uint8).view(1, 3, 1, 1)
-    expected = [(value / 255 - mean) / std for value, mean, std in zip((0, 128, 255), MEAN, STD, strict=True)]
+    expected = [
+        (value / 255 - mean) / std
+        for value, mean, std in zip((0, 128, 255), MEAN, STD, strict=True)
+    ]
     np.testing.assert_allclose(ImageFeatures()(photo).flatten(), expected, rtol=1e-5)
 
 

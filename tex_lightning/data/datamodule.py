@@ -4,7 +4,7 @@ A training batch is a function of the seed and its number alone: neither loader 
 interruption change what the network sees.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,18 +115,19 @@ class TrainingBatches(Dataset[Batch]):
 
 
 class EpochSampler(Sampler[int]):
-    """Numbers of the batches of one epoch; Lightning tells which epoch it is."""
+    """Numbers of the batches of one epoch.
 
-    def __init__(self, steps: int) -> None:
+    Lightning fetches the first batch of a resumed run before it tells samplers the epoch, so the
+    epoch is asked for when an iteration begins.
+    """
+
+    def __init__(self, steps: int, current_epoch: Callable[[], int]) -> None:
         self.steps = steps
-        self.epoch = 0
-
-    def set_epoch(self, epoch: int) -> None:
-        """Called by Lightning before each epoch, after a resumption too."""
-        self.epoch = epoch
+        self.current_epoch = current_epoch
 
     def __iter__(self) -> Iterator[int]:
-        return iter(range(self.epoch * self.steps, (self.epoch + 1) * self.steps))
+        epoch = self.current_epoch()
+        return iter(range(epoch * self.steps, (epoch + 1) * self.steps))
 
     def __len__(self) -> int:
         return self.steps
@@ -181,15 +182,25 @@ class SurfaceData(LightningDataModule):
         return DataLoader(
             self.batches,
             batch_size=None,
-            sampler=EpochSampler(self.steps),
+            sampler=EpochSampler(self.steps, self._current_epoch),
             num_workers=self.num_workers,
             persistent_workers=self.num_workers > 0,
+            generator=torch.Generator(),  # else every new iterator draws from dropout's generator
             pin_memory=torch.cuda.is_available(),
         )
 
+    def _current_epoch(self) -> int:
+        # `trainer.current_epoch` is corrected only after a resumed run's first batch is fetched
+        if self.trainer is None:
+            return 0
+        progress = self.trainer.fit_loop.epoch_progress.current
+        return int(progress.processed)  # type: ignore[attr-defined]  # annotated as its base
+
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
         """One sample at a time, since samples have unequal sizes."""
-        return DataLoader(self.validation, batch_size=None) if len(self.validation) else []
+        if not len(self.validation):
+            return []
+        return DataLoader(self.validation, batch_size=None, generator=torch.Generator())
 
 
 def _at_least(spectrogram: Tensor, frames: int) -> Tensor:

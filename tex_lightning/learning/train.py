@@ -56,8 +56,19 @@ MODULES: dict[Kind, type[SurfaceModule]] = {
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
     ".*exists and is not empty.*",  # that is what resuming means
+    ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
+
+
+class ProgressBar(RichProgressBar):
+    """Lightning's bar without the number of the log version, which says nothing here."""
+
+    def get_metrics(self, *args: Any) -> dict[str, int | str | float | dict[str, float]]:  # noqa: ANN401
+        """The metrics beside the bar."""
+        metrics = super().get_metrics(*args)
+        metrics.pop("v_num", None)
+        return metrics
 
 
 @dataclass(frozen=True)
@@ -183,9 +194,8 @@ def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tenso
     assert features is not None
     fitted = training.card.kind == "fusion"
     if fitted:
-        start = SurfaceClassifier.from_checkpoint(training.unimodal["haptic"]).haptic_features
-        assert start is not None
-        features.load_state_dict(start.state_dict())
+        start = SurfaceClassifier.from_checkpoint(training.unimodal["haptic"], "haptic")
+        module.classifier.adopt_haptic_features(start)
     device = pick_device(training.config.trainer.accelerator)
     features.to(device)
     rows = training.parts.train.of("haptic").rows
@@ -224,10 +234,11 @@ def _make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer,
         monitor="val/loss" if validated else None,
         save_top_k=1 if validated else 0,
         save_last=True,
+        save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
         enable_version_counter=False,
         auto_insert_metric_name=False,
     )
-    bar = RichProgressBar(console_kwargs={"stderr": True})
+    bar = ProgressBar(console_kwargs={"stderr": True})
     callbacks: list[Callback] = [timer, keeper, bar, SampleFigures()]
     if training.card.kind == "fusion":
         paths = training.unimodal

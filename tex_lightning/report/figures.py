@@ -62,7 +62,7 @@ def spectrogram_figure(spectrograms: Tensor, titles: list[str]) -> Figure:
     figure, grid = _grid(len(titles))
     seconds = spectrograms.shape[2] * HapticFeatures.hop_length / 10_000
     top = HapticFeatures.bands * 10_000 / HapticFeatures.window_length
-    for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=False):
+    for axes, spectrogram, title in zip(grid, spectrograms.numpy(), titles, strict=False):
         axes.imshow(
             spectrogram, origin="lower", aspect="auto", cmap="magma", extent=(0, seconds, 0, top)
         )

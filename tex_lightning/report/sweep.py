@@ -116,17 +116,28 @@ def _pooled(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return pooled
 
 
+def _varying(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """What distinguishes each job's overrides from those that all jobs share."""
+    every = [set(row["overrides"].split()) for row in rows]
+    shared = set.intersection(*every) if len(every) > 1 else set()
+    return {
+        row["overrides"]: " ".join(item for item in row["overrides"].split() if item not in shared)
+        for row in rows
+    }
+
+
 def _print(rows: list[dict[str, Any]], directory: Path) -> None:
     table = Table(title="sweep")
+    varying = _varying([row for row in rows if not row["job"].endswith(" folds")])
     for heading in ("job", "overrides", "network", "votes", "95 % interval", "fit s"):
         table.add_column(heading)
     for row in rows:
         if "network" not in row:
-            table.add_row(row["job"], row["overrides"], "", row["status"])
+            table.add_row(row["job"], varying[row["overrides"]], "", row["status"])
             continue
         table.add_row(
             row["job"],
-            row["overrides"],
+            varying.get(row["overrides"], ""),
             row["network"],
             f"{row['vote_accuracy']:.1%} ({row['correct']}/{row['test_samples']})",
             f"{row['ci_low']:.1%} to {row['ci_high']:.1%}",

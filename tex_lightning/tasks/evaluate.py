@@ -18,7 +18,7 @@ from tex_lightning.report.results import environment, summarise, write_outcomes,
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
-from tex_lightning.tasks.workspace import claim_folder, trained_on
+from tex_lightning.tasks.workspace import claim_folder, refuse_leak, trained_on
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
@@ -83,17 +83,6 @@ def _test_part(config: Config, classifier: SurfaceClassifier) -> Recordings:
             f"The checkpoint does not know the class {', '.join(unknown)}; leave it out of the "
             "data or train on it."
         )
-    _refuse_training_data(config, card.trained_on)
+    refuse_leak(trained_on(config), card, "The checkpoint")
     wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
     return split(wanted, config.data.folds, config.data.test_fold, None).test
-
-
-def _refuse_training_data(config: Config, theirs: dict[str, Any]) -> None:
-    ours = trained_on(config)
-    if all(ours[key] == theirs[key] for key in ("data", "source", "folds")):
-        allowed = theirs["test_fold"]
-        if ours["test_fold"] != allowed:
-            raise UserError(
-                f"The checkpoint was trained on all folds of this data but {allowed}; testing it "
-                f"elsewhere would flatter it, so set data.test_fold={allowed}."
-            )

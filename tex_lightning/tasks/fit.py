@@ -23,7 +23,7 @@ from tex_lightning.report.results import (
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
-from tex_lightning.tasks.workspace import Workspace, make_card, open_workspace
+from tex_lightning.tasks.workspace import Workspace, make_card, open_workspace, starting_card
 
 log = logging.getLogger(__name__)
 
@@ -61,14 +61,16 @@ def fit_fold(workspace: Workspace) -> dict[str, Any]:
     unimodal: dict[Kind, Path] = {}
     networks: dict[str, Any] = {}
     if workspace.kind == "fusion":
-        given = {"haptic": fusion.haptic_checkpoint, "visual": fusion.visual_checkpoint}
-        for kind in ("haptic", "visual"):
-            path = given[kind]
-            if path is None:
-                networks[kind] = _fit_network(workspace, parts, kind, {})
-                unimodal[kind] = Path(networks[kind]["checkpoint"])
-            else:
-                unimodal[kind] = Path(path).expanduser()
+        given: dict[Kind, str | None] = {
+            "haptic": fusion.haptic_checkpoint,
+            "visual": fusion.visual_checkpoint,
+        }
+        unimodal = {kind: Path(path).expanduser() for kind, path in given.items() if path}
+        for kind, path in unimodal.items():
+            starting_card(workspace, kind, path)  # before time is spent on the other network
+        for kind in [kind for kind in given if kind not in unimodal]:
+            networks[kind] = _fit_network(workspace, parts, kind, {})
+            unimodal[kind] = Path(networks[kind]["checkpoint"])
     networks[workspace.kind] = _fit_network(workspace, parts, workspace.kind, unimodal)
     return networks
 

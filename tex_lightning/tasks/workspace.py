@@ -14,9 +14,14 @@ from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_text
+from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.schema import Config, DataConfig
 
 log = logging.getLogger(__name__)
+
+HAPTIC_KEYS = ("width", "norm", "dropout")
+VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel")
 
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = {
@@ -67,6 +72,7 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
         UserError: If the data cannot be used or the folder holds another run.
     """
     kind = cast(Kind, config.model.kind)
+    check_networks(config)
     claim_folder(config, directory)
     rows = read_recordings(config.data)
     recordings = Recordings(tuple(row for row in rows if row.modality in NEEDS[kind]))
@@ -78,6 +84,19 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
         )
     store.fill(recordings)
     return Workspace(config, kind, recordings.classes, recordings, store, directory)
+
+
+def check_networks(config: Config) -> None:
+    """Build what will be trained, so that settings and weights that do not fit are said at once.
+
+    Raises:
+        UserError: Naming the key that does not fit.
+    """
+    model = config.model
+    if model.kind != "haptic" and model.fusion.visual_checkpoint is None:
+        network = VisualNet(2, **_network(model.visual, *VISUAL_KEYS))
+        if config.weights is not None:
+            load_trunk_weights(network, config.weights)
 
 
 def decode_settings(data: DataConfig) -> DecodeSettings:
@@ -94,20 +113,14 @@ def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> C
         decode=decode_settings(config.data).to_dict(),
         decision=asdict(config.decision),
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
-        haptic_network=_network(config.model.haptic, "width", "norm", "dropout")
-        if kind == "haptic"
-        else {},
-        visual_network=_network(
-            config.model.visual, "trunk", "width", "norm", "dropout", "fc1_kernel"
-        )
-        if kind == "visual"
-        else {},
+        haptic_network=_network(config.model.haptic, *HAPTIC_KEYS) if kind == "haptic" else {},
+        visual_network=_network(config.model.visual, *VISUAL_KEYS) if kind == "visual" else {},
         trained_on=trained_on(config),
     )
     if kind != "fusion":
         return card
-    haptic = _checked_card(unimodal["haptic"], card)
-    visual = _checked_card(unimodal["visual"], card)
+    haptic = starting_card(workspace, "haptic", unimodal["haptic"])
+    visual = starting_card(workspace, "visual", unimodal["visual"])
     return replace(
         card,
         haptic_features=haptic.haptic_features,
@@ -115,6 +128,51 @@ def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> C
         visual_network=visual.visual_network,
         fusion={"level": config.model.fusion.level},
     )
+
+
+def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:
+    """The card of a unimodal checkpoint, if FusionNet may start from it.
+
+    Raises:
+        UserError: If it is no such network, classes or decoding differ, or it has seen the fold
+            that this run tests.
+    """
+    config = workspace.config
+    card = SurfaceClassifier.from_checkpoint(path, kind).card
+    if card.classes != workspace.classes:
+        raise UserError(
+            f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
+            f"{len(workspace.classes)} of this data; train it on the same data."
+        )
+    relevant = "sampling_rate" if kind == "haptic" else "half_scale"
+    ours = decode_settings(config.data).to_dict()[relevant]
+    if card.decode[relevant] != ours:
+        raise UserError(
+            f"Checkpoint {path} was trained with data.{relevant}={card.decode[relevant]}, this "
+            f"run has {ours}; make them equal."
+        )
+    refuse_leak(trained_on(config), card, f"Checkpoint {path}")
+    return card
+
+
+def refuse_leak(ours: dict[str, Any], card: Card, who: str) -> None:
+    """Refuse weights that were trained on what is to be tested.
+
+    Args:
+        ours: :func:`trained_on` of this run.
+        card: Of the checkpoint.
+        who: Its name in the message.
+
+    Raises:
+        UserError: Naming the fold that the checkpoint may be tested on.
+    """
+    theirs = card.trained_on
+    same_data = all(ours[key] == theirs[key] for key in ("data", "source", "folds"))
+    if same_data and ours["test_fold"] != theirs["test_fold"]:
+        raise UserError(
+            f"{who} was trained on every fold of this data but {theirs['test_fold']}, so testing "
+            f"elsewhere would flatter it; set data.test_fold={theirs['test_fold']} or train anew."
+        )
 
 
 def trained_on(config: Config) -> dict[str, Any]:
@@ -181,31 +239,3 @@ def _haptic_features(config: Config) -> dict[str, Any]:
 
 def _network(section: object, *keys: str) -> dict[str, Any]:
     return {key: getattr(section, key) for key in keys}
-
-
-def _checked_card(path: Path, fusion: Card) -> Card:
-    """The card of a unimodal checkpoint, if FusionNet may start from it.
-
-    Raises:
-        UserError: If classes or decoding differ, or it has seen this run's test fold.
-    """
-    card = SurfaceClassifier.from_checkpoint(path).card
-    if card.classes != fusion.classes:
-        raise UserError(
-            f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
-            f"{len(fusion.classes)} of this data; train it on the same data."
-        )
-    relevant = "sampling_rate" if card.kind == "haptic" else "half_scale"
-    if card.decode[relevant] != fusion.decode[relevant]:
-        raise UserError(
-            f"Checkpoint {path} was trained with data.{relevant}={card.decode[relevant]}, this "
-            f"run has {fusion.decode[relevant]}; make them equal."
-        )
-    ours, theirs = fusion.trained_on, card.trained_on
-    same_data = all(ours[key] == theirs[key] for key in ("data", "source", "folds"))
-    if same_data and ours["test_fold"] != theirs["test_fold"]:
-        raise UserError(
-            f"Checkpoint {path} was tested on fold {theirs['test_fold']} and has trained on fold "
-            f"{ours['test_fold']}, which this run tests; give one trained for this fold."
-        )
-    return card

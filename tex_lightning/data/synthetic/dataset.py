@@ -62,9 +62,7 @@ class SyntheticSpec:
 
 def _check(key: str, value: float, low: int, high: int) -> None:
     if not low <= value <= high:
-        raise UserError(
-            f"{key} is {value}, but synthetic data needs a value from {low} to {high}."
-        )
+        raise UserError(f"{key} is {value}, but synthetic data needs a value from {low} to {high}.")
 
 
 def write_folder(spec: SyntheticSpec, root: Path) -> None:
@@ -108,8 +106,9 @@ def write_tum(spec: SyntheticSpec, root: Path) -> None:
     """
     if spec.classes * spec.recordings > _LAST_IMAGE - _FIRST_IMAGE + 1:
         raise UserError(
-            f"data.classes times data.synthetic.recordings is {spec.classes * spec.recordings}, but the TUM "
-            f"layout numbers {_LAST_IMAGE - _FIRST_IMAGE + 1} photos at most; lower one of them."
+            f"data.classes times data.synthetic.recordings is {spec.classes * spec.recordings}, "
+            f"but the TUM layout numbers {_LAST_IMAGE - _FIRST_IMAGE + 1} photos at most; "
+            "lower one of them."
         )
     _prepare(root)
     accel, images = root / "Training" / "Accel", root / "Training" / "Images"

@@ -2,6 +2,7 @@
 
 import logging
 from pathlib import Path
+from typing import cast
 
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
@@ -47,20 +48,13 @@ class FusionStart(Callback):
         if stage != "fit" or not isinstance(pl_module, FusionModule):
             return
         target = pl_module.classifier
-        haptic = SurfaceClassifier.from_checkpoint(self.haptic_checkpoint)
-        visual = SurfaceClassifier.from_checkpoint(self.visual_checkpoint)
-        if not isinstance(haptic.network, HapticNet) or not isinstance(visual.network, VisualNet):
-            raise UserError(
-                f"FusionNet needs a HapticNet and a VisualNet, but {self.haptic_checkpoint} is a "
-                f"{haptic.card.kind} and {self.visual_checkpoint} a {visual.card.kind} network."
-            )
-        assert target.haptic_features is not None
-        assert haptic.haptic_features is not None
-        target.haptic_features.load_state_dict(haptic.haptic_features.state_dict())
+        haptic = SurfaceClassifier.from_checkpoint(self.haptic_checkpoint, "haptic")
+        visual = SurfaceClassifier.from_checkpoint(self.visual_checkpoint, "visual")
+        target.adopt_haptic_features(haptic)
         head = pl_module.network.head
         target.network = FusionNet(
-            haptic.network,
-            visual.network,
+            cast(HapticNet, haptic.network),
+            cast(VisualNet, visual.network),
             classes=len(target.card.classes),
             level=pl_module.network.level,
         )

@@ -1,0 +1,216 @@
+"""Training through the command line: results, resumption, repeatability."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from tex_lightning.__main__ import CONF
+from tex_lightning.learning.haptic import HapticModule
+
+NETWORK_KEYS = {
+    "fragment_accuracy", "vote_accuracy", "vote_ci95", "correct", "test_samples", "parameters",
+    "macs_per_sample", "latency_ms", "fit_seconds", "checkpoint",
+}  # fmt: skip
+
+
+def tiny(surfaces: Path, directory: Path) -> list[str]:
+    return [
+        "data=folder",
+        f"data.root={surfaces}",
+        "data.half_scale=false",
+        "debug=tiny",
+        "trainer.threads=1",
+        f"hydra.run.dir={directory}",
+    ]
+
+
+def weights(directory: Path, kind: str = "haptic") -> dict[str, torch.Tensor]:
+    path = directory / "checkpoints" / f"{kind}.ckpt"
+    return torch.load(path, weights_only=True)["state_dict"]
+
+
+def same(left: dict[str, torch.Tensor], right: dict[str, torch.Tensor]) -> bool:
+    return left.keys() == right.keys() and all(torch.equal(left[key], right[key]) for key in left)
+
+
+def tags(directory: Path, kind: str) -> set[str]:
+    events = EventAccumulator(str(directory / "tensorboard" / kind))
+    events.Reload()
+    return {*events.Tags()["scalars"], *events.Tags()["images"]}
+
+
+@pytest.fixture(scope="module")
+def fused(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("fused")
+
+
+def test_fusion_trains_three_networks_and_reports_them(cli, surfaces, fused):
+    outcome = cli("model=fusion", *tiny(surfaces, fused))
+    assert outcome.status == 0, outcome.err
+    results = json.loads((fused / "results.json").read_text())
+    assert set(results) >= {
+        "task", "model", "data", "classes", "seed", "wall_seconds", "environment", "networks",
+    }  # fmt: skip
+    assert list(results["networks"]) == ["haptic", "visual", "fusion"]
+    for network in results["networks"].values():
+        assert set(network) == NETWORK_KEYS
+        low, high = network["vote_ci95"]
+        assert 0 <= low <= network["vote_accuracy"] <= high <= 1
+        assert network["vote_accuracy"] == network["correct"] / network["test_samples"]
+        assert network["test_samples"] == 3
+        assert Path(network["checkpoint"]).is_file()
+    assert {path.name for path in fused.iterdir()} >= {
+        ".hydra", "checkpoints", "tensorboard", "metrics", "figures", "results.json", "predictions",
+    }  # fmt: skip
+    assert (fused / "figures" / "fusion_confusion.png").is_file()
+
+
+def test_both_learning_rates_are_logged_with_the_factor_between_them(fused):
+    with (fused / "metrics" / "fusion" / "metrics.csv").open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["lr/head"]]
+    assert rows
+    for row in rows:
+        assert float(row["lr/head"]) / float(row["lr/backbone"]) == pytest.approx(20)
+
+
+def test_tensorboard_shows_curves_figures_and_hyper_parameters(fused):
+    for kind, sample in (("haptic", "spectrograms"), ("visual", "patches")):
+        assert tags(fused, kind) >= {
+            "train/loss", "train/fragment_accuracy", "val/loss", "val/vote_accuracy",
+            "lr/head", "lr/backbone", "test/vote_accuracy", "test/confusion",
+            "test/class_accuracy", f"samples/{sample}",
+        }  # fmt: skip
+    events = EventAccumulator(str(fused / "tensorboard" / "fusion"))
+    events.Reload()
+    assert any("hparams" in name for name in events.Tags()["tensors"]) or any(
+        "hparams" in name for name in events.PluginTagToContent("hparams")
+    )
+
+
+def test_the_fusion_checkpoint_started_from_the_unimodal_ones(fused):
+    haptic, fusion = weights(fused), weights(fused, "fusion")
+    name = "network.trunk.0.0.weight"
+    start, end = (
+        haptic[f"classifier.{name}"],
+        fusion[f"classifier.{name.replace('k.', 'k.haptic.', 1)}"],
+    )
+    assert (end - start).abs().max() < 0.01 * start.abs().max()
+    for buffer in ("level", "channel_mean", "channel_std"):
+        key = f"classifier.haptic_features.{buffer}"
+        assert torch.equal(haptic[key], fusion[key])
+
+
+def test_checkpoints_hold_only_plain_values(fused):
+    for path in (fused / "checkpoints").iterdir():
+        content = torch.load(path, weights_only=True)
+        assert content["hyper_parameters"]["card"]["classes"] == ["alpha", "beta", "gamma"]
+        assert "optimizer_states" not in content
+
+
+def test_a_finished_run_is_not_trained_again(cli, surfaces, fused):
+    before = (fused / "checkpoints" / "fusion.ckpt").stat().st_mtime_ns
+    assert cli("model=fusion", *tiny(surfaces, fused)).status == 0
+    assert (fused / "checkpoints" / "fusion.ckpt").stat().st_mtime_ns == before
+
+
+def test_a_folder_with_another_run_is_left_alone(cli, surfaces, fused):
+    results = (fused / "results.json").read_bytes()
+    outcome = cli("model=fusion", "seed=5", *tiny(surfaces, fused))
+    assert outcome.status == 2
+    assert "another seed; choose another hydra.run.dir" in outcome.err
+    assert (fused / "results.json").read_bytes() == results
+
+
+def test_given_checkpoints_are_used_and_checked(cli, surfaces, fused, tmp_path):
+    haptic, visual = (fused / "checkpoints" / f"{kind}.ckpt" for kind in ("haptic", "visual"))
+    given = [f"model.fusion.haptic_checkpoint={haptic}", f"model.fusion.visual_checkpoint={visual}"]
+    outcome = cli("model=fusion", *given, *tiny(surfaces, tmp_path / "a"))
+    assert outcome.status == 0, outcome.err
+    results = json.loads((tmp_path / "a" / "results.json").read_text())
+    assert list(results["networks"]) == ["fusion"]
+    leak = cli("model=fusion", *given, "data.test_fold=3", *tiny(surfaces, tmp_path / "b"))
+    assert leak.status == 2
+    assert "trained on every fold of this data but 0" in leak.err
+    swapped = [f"model.fusion.haptic_checkpoint={visual}", given[1]]
+    assert cli("model=fusion", *swapped, *tiny(surfaces, tmp_path / "c")).status == 2
+
+
+HAPTIC = ["model=haptic", "model.haptic.fit.epochs=3"]
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("reference")
+
+
+def test_an_uninterrupted_run(cli, surfaces, reference):
+    assert cli(*HAPTIC, *tiny(surfaces, reference)).status == 0
+
+
+def test_loader_processes_do_not_change_the_weights(cli, surfaces, reference, tmp_path):
+    assert cli(*HAPTIC, "data.num_workers=2", *tiny(surfaces, tmp_path)).status == 0
+    assert same(weights(reference), weights(tmp_path))
+
+
+def test_another_seed_does(cli, surfaces, reference, tmp_path):
+    assert cli(*HAPTIC, "seed=1", *tiny(surfaces, tmp_path)).status == 0
+    assert not same(weights(reference), weights(tmp_path))
+
+
+def test_ctrl_c_then_the_same_command_gives_the_same_weights(
+    cli, surfaces, reference, tmp_path, monkeypatch
+):
+    original = HapticModule.training_step
+
+    def interrupted(self, batch, batch_idx):
+        if self.current_epoch == 1 and batch_idx == 1:
+            raise KeyboardInterrupt
+        return original(self, batch, batch_idx)
+
+    handler = signal.getsignal(signal.SIGINT)
+    with monkeypatch.context() as patch:
+        patch.setattr(HapticModule, "training_step", interrupted)
+        outcome = cli(*HAPTIC, *tiny(surfaces, tmp_path))
+    signal.signal(signal.SIGINT, handler)  # Lightning ignores it from the first Ctrl-C on
+    assert outcome.status == 130
+    assert "goes on after the last finished epoch" in outcome.err
+    assert not (tmp_path / "results.json").exists()
+    assert cli(*HAPTIC, *tiny(surfaces, tmp_path)).status == 0
+    assert same(weights(reference), weights(tmp_path))
+
+
+def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path):
+    many = ["model=haptic", "model.haptic.fit.epochs=12"]
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert cli(*many, *tiny(surfaces, whole)).status == 0
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "tex_lightning",
+            *many,
+            *tiny(surfaces, killed),
+            f"data.cache_dir={cache}",
+        ],
+        env={**os.environ, "PYTHONPATH": str(CONF.parent)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    last = killed / "checkpoints" / "haptic" / "last.ckpt"
+    deadline = time.monotonic() + 120
+    while not last.is_file() and time.monotonic() < deadline:
+        time.sleep(0.005)
+    process.kill()
+    process.wait()
+    assert not (killed / "results.json").exists()
+    assert cli(*many, *tiny(surfaces, killed)).status == 0
+    assert same(weights(whole), weights(killed))

@@ -1,0 +1,148 @@
+"""The command line itself: what a person types, right and wrong."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from tex_lightning.__main__ import CONF
+from tex_lightning.mistakes import config_groups
+from tex_lightning.schema import register
+
+REPOSITORY = CONF.parent
+
+
+def python(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "tex_lightning", *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def test_help_is_for_people_and_works_from_anywhere(tmp_path):
+    finished = python("--help", cwd=tmp_path)
+    assert finished.returncode == 0
+    assert "python -m tex_lightning model=fusion" in finished.stdout
+    assert "fusion_squeezenet" in finished.stdout
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("model", config_groups(CONF)["model"])
+@pytest.mark.parametrize("data", config_groups(CONF)["data"])
+def test_every_model_and_data_set_composes_without_open_values_but_paths(model, data):
+    register()
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = compose("config", overrides=[f"model={model}", f"data={data}"])
+    assert OmegaConf.missing_keys(config) <= {"data.root", "data.manifest"}
+    assert config.model.kind in model
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["model=hptic"], "model=hptic does not exist (did you mean haptic?)"),
+        (["model.haptic.widht=2"], "no key model.haptic.widht (did you mean model.haptic.width"),
+        (["modle=haptic"], "no key modle (did you mean model"),
+        (["model.haptic.width=abc"], "'abc' of type 'str' could not be converted to Float"),
+        (["data.test_fold=first"], "'first' of type 'str' could not be converted to Integer"),
+        (["seed"], "'seed' has no value"),
+        (["haptic=a b(.wav"], "cannot be read as key=value"),
+        (["+extra=1"], "extra"),
+        (["task=evaluate", "data=folder"], "No value for checkpoint, data.root"),
+        (["-m", "seed=0,1", "model.haptic.widht=2"], "no key model.haptic.widht"),
+        (["data.test_fold=12", "model.haptic.norm=bathc"], "choose from 0 to 9; model.haptic.norm"),
+        (["data.val_fold=0"], "both 0: choose different folds"),
+        (["data.test_fold=null"], "data.test_fold is null"),
+        (["task=crossval", "data.val_fold=2"], "leave it null"),
+        (["task=crossval", "crossval.only=[0,10]"], "must name folds from 0 to 9"),
+        (["model=fusion", "model.fusion.fit.head_factor=5"], "choose from 10 to 50"),
+        (["model.haptic.fit.epochs=0"], "model.haptic.fit.epochs is 0: choose 1 or more"),
+        (["model.haptic.width=0"], "choose a positive number"),
+        (["data=folder", "data.root=/no/such/folder"], "Folder /no/such/folder does not exist"),
+        (["data=manifest", "data.manifest=/no.csv"], "Manifest /no.csv does not exist"),
+        (["data=tum", "data.root=/no/tum"], "data.root must hold Training/Accel"),
+        (["data.classes=1"], "data.classes is 1: choose 2 or more"),
+        (["weights=x.npz"], "weights belong to the visual trunk"),
+        (["model=visual", "weights=/no/x.npz"], "/no/x.npz"),
+        (["model=visual", "model.visual.norm=none", "weights=/no/x.npz"], "/no/x.npz"),
+        (["model=visual", "model/trunk=squeezenet", "model.visual.norm=lrn"], "model.visual.norm"),
+        (["model=fusion", "model.fusion.haptic_checkpoint=/no.ckpt"], "/no.ckpt does not exist"),
+        (["task=predict", "checkpoint=/no.ckpt", "haptic=a.wav"], "/no.ckpt does not exist"),
+    ],
+)
+def test_mistakes_end_in_one_sentence_and_status_2(cli, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    outcome = cli(*arguments)
+    (complaint,) = [line for line in outcome.err.splitlines() if line.startswith("Error: ")]
+    assert message in complaint
+    assert outcome.status == 2
+    assert outcome.out == ""
+    assert "Traceback" not in outcome.err
+    assert not list(tmp_path.rglob("results.json"))
+
+
+def test_an_internal_fault_keeps_its_traceback(cli, tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise ZeroDivisionError("a fault of ours")
+
+    monkeypatch.setattr("tex_lightning.tasks.fit.open_workspace", fail)
+    with pytest.raises(ZeroDivisionError, match="a fault of ours"):
+        cli(f"hydra.run.dir={tmp_path}")
+
+
+def test_the_defaults_run_on_synthetic_surfaces(cli, tmp_path):
+    outcome = cli("debug=tiny", "data.classes=3", f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 0, outcome.err
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["data"] == "synthetic"
+    assert len(results["classes"]) == 3
+
+
+@pytest.mark.parametrize("preset", ["haptic", "visual_tcnn", "fusion_fc3"])
+def test_presets_of_the_paper_run(cli, tmp_path, preset):
+    arguments = ["debug=tiny", "data.classes=2", "data.synthetic.photo_width=1000"]
+    outcome = cli(
+        f"experiment=paper/{preset}",
+        *arguments,
+        "data.synthetic.photo_height=1000",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    kind = preset.partition("_")[0]
+    content = torch.load(tmp_path / f"checkpoints/{kind}.ckpt", weights_only=True)
+    assert content["hyper_parameters"]["fit"]["optimizer"] == "adam"
+
+
+@pytest.mark.parametrize(
+    ("preset", "kind", "expected"),
+    [
+        ("haptic", "haptic", (1e-4, 0.3, 40_000, 100_000, 10, 300)),
+        ("visual", "visual", (3e-5, 0.75, 40_000, 100_000, 2, 384)),
+        ("visual_tcnn", "visual", (3e-5, 0.75, 40_000, 100_000, 2, 384)),
+        ("fusion_fc2", "fusion", (1e-6, 0.1, 4_000_000, 100_000, 1, None)),
+        ("fusion_fc3_tcnn", "fusion", (1e-6, 0.1, 4_000_000, 100_000, 1, None)),
+    ],
+)
+def test_presets_hold_the_papers_table_of_hyper_parameters(preset, kind, expected):
+    register()
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = compose("config", overrides=[f"experiment=paper/{preset}"])
+    assert config.model.kind == kind
+    fit = config.model[kind].fit
+    size = fit.get("frames", fit.get("patch"))
+    steps = fit.epochs * fit.steps_per_epoch
+    found = (fit.learning_rate, fit.gamma, fit.step_every, steps, fit.batch_size, size)
+    assert found == expected
+    assert fit.weight_decay == 5e-4
+    assert fit.optimizer == "adam"
