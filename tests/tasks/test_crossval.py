@@ -1,0 +1,96 @@
+"""Cross-validation: pooling, resumption, and the sweep that does the same side by side."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from scipy.stats import binomtest
+
+from tex_lightning.learning import train
+from tex_lightning.report.results import read_outcomes
+
+
+def tiny(surfaces: Path) -> list[str]:
+    return [
+        "model=haptic",
+        "data=folder",
+        f"data.root={surfaces}",
+        "debug=tiny",
+        "trainer.threads=1",
+        "logger=csv",
+    ]
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("crossval")
+
+
+def test_chosen_folds_are_run_and_pooled(cli, surfaces, directory):
+    only = "crossval.only=[0,3]"
+    outcome = cli("task=crossval", only, *tiny(surfaces), f"hydra.run.dir={directory}")
+    assert outcome.status == 0, outcome.err
+    haptic = json.loads((directory / "results.json").read_text())["networks"]["haptic"]
+    assert [entry["fold"] for entry in haptic["folds"]] == [0, 3]
+    assert haptic["test_samples"] == sum(entry["test_samples"] for entry in haptic["folds"]) == 6
+    assert haptic["fit_seconds"] == sum(entry["fit_seconds"] for entry in haptic["folds"])
+    outcomes = [
+        outcome
+        for fold in (0, 3)
+        for outcome in read_outcomes(directory / f"folds/{fold}/predictions/haptic.csv")
+    ]
+    correct = sum(outcome.label == outcome.predicted for outcome in outcomes)
+    assert haptic["correct"] == correct
+    interval = binomtest(correct, 6).proportion_ci(method="wilson")
+    assert haptic["vote_ci95"] == pytest.approx([interval.low, interval.high])
+    tested = {Path(outcome.haptic).stem.rpartition("_")[2] for outcome in outcomes}
+    assert tested == {"0", "3"}
+    assert not (directory / "tensorboard").exists()
+
+
+def test_a_stopped_run_repeats_no_finished_fold(cli, surfaces, directory, monkeypatch):
+    shutil.rmtree(directory / "folds" / "3")
+    (directory / "results.json").unlink()
+    trained = []
+    original = train.train_network
+    monkeypatch.setattr(
+        "tex_lightning.tasks.fit.train_network",
+        lambda training: trained.append(training.parts.test.rows[0].group) or original(training),
+    )
+    arguments = ["task=crossval", *tiny(surfaces), f"hydra.run.dir={directory}"]
+    assert cli(*arguments, "crossval.only=[0,2,3]").status == 0
+    assert trained == [2, 3]
+    haptic = json.loads((directory / "results.json").read_text())["networks"]["haptic"]
+    assert haptic["test_samples"] == 9
+
+
+def rows(directory: Path) -> list[dict[str, str]]:
+    with (directory / "sweep.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_one_failing_job_does_not_hide_the_others(cli, surfaces, tmp_path):
+    outcome = cli("-m", *tiny(surfaces), "data.test_fold=0,77,2", f"hydra.sweep.dir={tmp_path}")
+    assert outcome.status == 1
+    first, failed, third, pooled = rows(tmp_path)
+    assert first["status"] == third["status"] == "done"
+    assert "data.test_fold is 77" in failed["status"]
+    assert "data.test_fold is 77" in (tmp_path / "1" / "failure.json").read_text()
+    assert pooled["job"] == "2 folds"
+    assert int(pooled["test_samples"]) == 6
+    assert int(pooled["correct"]) == int(first["correct"]) + int(third["correct"])
+
+
+def test_folds_run_side_by_side_through_joblib(cli, surfaces, tmp_path):
+    outcome = cli(
+        "-m",
+        *tiny(surfaces),
+        "hydra/launcher=joblib",
+        "hydra.launcher.n_jobs=2",
+        "data.test_fold=0,2",
+        f"hydra.sweep.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    assert [row["job"] for row in rows(tmp_path)] == ["0", "1", "2 folds"]

@@ -1,0 +1,173 @@
+"""Prediction and evaluation from a checkpoint alone."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from tex_lightning.report.results import read_outcomes
+
+
+def data(surfaces: Path) -> list[str]:
+    return ["data=folder", f"data.root={surfaces}", "data.half_scale=false"]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("trained")
+
+
+def checkpoint(trained: Path, kind: str) -> str:
+    return f"checkpoint={trained}/checkpoints/{kind}.ckpt"
+
+
+def test_train(cli, surfaces, trained):
+    outcome = cli("model=fusion", *data(surfaces), "debug=tiny", f"hydra.run.dir={trained}")
+    assert outcome.status == 0, outcome.err
+
+
+@pytest.mark.parametrize("kind", ["haptic", "visual", "fusion"])
+def test_evaluate_and_predict_agree_with_the_test_after_training(
+    cli, surfaces, trained, tmp_path, monkeypatch, kind
+):
+    monkeypatch.chdir(tmp_path)
+    evaluation = tmp_path / "evaluation"
+    # half-scaling is the checkpoint's business: the default of the data set must not matter
+    outcome = cli(
+        "task=evaluate",
+        checkpoint(trained, kind),
+        "data=folder",
+        f"data.root={surfaces}",
+        f"hydra.run.dir={evaluation}",
+    )
+    assert outcome.status == 0, outcome.err
+    results = json.loads((evaluation / "results.json").read_text())
+    assert results["task"] == "evaluate"
+    tested = read_outcomes(trained / "predictions" / f"{kind}.csv")
+    evaluated = read_outcomes(evaluation / "predictions" / f"{kind}.csv")
+    assert [(o.predicted, o.share, o.fragments) for o in evaluated] == [
+        (o.predicted, o.share, o.fragments) for o in tested
+    ]
+    files = []
+    if kind != "visual":
+        files.append(f"haptic=[{','.join(o.haptic for o in tested)}]")
+    if kind != "haptic":
+        files.append(f"image=[{','.join(o.image for o in tested)}]")
+    predicted = cli("task=predict", checkpoint(trained, kind), *files)
+    lines = [json.loads(line) for line in predicted.out.splitlines()]
+    assert [line["label"] for line in lines] == [o.predicted for o in tested]
+    assert [line["confidence"] for line in lines] == [o.share for o in tested]
+    # one at a time and the other way round
+    alone = []
+    for o in reversed(tested):
+        given = [f"haptic={o.haptic}"] * (kind != "visual") + [f"image={o.image}"] * (
+            kind != "haptic"
+        )
+        alone.append(
+            json.loads(cli("task=predict", checkpoint(trained, kind), *given).out)["label"]
+        )
+    assert alone[::-1] == [o.predicted for o in tested]
+
+
+def test_what_a_prediction_holds(cli, surfaces, trained, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
+    outcome = cli("task=predict", checkpoint(trained, "haptic"), f"haptic={wav}", "top_k=2")
+    (line,) = outcome.out.splitlines()
+    prediction = json.loads(line)
+    assert set(prediction) == {"haptic", "label", "confidence", "top_k", "fragments", "latency_ms"}
+    assert len(prediction["top_k"]) == 2
+    assert prediction["top_k"][0] == {
+        "label": prediction["label"],
+        "share": prediction["confidence"],
+    }
+    assert prediction["fragments"] == 4  # 2.4 s are 236 frames
+
+
+def test_a_recording_at_another_rate_gives_the_same_label(cli, surfaces, trained, tmp_path):
+    trace, rate = soundfile.read(surfaces / "beta" / "haptic" / "beta_0.wav")
+    time = np.arange(int(len(trace) * 4.41)) / 44_100
+    soundfile.write(
+        tmp_path / "fast.wav", np.interp(time, np.arange(len(trace)) / rate, trace), 44_100
+    )
+    labels = [
+        json.loads(cli("task=predict", checkpoint(trained, "haptic"), f"haptic={file}").out)[
+            "label"
+        ]
+        for file in (tmp_path / "fast.wav", surfaces / "beta" / "haptic" / "beta_0.wav")
+    ]
+    assert labels[0] == labels[1]
+
+
+def test_unusable_input_is_said_in_one_sentence(cli, surfaces, trained, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
+    png = surfaces / "alpha" / "image" / "alpha_0.png"
+    soundfile.write("short.wav", np.random.default_rng(0).standard_normal(9000) * 0.1, 10_000)
+    Path("broken.ckpt").write_bytes(b"PK\x03\x04 no checkpoint")
+    Path("cut.ckpt").write_bytes((trained / "checkpoints/haptic.ckpt").read_bytes()[:-5000])
+
+    def refuse(message, *arguments):
+        outcome = cli("task=predict", *arguments)
+        assert outcome.status == 2
+        assert message in outcome.err
+        assert outcome.out == ""
+        assert "Traceback" not in outcome.err
+
+    haptic, fusion = checkpoint(trained, "haptic"), checkpoint(trained, "fusion")
+    refuse("short.wav: The trace has 0.90 s of movement", haptic, "haptic=short.wav")
+    refuse("needs haptic and image; give image=FILE too", fusion, f"haptic={wav}")
+    refuse("There is nothing to classify", haptic)
+    refuse("1 traces and 2 photos", fusion, f"haptic={wav}", f"image=[{png},{png}]")
+    refuse("gone.wav does not exist", haptic, "haptic=gone.wav")
+    refuse("has an unknown type", haptic, f"haptic={png}")
+    refuse("was not written by tex_lightning", "checkpoint=broken.ckpt", f"haptic={wav}")
+    refuse("was not written by tex_lightning", "checkpoint=cut.ckpt", f"haptic={wav}")
+    refuse("is not a file or a list", haptic, "haptic={a:1}")
+
+
+def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, trained, tmp_path):
+    common = ["task=evaluate", checkpoint(trained, "haptic"), f"data.root={surfaces}"]
+    leak = cli(*common, "data=folder", "data.test_fold=4", f"hydra.run.dir={tmp_path}/a")
+    assert leak.status == 2
+    assert "set data.test_fold=0" in leak.err
+    (tmp_path / "other" / "delta" / "haptic").mkdir(parents=True)
+    (tmp_path / "other" / "alpha" / "haptic").mkdir(parents=True)
+    for label in ("alpha", "delta"):
+        np.save(tmp_path / "other" / label / "haptic" / "0.npy", np.zeros(30_000))
+    unknown = cli(
+        "task=evaluate",
+        checkpoint(trained, "haptic"),
+        "data=folder",
+        f"data.root={tmp_path}/other",
+        f"hydra.run.dir={tmp_path}/b",
+    )
+    assert unknown.status == 2
+    assert "does not know the class delta" in unknown.err
+    own_folder = cli(*common, "data=folder", f"hydra.run.dir={trained}")
+    assert own_folder.status == 2
+    assert "holds a run with another" in own_folder.err
+
+
+def test_everything_in_another_folder_is_tested_without_a_test_fold(
+    cli, surfaces, trained, tmp_path
+):
+    copy = tmp_path / "copy"
+    for label in ("alpha", "gamma"):
+        (copy / label / "haptic").mkdir(parents=True)
+        for recording in range(3):
+            source = surfaces / label / "haptic" / f"{label}_{recording}.wav"
+            (copy / label / "haptic" / source.name).write_bytes(source.read_bytes())
+    outcome = cli(
+        "task=evaluate",
+        checkpoint(trained, "haptic"),
+        "data=folder",
+        f"data.root={copy}",
+        "data.test_fold=null",
+        f"hydra.run.dir={tmp_path}/run",
+    )
+    assert outcome.status == 0, outcome.err
+    results = json.loads((tmp_path / "run" / "results.json").read_text())
+    assert results["networks"]["haptic"]["test_samples"] == 6
