@@ -42,6 +42,8 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
 
 
 def _unreadable(override: str) -> UserError:
+    if "=" not in override:
+        return UserError(f"{override!r} has no value; write it as key=value.")
     return UserError(
         f"{override!r} cannot be read as key=value; put quotes of two kinds around a value with "
         "spaces or signs, as in 'haptic=\"my file (1).wav\"'."
@@ -83,7 +85,7 @@ def _check(
     if group in HYDRA_OWN or group.startswith(("hydra.", "hydra/")):
         return None
     if value is None and not prefix.startswith("~"):
-        return UserError(f"{key!r} has no value; write {key}=VALUE.")
+        return _unreadable(key)
     if group in groups:
         wrong = [item for item in (value or "").split(",") if item not in (*groups[group], "null")]
         if wrong and "(" not in (value or ""):

@@ -31,6 +31,23 @@ def check_missing(composed: DictConfig) -> None:
         raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
 
 
+def check_known(composed: DictConfig) -> None:
+    """Refuse keys that were added with ``+`` and that nothing would read."""
+    unknown = list(_unknown(composed, OmegaConf.structured(Config), ""))
+    if unknown:
+        raise UserError(
+            f"There is no key {', '.join(unknown)}; `python -m tex_lightning --help` lists all."
+        )
+
+
+def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]:
+    for key in map(str, given):
+        if key not in known.keys():  # noqa: SIM118  (`in known` is false for open values)
+            yield f"{prefix}{key}"
+        elif OmegaConf.is_dict(known._get_node(key)) and not OmegaConf.is_missing(given, key):
+            yield from _unknown(given[key], known[key], f"{prefix}{key}.")
+
+
 def check_config(config: Config, tasks: Sequence[str]) -> None:
     """Refuse values that cannot be meant, naming all of them in one sentence."""
     complaints = [

@@ -9,7 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.schema import Config
 from tex_lightning.tasks import crossval, evaluate, fit, generate, predict
-from tex_lightning.validation import check_config, check_missing
+from tex_lightning.validation import check_config, check_known, check_missing
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
     "fit": fit.run,
@@ -26,6 +26,7 @@ def run_task(composed: DictConfig, directory: Path) -> None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
+    check_known(composed)
     check_missing(composed)
     config = cast(Config, OmegaConf.to_object(composed))
     check_config(config, tuple(TASKS))

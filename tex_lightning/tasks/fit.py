@@ -23,9 +23,17 @@ from tex_lightning.report.results import (
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
-from tex_lightning.tasks.workspace import Workspace, make_card, open_workspace, starting_card
+from tex_lightning.tasks.workspace import (
+    Workspace,
+    given_checkpoints,
+    make_card,
+    open_workspace,
+    starting_card,
+)
 
 log = logging.getLogger(__name__)
+
+UNIMODAL: tuple[Kind, ...] = ("haptic", "visual")
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
@@ -57,20 +65,16 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
 def fit_fold(workspace: Workspace) -> dict[str, Any]:
     """Train and test all networks that the model consists of on one fold."""
     parts = workspace.parts()
-    fusion = workspace.config.model.fusion
     unimodal: dict[Kind, Path] = {}
     networks: dict[str, Any] = {}
     if workspace.kind == "fusion":
-        given: dict[Kind, str | None] = {
-            "haptic": fusion.haptic_checkpoint,
-            "visual": fusion.visual_checkpoint,
-        }
-        unimodal = {kind: Path(path).expanduser() for kind, path in given.items() if path}
+        unimodal = given_checkpoints(workspace.config)
         for kind, path in unimodal.items():
             starting_card(workspace, kind, path)  # before time is spent on the other network
-        for kind in [kind for kind in given if kind not in unimodal]:
-            networks[kind] = _fit_network(workspace, parts, kind, {})
-            unimodal[kind] = Path(networks[kind]["checkpoint"])
+        for kind in UNIMODAL:
+            if kind not in unimodal:
+                networks[kind] = _fit_network(workspace, parts, kind, {})
+                unimodal[kind] = Path(networks[kind]["checkpoint"])
     networks[workspace.kind] = _fit_network(workspace, parts, workspace.kind, unimodal)
     return networks
 

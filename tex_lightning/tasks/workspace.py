@@ -97,6 +97,19 @@ def check_networks(config: Config) -> None:
         network = VisualNet(2, **_network(model.visual, *VISUAL_KEYS))
         if config.weights is not None:
             load_trunk_weights(network, config.weights)
+    if model.kind == "fusion":
+        for kind, path in given_checkpoints(config).items():
+            SurfaceClassifier.from_checkpoint(path, kind)
+
+
+def given_checkpoints(config: Config) -> dict[Kind, Path]:
+    """The unimodal checkpoints that FusionNet is told to start from."""
+    fusion = config.model.fusion
+    given: dict[Kind, str | None] = {
+        "haptic": fusion.haptic_checkpoint,
+        "visual": fusion.visual_checkpoint,
+    }
+    return {kind: Path(path).expanduser() for kind, path in given.items() if path}
 
 
 def decode_settings(data: DataConfig) -> DecodeSettings:

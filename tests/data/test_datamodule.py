@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+import torch
+
+from tex_lightning.data.datamodule import (
+    EpochSampler,
+    PhotoBank,
+    SpectrogramBank,
+    TrainingBatches,
+)
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.readers.folder import read_folder
+from tex_lightning.data.store import Store
+
+
+def ramp(frames: int, start: int) -> torch.Tensor:
+    """A spectrogram whose columns are numbered."""
+    return (start + torch.arange(frames).float()).repeat(3, 1)
+
+
+def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
+    bank = SpectrogramBank([ramp(20, 0), ramp(35, 100), ramp(11, 200)], frames=10)
+    indices = np.array([0, 1, 2, 1] * 50)
+    cut = bank.cut(indices, np.random.default_rng(0))
+    assert cut.shape == (200, 1, 3, 10)
+    assert cut[:, 0, 0].diff().eq(1).all()
+    starts = cut[:, 0, 0, 0].numpy()
+    assert {*starts[indices == 0]} == set(range(11))
+    assert {*starts[indices == 2]} == {200, 201}
+    assert (starts[indices == 1] >= 100).all()
+    assert (starts[indices == 1] <= 125).all()
+
+
+def test_a_short_spectrogram_is_repeated():
+    cut = SpectrogramBank([ramp(4, 0)], frames=10).cut(np.array([0]), np.random.default_rng(0))
+    steps = cut[0, 0, 0].diff()
+    assert set(steps.tolist()) == {1.0, -3.0}
+
+
+@pytest.fixture
+def photos(surfaces, tmp_path):
+    rows = read_folder(surfaces).of("image").rows
+    return rows, Store(tmp_path, DecodeSettings(half_scale=False))
+
+
+def test_crops_are_pieces_of_the_photo(photos):
+    rows, store = photos
+    crop = PhotoBank(rows, store, side=230).cut(np.array([3]), np.random.default_rng(1))[0]
+    photo = torch.from_numpy(np.array(store.image(rows[3]))).permute(2, 0, 1)
+    places = [
+        (top, left)
+        for top in range(11)
+        for left in range(11)
+        if torch.equal(photo[:, top : top + 230, left : left + 230], crop)
+    ]
+    assert len(places) == 1
+
+
+def test_photos_too_small_are_mirrored_without_black(photos):
+    rows, store = photos
+    crop = PhotoBank(rows, store, side=500).cut(np.array([0]), np.random.default_rng(1))[0]
+    assert crop.shape == (3, 500, 500)
+    assert torch.equal(crop[:, :240, :240], crop[:, :240, 240:480].flip(2))
+    assert crop.float().mean() == pytest.approx(128, abs=10)
+
+
+def batches(surfaces, store, seed=0) -> TrainingBatches:
+    rows = [row for row in read_folder(surfaces).of("image") if row.group < 4]
+    labels = np.array([["alpha", "beta", "gamma"].index(row.label) for row in rows])
+    bank = SpectrogramBank([ramp(20, 100 * i) for i in range(3)], frames=10)
+    photo_bank = PhotoBank(rows, store, 40)
+    return TrainingBatches((bank, np.array([2, 0, 1])), (photo_bank, labels), 6, 30.0, seed)
+
+
+def test_a_batch_depends_on_seed_and_number_alone(surfaces, photos):
+    _, store = photos
+    first, again = batches(surfaces, store), batches(surfaces, store)
+    for step in (5, 0, 5):
+        left, right = first[step], again[step]
+        assert left.keys() == {"spectrogram", "crop", "degrees", "label"}
+        assert all(torch.equal(left[key], right[key]) for key in left)
+    assert not torch.equal(first[0]["crop"], first[1]["crop"])
+    assert not torch.equal(first[0]["crop"], batches(surfaces, store, seed=1)[0]["crop"])
+
+
+def test_every_photo_comes_once_per_round_with_a_trace_of_its_class(surfaces, photos):
+    _, store = photos
+    stream = batches(surfaces, store)
+    seen = []
+    for step in range(2):  # 12 photos in batches of 6
+        batch = stream[step]
+        seen += batch["label"].tolist()
+        trace = (batch["spectrogram"][:, 0, 0, 0] // 100).long()
+        assert torch.equal(torch.tensor([2, 0, 1])[trace], batch["label"])
+        assert batch["degrees"].abs().max() <= 30
+    assert sorted(seen) == [0] * 4 + [1] * 4 + [2] * 4
+
+
+def test_epochs_number_batches_through():
+    epoch = 0
+    sampler = EpochSampler(3, lambda: epoch)
+    assert [*sampler] == [0, 1, 2]
+    epoch = 4
+    assert [*sampler] == [12, 13, 14]
