@@ -10,12 +10,11 @@ import torch
 from torch import Tensor
 
 from tex_lightning.errors import UserError
+from tex_lightning.features.image import MEAN, STD
 from tex_lightning.networks.trunks import TRUNKS, Trunk
 from tex_lightning.networks.trunks.base import Layout
 from tex_lightning.networks.visualnet import VisualNet
 
-IMAGENET_MEAN = (0.485, 0.456, 0.406)
-IMAGENET_SD = (0.229, 0.224, 0.225)
 CAFFE_MEAN = (123.0, 117.0, 104.0)  # RGB, subtracted from values in 0-255
 
 LAYOUT_OF_SUFFIX: dict[str, Layout] = {
@@ -174,7 +173,7 @@ def _fold_caffe_input(state: dict[str, Tensor], conv1: str) -> None:
     weight = state[f"{conv1}.weight"].flip(1).double()  # BGR to RGB
     mean, sd, caffe_mean = (
         torch.tensor(values, dtype=torch.float64)
-        for values in (IMAGENET_MEAN, IMAGENET_SD, CAFFE_MEAN)
+        for values in (MEAN, STD, CAFFE_MEAN)
     )
     shift = (weight.sum(dim=(2, 3)) * (255 * mean - caffe_mean)).sum(dim=1)
     state[f"{conv1}.weight"] = (weight * (255 * sd)[:, None, None]).float()
