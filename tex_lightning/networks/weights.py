@@ -172,8 +172,7 @@ def _fold_caffe_input(state: dict[str, Tensor], conv1: str) -> None:
     """
     weight = state[f"{conv1}.weight"].flip(1).double()  # BGR to RGB
     mean, sd, caffe_mean = (
-        torch.tensor(values, dtype=torch.float64)
-        for values in (MEAN, STD, CAFFE_MEAN)
+        torch.tensor(values, dtype=torch.float64) for values in (MEAN, STD, CAFFE_MEAN)
     )
     shift = (weight.sum(dim=(2, 3)) * (255 * mean - caffe_mean)).sum(dim=1)
     state[f"{conv1}.weight"] = (weight * (255 * sd)[:, None, None]).float()

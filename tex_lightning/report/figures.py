@@ -57,11 +57,11 @@ def class_accuracy_figure(counts: Counts, classes: list[str], title: str) -> Fig
     return figure
 
 
-def spectrogram_figure(spectrograms: Tensor, titles: list[str]) -> Figure:
-    """Normalised spectrograms (count, bands, frames) side by side, at 10 kHz axes."""
+def spectrogram_figure(spectrograms: Tensor, titles: list[str], sampling_rate: float) -> Figure:
+    """Normalised spectrograms (count, bands, frames) side by side, over seconds and Hz."""
     figure, grid = _grid(len(titles))
-    seconds = spectrograms.shape[2] * HapticFeatures.hop_length / 10_000
-    top = HapticFeatures.bands * 10_000 / HapticFeatures.window_length
+    seconds = spectrograms.shape[2] * HapticFeatures.hop_length / sampling_rate
+    top = HapticFeatures.bands * sampling_rate / HapticFeatures.window_length
     for axes, spectrogram, title in zip(grid, spectrograms.numpy(), titles, strict=False):
         axes.imshow(
             spectrogram, origin="lower", aspect="auto", cmap="magma", extent=(0, seconds, 0, top)

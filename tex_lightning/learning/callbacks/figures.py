@@ -28,10 +28,11 @@ class SampleFigures(Callback):
         writer = tensorboard_writer(trainer)
         if trainer.global_step or writer is None or not isinstance(pl_module, SurfaceModule):
             return
-        classes = pl_module.classifier.card.classes
-        titles = [classes[int(index)] for index in batch["label"][:SHOWN]]
+        card = pl_module.classifier.card
+        titles = [card.classes[int(index)] for index in batch["label"][:SHOWN]]
+        rate = card.settings.sampling_rate
         for tensor in pl_module.inputs(batch):
-            name, figure = _figure(tensor[:SHOWN].cpu(), titles)
+            name, figure = _figure(tensor[:SHOWN].cpu(), titles, rate)
             writer.add_figure(name, figure, global_step=0)
 
 
@@ -44,7 +45,7 @@ def tensorboard_writer(trainer: Trainer) -> SummaryWriter | None:
     return None
 
 
-def _figure(tensor: Tensor, titles: list[str]) -> tuple[str, Any]:
+def _figure(tensor: Tensor, titles: list[str], sampling_rate: float) -> tuple[str, Any]:
     if tensor.shape[1] == 1:
-        return "samples/spectrograms", spectrogram_figure(tensor[:, 0], titles)
+        return "samples/spectrograms", spectrogram_figure(tensor[:, 0], titles, sampling_rate)
     return "samples/patches", patch_figure(tensor, titles)

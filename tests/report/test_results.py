@@ -1,0 +1,96 @@
+import json
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from sklearn.metrics import accuracy_score, confusion_matrix
+
+from tex_lightning.report.figures import (
+    class_accuracy_figure,
+    confusion_counts,
+    confusion_figure,
+    save_figure,
+)
+from tex_lightning.report.results import (
+    Outcome,
+    environment,
+    read_outcomes,
+    summarise,
+    wilson_interval,
+    write_outcomes,
+    write_results,
+)
+
+CLASSES = ["a", "b", "c"]
+LABELS = st.lists(st.tuples(st.sampled_from(CLASSES), st.sampled_from(CLASSES)), min_size=1)
+
+
+def outcome(label: str, predicted: str, fragments: int = 4, right: int = 2) -> Outcome:
+    return Outcome("x.wav", "", label, predicted, 0.5, fragments, right, 1.5)
+
+
+@given(LABELS)
+def test_summary_and_confusion_agree_with_scikit_learn(pairs):
+    outcomes = [outcome(*pair) for pair in pairs]
+    labels, predicted = zip(*pairs, strict=True)
+    summary = summarise(outcomes)
+    assert summary["vote_accuracy"] == pytest.approx(accuracy_score(labels, predicted))
+    theirs = confusion_matrix(labels, predicted, labels=CLASSES)
+    np.testing.assert_array_equal(confusion_counts(labels, predicted, CLASSES), theirs)
+
+
+@pytest.mark.parametrize(
+    ("correct", "low", "high"), [(682, 0.977, 0.994), (679, 0.972, 0.991), (628, 0.886, 0.929)]
+)
+def test_wilson_intervals_of_the_papers_690_pairs(correct, low, high):
+    """98.8 %, 98.4 % and 91.0 % of 690, as tabulated with three decimals elsewhere."""
+    assert wilson_interval(correct, 690) == pytest.approx([low, high], abs=6e-4)
+
+
+@pytest.mark.parametrize("correct", [0, 12])
+def test_intervals_at_the_ends_stay_inside(correct):
+    low, high = wilson_interval(correct, 12)
+    assert 0 <= low < high <= 1
+    z = 1.959964
+    edge = z**2 / (12 + z**2)  # closed form for none or all of 12
+    assert (high if correct == 0 else 1 - low) == pytest.approx(edge, rel=1e-5)
+
+
+def test_fragments_are_pooled_over_samples():
+    summary = summarise([outcome("a", "a", 10, 9), outcome("b", "a", 30, 3)])
+    assert summary["fragment_accuracy"] == 12 / 40
+    assert summary["latency_ms"] == {"median": 1.5, "p95": 1.5}
+
+
+def test_outcomes_survive_a_round_trip(tmp_path):
+    outcomes = [outcome("a", "b"), outcome('c,"x"', "ü")]
+    write_outcomes(outcomes, tmp_path / "sub" / "o.csv")
+    assert read_outcomes(tmp_path / "sub" / "o.csv") == outcomes
+
+
+def test_results_are_whole_or_not_there(tmp_path):
+    path = tmp_path / "results.json"
+    write_results(path, {"a": 1})
+    with pytest.raises(TypeError):
+        write_results(path, {"a": object()})
+    assert json.loads(path.read_text()) == {"a": 1}
+    assert [item.name for item in tmp_path.iterdir()] == ["results.json"]
+
+
+def test_the_environment_says_what_matters():
+    found = environment(torch.device("cpu"))
+    assert found["versions"]["torch"] == torch.__version__
+    assert found["threads"] == torch.get_num_threads()
+    assert found["device"] == "cpu"
+    json.dumps(found)
+
+
+@pytest.mark.parametrize("count", [2, 69])
+def test_figures_are_drawn_at_any_number_of_classes(tmp_path, count):
+    classes = [f"class {i}" for i in range(count)]
+    counts = np.eye(count, dtype=np.int64)
+    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c.png")
+    save_figure(class_accuracy_figure(counts, classes, "t"), tmp_path / "f" / "a.png")
+    assert all(path.stat().st_size > 5000 for path in (tmp_path / "f").iterdir())

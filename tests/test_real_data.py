@@ -1,0 +1,73 @@
+"""Real recordings beside the checkout; skipped where there are none."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+
+def networks(directory: Path) -> dict:
+    return json.loads((directory / "results.json").read_text())["networks"]
+
+
+def test_real_recordings_run_from_reading_to_results(cli, shared, tmp_path):
+    outcome = cli(
+        "model=haptic",
+        "data=folder",
+        f"data.root={shared}/data/lmt16",
+        "data.classes=3",
+        "debug=tiny",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    assert networks(tmp_path)["haptic"]["test_samples"] == 3
+
+
+def test_imagenet_weights_and_a_manifest_run_from_reading_to_results(cli, shared, tmp_path):
+    outcome = cli(
+        "model=fusion_squeezenet",
+        "data=manifest",
+        f"data.manifest={shared}/data/surfaces10.csv",
+        "data.half_scale=false",
+        "data.classes=2",
+        f"weights={shared}/weights/squeezenet_v1.0_imagenet.npz",
+        "debug=tiny",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    assert networks(tmp_path)["fusion"]["test_samples"] == 8  # four photos, one trace per class
+
+
+def test_photos_below_a_megapixel_are_not_to_be_halved(cli, shared, tmp_path):
+    outcome = cli(
+        "model=visual",
+        "data=manifest",
+        f"data.manifest={shared}/data/surfaces10.csv",
+        "data.classes=2",
+        "debug=tiny",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 2
+    assert "data.half_scale=false" in outcome.err
+
+
+@pytest.mark.slow
+def test_hapticnet_on_three_folds_of_sixteen_real_surfaces(cli, shared, tmp_path):
+    outcome = cli(
+        "model=haptic",
+        "data=folder",
+        f"data.root={shared}/data/lmt16",
+        "task=crossval",
+        "crossval.only=[0,1,2]",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    assert networks(tmp_path)["haptic"]["vote_accuracy"] >= 0.95
+
+
+@pytest.mark.slow
+def test_fusion_beats_both_networks_on_synthetic_surfaces(cli, tmp_path):
+    assert cli("model=fusion", f"hydra.run.dir={tmp_path}").status == 0
+    found = {name: network["vote_accuracy"] for name, network in networks(tmp_path).items()}
+    assert found["fusion"] >= 0.97
+    assert found["fusion"] > max(found["haptic"], found["visual"])
