@@ -8,9 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from hypothesis import settings
 from PIL import Image
 
 from tex_lightning.__main__ import main
+
+# The same examples every time, and no deadline: machines that run tests are often busy.
+settings.register_profile("suite", derandomize=True, deadline=None)
+settings.load_profile("suite")
 
 RATE = 10_000
 CLASSES = ("alpha", "beta", "gamma")

@@ -64,7 +64,7 @@ class Recordings:
 def natural_key(text: str) -> list[tuple[int, int, str]]:
     """Sort key that counts: ``query2`` comes before ``query10``."""
     return [
-        (0, int(part), "") if part.isdigit() else (1, 0, part.casefold())
+        (0, int(part), "") if part.isdecimal() else (1, 0, part.casefold())
         for part in re.split(r"(\d+)", text)
         if part
     ]
