@@ -30,8 +30,17 @@ def test_batch_normalisation_trades_each_bias_for_scale_and_shift():
 def test_layer_order_of_the_paper():
     net = HapticNet(69, norm="lrn")
     names = [type(layer).__name__ for layer in net.trunk]
-    block, pool = "Sequential", "MaxPool2d"
-    assert names == [block, pool, "LocalResponseNorm", *[block, pool] * 3, block]
+    stage = ["Conv2d", "MaxPool2d", "ReLU"]
+    assert names == [*stage, "LocalResponseNorm", *stage * 3, "Sequential"]
+
+
+def test_pooling_before_relu_changes_nothing_of_the_papers_network():
+    net = HapticNet(3, width=NARROW, norm="lrn").eval()
+    conv, pool, relu, response, *_ = net.trunk
+    x = torch.randn(2, 1, 50, 200)
+    expected = response(pool(torch.relu(conv(x))))
+    torch.testing.assert_close(net.trunk[:4](x), expected, rtol=0, atol=0)
+    assert isinstance(relu, torch.nn.ReLU)
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ def test_tensorboard_shows_curves_figures_and_hyper_parameters(fused):
 
 def test_the_fusion_checkpoint_started_from_the_unimodal_ones(fused):
     haptic, fusion = weights(fused), weights(fused, "fusion")
-    name = "network.trunk.0.0.weight"
+    name = "network.trunk.0.weight"
     start, end = (
         haptic[f"classifier.{name}"],
         fusion[f"classifier.{name.replace('k.', 'k.haptic.', 1)}"],

@@ -25,7 +25,7 @@ HIDDEN_CHANNELS = 250
 class HapticNet(nn.Module):
     """Classify every 16th position of a spectrogram (paper, Table "HapticNet-structure").
 
-    Four 3x3 convolutions with padding 1, each followed by ReLU and 2x2 max pooling, reduce 50
+    Four 3x3 convolutions with padding 1, each followed by 2x2 max pooling and ReLU, reduce 50
     frequency bands to 4; an unpadded convolution over 4 bands and 12 positions joins them.
     The paper leaves padding and pooling mode open: padding 1 with ceil-mode pooling is the only
     choice for which the 4x12 convolution fits and 50x192 gives exactly one prediction.
@@ -34,8 +34,8 @@ class HapticNet(nn.Module):
         classes: Number of materials.
         width: Factor on every channel count except `classes`; 1 is the paper's size.
         norm: "lrn" is the paper's network, with one local response normalisation after the first
-            pooling; "batch" normalises after every convolution but the last, before ReLU, and
-            trains from scratch in far fewer steps; "none" does neither.
+            pooling; "batch" normalises before every ReLU and trains from scratch in far
+            fewer steps; "none" does neither.
         dropout: Probability of dropping an input of the two 1x1 layers while training.
 
     Raises:
@@ -93,7 +93,10 @@ def _trunk(width: float, norm: Norm) -> nn.Sequential:
     layers: list[nn.Module] = []
     source = 1
     for index, channels in enumerate(scaled(c, width) for c in CHANNELS):
-        layers += [conv_block(source, channels, 3, norm=norm, padding=1), POOL.max_pool()]
+        conv, *rest = conv_block(source, channels, 3, norm=norm, padding=1)
+        # ReLU commutes with the maximum, and pooling first leaves it, and batch normalisation, a
+        # quarter of the elements.
+        layers += [conv, POOL.max_pool(), *rest]
         if index == 0:
             layers += response_norm(norm)
         source = channels
