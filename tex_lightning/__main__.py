@@ -23,17 +23,21 @@ USER_FAULT = 2
 FAILED_SWEEP = 1
 INTERRUPTED = 130
 
+STARTED: list[Path] = []  # run folders of this process; none means that Hydra could not make one
+
 log = logging.getLogger(__name__)
 
 
 def run_job(composed: DictConfig) -> None:
     """Run one composed job; a sweep goes on whatever becomes of it."""
     # Heavy imports wait until the command line is known to be right.
-    from tex_lightning.report.sweep import note_failure
+    from tex_lightning.report.sweep import FAILURE, note_failure
     from tex_lightning.tasks.dispatch import run_task
 
     sweeping = HydraConfig.get().mode == RunMode.MULTIRUN
     directory = Path(HydraConfig.get().runtime.output_dir)
+    STARTED.append(directory)
+    (directory / FAILURE).unlink(missing_ok=True)
     try:
         run_task(composed, directory)
     except UserError as error:
@@ -57,6 +61,7 @@ def main() -> int:
     """Run the command line and return its exit status."""
     # Hydra then raises its errors instead of printing and exiting with status 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    STARTED.clear()
     register()
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
@@ -65,6 +70,12 @@ def main() -> int:
         from tex_lightning.mistakes import explain
 
         return complain(explain(error, sys.argv[1:], CONF))
+    except OSError as error:
+        if STARTED:
+            raise
+        return complain(
+            UserError(f"The run folder cannot be made ({error}); choose another hydra.run.dir.")
+        )
     except KeyboardInterrupt:
         print(
             "Interrupted. The same command with hydra.run.dir set to this run's folder goes on "

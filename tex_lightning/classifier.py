@@ -38,7 +38,8 @@ class Card:
         visual_network: Arguments of :class:`VisualNet` but the classes.
         fusion: ``level`` of FusionNet; empty for the others.
         decision: ``pairs`` and ``seed`` of FusionNet's vote.
-        trained_on: The data and folds behind the weights, to refuse testing on them.
+        trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
+            them, and ``folds`` and ``test_fold`` of the training.
     """
 
     kind: Kind
@@ -166,9 +167,16 @@ class SurfaceClassifier(nn.Module):
     def visual_input(self, photo: Tensor) -> Tensor:
         """Normalised pixels (1, 3, height, width) of a decoded photo, on the module's device."""
         features = cast(ImageFeatures, self.image_features)
-        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
-        check_side(photo.shape[0], photo.shape[1], cast(VisualNet, network).min_side)
+        check_side(photo.shape[0], photo.shape[1], self.least_side)
         return cast(Tensor, features(photo.permute(2, 0, 1)[None].to(features.mean.device)))
+
+    @property
+    def least_side(self) -> int:
+        """Smallest side in pixels of a photo; 0 for HapticNet."""
+        if isinstance(self.network, HapticNet):
+            return 0
+        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
+        return network.min_side
 
     def _pair_seed(self, trace: Tensor, photo: Tensor) -> int:
         """From the content of the sample: its place in a batch or list cannot matter."""
@@ -192,7 +200,7 @@ def check_frames(frames: int, features: HapticFeatures) -> None:
     least = HapticNet.min_frames
     if frames < least:
         rate, hop = features.sampling_rate, features.hop_length
-        have = ((frames - 1) * hop + features.window_length) / rate
+        have = max(0, (frames - 1) * hop + features.window_length) / rate
         need = ((least - 1) * hop + features.window_length) / rate
         raise UserError(
             f"The trace has {have:.2f} s of movement, and HapticNet needs {need:.2f} s for one "

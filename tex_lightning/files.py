@@ -19,15 +19,19 @@ def _write(path: Path, text: str) -> None:
 
 def write_atomically(target: Path, write: Callable[[Path], None]) -> None:
     """Let ``write`` fill a file beside ``target`` and move it there when it is whole."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    os.close(handle)
-    partial = Path(name)
+    partial: Path | None = None
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        os.close(handle)
+        partial = Path(name)
         write(partial)
         partial.chmod(0o644)
         partial.replace(target)
     except OSError as error:
-        raise UserError(f"Cannot write {target} ({error.strerror}); free some space.") from error
+        raise UserError(
+            f"Cannot write {target} ({error.strerror}); free some space or choose another folder."
+        ) from error
     finally:
-        partial.unlink(missing_ok=True)
+        if partial is not None:
+            partial.unlink(missing_ok=True)

@@ -13,6 +13,10 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.errors import UserError
 
 OVERRIDE = re.compile(r"^(?P<prefix>[+~]{0,2})(?P<key>[\w./@-]+)(?:=(?P<value>.*))?$", re.DOTALL)
+WRONG_TYPE = re.compile(
+    r"Value '(?P<value>.*)' of type '\w+' could not be converted to (?P<type>\w+)"
+)
+TYPES = {"Integer": "a whole number", "Float": "a number"}
 HYDRA_OWN = ("hydra", "hydra/")
 
 
@@ -24,6 +28,13 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         arguments: The command line after the program's name.
         conf: Folder of the configuration files.
     """
+    wrong_type = WRONG_TYPE.search(f"{error} {error.__cause__}")
+    if wrong_type is not None:
+        given = next((item for item in arguments if item.endswith(f"={wrong_type['value']}")), "")
+        return UserError(
+            f"{given or wrong_type['value']} is not of the right type; give "
+            f"{TYPES.get(wrong_type['type'], wrong_type['type'])}."
+        )
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
     overrides = [argument for argument in arguments if not argument.startswith("-")]

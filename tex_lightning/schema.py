@@ -32,7 +32,7 @@ class DataConfig:
     classes: int | None = None
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float = MISSING
-    file_rate: float = MISSING
+    file_rate: float | None = None
     half_scale: bool = MISSING
     folds: int = MISSING
     test_fold: int | None = MISSING
@@ -46,8 +46,7 @@ class FitConfig:
     """One network's training recipe.
 
     ``epochs * steps_per_epoch`` optimiser steps; an epoch is only the time between two
-    checkpoints. ``size`` is the length of a training sub-sample: frames of a spectrogram or
-    pixels of a patch.
+    checkpoints.
     """
 
     epochs: int = MISSING
@@ -143,7 +142,6 @@ class TrainerConfig:
     """Passed to Lightning's Trainer; ``threads`` None leaves PyTorch's choice."""
 
     accelerator: str = MISSING
-    devices: int = MISSING
     precision: str = MISSING
     threads: int | None = None
 
@@ -188,6 +186,17 @@ class Config:
     logger: LoggerConfig = field(default_factory=LoggerConfig)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
+
+
+def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested plain values as one dictionary with dotted keys."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, dict):
+            flat.update(flatten(value, f"{prefix}{key}."))
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
 
 
 def register() -> None:

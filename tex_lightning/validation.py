@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.errors import UserError
+from tex_lightning.learning.callbacks.fusion import LEAST_FACTOR, MOST_FACTOR
 from tex_lightning.schema import Config, DataConfig, FitConfig, ModelConfig
 
 CHOICES = {
@@ -57,12 +58,13 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_choice("generate.layout", config.generate.layout, CHOICES["layout"]),
         *_choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
         *_choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
-        *_least("trainer.devices", config.trainer.devices, 1),
         *_least("trainer.threads", config.trainer.threads, 1),
         *_least("decision.pairs", config.decision.pairs, 1),
         *_least("decision.seed", config.decision.seed, 0),
         *_least("top_k", config.top_k, 1),
         *_least("seed", config.seed, 0),
+        *_most("seed", config.seed, 2**32 - 1),
+        *_most("decision.seed", config.decision.seed, 2**32 - 1),
         *_task(config),
     ]
     if complaints:
@@ -73,6 +75,22 @@ def _task(config: Config) -> Iterator[str]:
     data = config.data
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
+    training = config.task in ("fit", "crossval")
+    if config.checkpoint is not None and config.task not in ("evaluate", "predict"):
+        yield (
+            f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
+            "task=predict or model.fusion.haptic_checkpoint"
+        )
+    if config.task != "predict" and (config.haptic is not None or config.image is not None):
+        yield f"haptic and image are read by task=predict alone, not by task={config.task}"
+    if config.weights is not None and not training:
+        yield f"weights are read when training, not by task={config.task}: leave it null"
+    fusion = config.model.fusion
+    if config.task == "crossval" and (fusion.haptic_checkpoint or fusion.visual_checkpoint):
+        yield (
+            "unimodal checkpoints fit one fold only, so task=crossval cannot start from them: "
+            "leave model.fusion.haptic_checkpoint and visual_checkpoint null"
+        )
     if config.task == "crossval" and data.val_fold is not None:
         yield (
             "data.val_fold is set, but task=crossval trains on all folds but the tested one: "
@@ -84,7 +102,21 @@ def _task(config: Config) -> Iterator[str]:
         yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
 
 
+READ_KEYS = {
+    "synthetic": (),
+    "folder": ("root",),
+    "manifest": ("manifest",),
+    "tum": ("root", "manifest"),
+}
+
+
 def _data(data: DataConfig) -> Iterator[str]:
+    for key in ("root", "manifest"):
+        if getattr(data, key) is not None and key not in READ_KEYS[data.name]:
+            readers = [name for name, keys in READ_KEYS.items() if key in keys]
+            yield (
+                f"data.{key} is given, but data={data.name} does not read it: use data={readers[0]}"
+            )
     yield from _least("data.folds", data.folds, 2)
     for name in ("test_fold", "val_fold"):
         fold = getattr(data, name)
@@ -95,7 +127,8 @@ def _data(data: DataConfig) -> Iterator[str]:
     yield from _least("data.classes", data.classes, 2)
     yield from _least("data.num_workers", data.num_workers, 0)
     yield from _least("data.sampling_rate", data.sampling_rate, 2000)
-    yield from _positive("data.file_rate", data.file_rate)
+    if data.file_rate is not None:
+        yield from _positive("data.file_rate", data.file_rate)
 
 
 def _model(model: ModelConfig) -> Iterator[str]:
@@ -118,8 +151,11 @@ def _model(model: ModelConfig) -> Iterator[str]:
     for name in ("haptic", "visual", "fusion"):
         yield from _fit(f"model.{name}.fit", getattr(model, name).fit)
     factor = model.fusion.fit.head_factor
-    if model.kind == "fusion" and not 10 <= factor <= 50:
-        yield f"model.fusion.fit.head_factor is {factor:g}: choose from 10 to 50"
+    if model.kind == "fusion" and not LEAST_FACTOR <= factor <= MOST_FACTOR:
+        yield (
+            f"model.fusion.fit.head_factor is {factor:g}: choose from {LEAST_FACTOR:g} to "
+            f"{MOST_FACTOR:g}"
+        )
 
 
 def _fit(key: str, fit: FitConfig) -> Iterator[str]:
@@ -144,6 +180,11 @@ def _choice(key: str, value: str, allowed: Sequence[str]) -> Iterator[str]:
 def _least(key: str, value: float | None, least: float) -> Iterator[str]:
     if value is not None and not value >= least:
         yield f"{key} is {value:g}: choose {least:g} or more"
+
+
+def _most(key: str, value: float, most: float) -> Iterator[str]:
+    if value > most:
+        yield f"{key} is {value}: choose {most} or less"
 
 
 def _positive(key: str, value: float) -> Iterator[str]:

@@ -72,19 +72,23 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
         np.save(stream, array)
         return stream.getvalue()
 
-    def wav(array):
+    def wav(array, subtype="PCM_16"):
         stream = io.BytesIO()
-        soundfile.write(stream, array, 10_000, format="WAV", subtype="PCM_16")
+        soundfile.write(stream, array, 10_000, format="WAV", subtype=subtype)
         return stream.getvalue()
 
     refuse("empty.wav", b"", "is empty")
     refuse("text.wav", b"hello", "cannot be read")
-    refuse("cut.wav", wav(AXES.T)[:-400], "truncated: 633 of 700")
+    refuse("cut.wav", wav(AXES.T)[:-400], "truncated: 400 of 4200 bytes")
+    refuse("float.wav", wav(AXES.T, "FLOAT")[:-400], "truncated: 400 of 8400 bytes")
+    refuse("header.csv", b"x,y,z\n", "no numbers")
+    refuse("blank.txt", b"\n\n", "no numbers")
+    refuse("huge.npy", npy(np.array([0.0, 1e300])), "huge number at sample 1")
     refuse("cut.npy", npy(AXES)[:-4], "cannot be read")
     refuse("words.txt", b"1\n2\nthree\n", "cannot be read")
     refuse("words.npy", npy(np.array(["a", "b"])), "instead of numbers")
     refuse("pickle.npy", npy(np.array([{}])), "cannot be read")
-    refuse("nan.txt", b"1\nnan\n3\n", "NaN or infinity at sample 1")
+    refuse("nan.txt", b"1\nnan\n3\n", "NaN, infinity or a huge number at sample 1")
     refuse("two.wav", wav(AXES[:2].T), "one or three axes")
     refuse("cube.npy", npy(np.zeros((2, 3, 4))), "one or three axes")
     refuse("none.npy", npy(np.zeros((3, 0))), "no samples")
@@ -139,5 +143,5 @@ def test_bad_photos_are_refused_with_a_reason(tmp_path):
     with pytest.raises(UserError, match="8 bits"):
         decode_image(tmp_path / "deep.png", SETTINGS)
     Image.new("RGB", (1, 9)).save(tmp_path / "thin.png")
-    with pytest.raises(UserError, match="cannot be halved"):
+    with pytest.raises(UserError, match="too thin to be halved"):
         decode_image(tmp_path / "thin.png", SETTINGS)

@@ -47,6 +47,7 @@ def test_a_manifest_survives_a_round_trip(tmp_path):
     elsewhere = tmp_path / "copy.csv"
     write_manifest(table, elsewhere)
     assert read_manifest(elsewhere) == table
+    assert "haptic,a.wav,3" in elsewhere.read_text()
 
 
 def test_rates_byte_order_marks_and_extra_columns_are_read(tmp_path):
@@ -67,6 +68,7 @@ def test_rates_byte_order_marks_and_extra_columns_are_read(tmp_path):
         (HEADER + "w,haptic,a.wav,-1\n", "0 or more"),
         (HEADER + ",haptic,a.wav,1\n", "label or path is empty"),
         (HEADER + "w,haptic\n", "label or path is empty"),
+        (HEADER + "w,haptic,a.wav,0\nv,haptic,a.wav,1\n", "in record 1 and in record 2"),
     ],
 )
 def test_what_is_wrong_with_a_manifest_is_said(tmp_path, lines, message):
@@ -85,3 +87,5 @@ def test_a_manifest_that_is_no_text_or_not_there(tmp_path):
 def test_classes_are_distinct_and_in_natural_order():
     rows = [Recording(label, "image", Path(), 0) for label in ("c10", "c2", "c2")]
     assert Recordings(tuple(rows)).classes == ["c2", "c10"]
+    alike = [Recording(label, "image", Path(), 0) for label in ("wood", "Wood", "a01", "a1")]
+    assert Recordings(tuple(alike)).classes == ["a01", "a1", "Wood", "wood"]

@@ -66,6 +66,19 @@ def test_a_stopped_run_repeats_no_finished_fold(cli, surfaces, directory, monkey
     assert haptic["test_samples"] == 9
 
 
+def test_folds_that_cannot_be_tested_are_said_before_the_first(cli, surfaces, tmp_path):
+    few = tmp_path / "few"
+    for label in ("alpha", "beta"):
+        (few / label / "haptic").mkdir(parents=True)
+        for recording in range(4):
+            source = surfaces / label / "haptic" / f"{label}_{recording}.wav"
+            shutil.copy(source, few / label / "haptic")
+    outcome = cli("task=crossval", *tiny(few), f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 2
+    assert "Fold 4 holds nothing to test" in outcome.err
+    assert not (tmp_path / "run" / "folds").exists()
+
+
 def rows(directory: Path) -> list[dict[str, str]]:
     with (directory / "sweep.csv").open() as stream:
         return list(csv.DictReader(stream))
@@ -81,6 +94,9 @@ def test_one_failing_job_does_not_hide_the_others(cli, surfaces, tmp_path):
     assert pooled["job"] == "2 folds"
     assert int(pooled["test_samples"]) == 6
     assert int(pooled["correct"]) == int(first["correct"]) + int(third["correct"])
+    again = cli("-m", *tiny(surfaces), "data.test_fold=0,3,2", f"hydra.sweep.dir={tmp_path}")
+    assert again.status == 0, again.err
+    assert [row["status"] for row in rows(tmp_path)] == ["done"] * 4
 
 
 def test_folds_run_side_by_side_through_joblib(cli, surfaces, tmp_path):

@@ -9,8 +9,10 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from conftest import make_trace
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tex_lightning.__main__ import CONF
@@ -128,6 +130,39 @@ def test_a_folder_with_another_run_is_left_alone(cli, surfaces, fused):
     assert outcome.status == 2
     assert "another seed; choose another hydra.run.dir" in outcome.err
     assert (fused / "results.json").read_bytes() == results
+    assert "seed=5" not in (fused / ".hydra" / "overrides.yaml").read_text()
+
+
+def test_a_refused_first_attempt_does_not_block_the_folder(cli, surfaces, tmp_path):
+    good = tiny(surfaces, tmp_path)
+    wrong = [f"{item}x" if item.startswith("data.root") else item for item in good]
+    assert cli("model=haptic", *wrong).status == 2
+    assert cli("model=haptic", *good).status == 0
+
+
+def test_a_recording_too_short_is_found_before_training(cli, surfaces, tmp_path):
+    for label in ("alpha", "beta"):
+        (tmp_path / "data" / label).mkdir(parents=True)
+        (tmp_path / "data" / label / "haptic").symlink_to(surfaces / label / "haptic")
+    short = tmp_path / "data" / "gamma" / "haptic"
+    short.mkdir(parents=True)
+    for recording in range(10):
+        np.save(
+            short / f"{recording}.npy", make_trace(2, recording, 1.0 if recording == 0 else 2.4)
+        )
+    outcome = cli("model=haptic", *tiny(tmp_path / "data", tmp_path / "run"))
+    assert outcome.status == 2
+    assert "0.npy: The trace has" in outcome.err
+    assert not (tmp_path / "run" / "checkpoints").exists()
+
+
+def test_a_damaged_working_checkpoint_is_said(cli, surfaces, tmp_path):
+    working = tmp_path / "checkpoints" / "haptic"
+    working.mkdir(parents=True)
+    (working / "last.ckpt").write_bytes(b"PK\x03\x04")
+    outcome = cli("model=haptic", *tiny(surfaces, tmp_path))
+    assert outcome.status == 2
+    assert "is damaged; delete" in outcome.err
 
 
 def test_given_checkpoints_are_used_and_checked(cli, surfaces, fused, tmp_path):
@@ -139,7 +174,11 @@ def test_given_checkpoints_are_used_and_checked(cli, surfaces, fused, tmp_path):
     assert list(results["networks"]) == ["fusion"]
     leak = cli("model=fusion", *given, "data.test_fold=3", *tiny(surfaces, tmp_path / "b"))
     assert leak.status == 2
-    assert "trained on every fold of this data but 0" in leak.err
+    assert "has trained on 3 of the 3 test recordings" in leak.err
+    assert "set data.test_fold=0" in leak.err
+    other_folds = cli("model=fusion", *given, "data.folds=3", *tiny(surfaces, tmp_path / "d"))
+    assert other_folds.status == 2
+    assert "has trained on" in other_folds.err
     swapped = [f"model.fusion.haptic_checkpoint={visual}", given[1]]
     assert cli("model=fusion", *swapped, *tiny(surfaces, tmp_path / "c")).status == 2
 
@@ -188,8 +227,9 @@ def test_ctrl_c_then_the_same_command_gives_the_same_weights(
     assert same(weights(reference), weights(tmp_path))
 
 
-def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path):
-    many = ["model=haptic", "model.haptic.fit.epochs=12"]
+@pytest.mark.parametrize("val_fold", ["1", "null"])
+def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path, val_fold):
+    many = ["model=haptic", "model.haptic.fit.epochs=12", f"data.val_fold={val_fold}"]
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     assert cli(*many, *tiny(surfaces, whole)).status == 0
     process = subprocess.Popen(
@@ -211,6 +251,7 @@ def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path
         time.sleep(0.005)
     process.kill()
     process.wait()
+    assert last.is_file()
     assert not (killed / "results.json").exists()
     assert cli(*many, *tiny(surfaces, killed)).status == 0
     assert same(weights(whole), weights(killed))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from conftest import make_trace
 
 from tex_lightning.report.results import read_outcomes
 
@@ -101,6 +102,28 @@ def test_a_recording_at_another_rate_gives_the_same_label(cli, surfaces, trained
     assert labels[0] == labels[1]
 
 
+def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):
+    for kind in range(2):
+        folder = tmp_path / "data" / f"class{kind}" / "haptic"
+        folder.mkdir(parents=True)
+        for recording in range(3):
+            np.save(folder / f"{recording}.npy", make_trace(kind, recording, 4.0)[::2])
+    common = ["data=folder", f"data.root={tmp_path}/data", "data.folds=3"]
+    run = cli(
+        "model=haptic", *common, "data.file_rate=5000", "debug=tiny", f"hydra.run.dir={tmp_path}/r"
+    )
+    assert run.status == 0, run.err
+    given = f"checkpoint={tmp_path}/r/checkpoints/haptic.ckpt"
+    tested = read_outcomes(tmp_path / "r" / "predictions" / "haptic.csv")
+    again = cli("task=evaluate", given, *common, f"hydra.run.dir={tmp_path}/e")
+    assert again.status == 0, again.err
+    evaluated = read_outcomes(tmp_path / "e" / "predictions" / "haptic.csv")
+    assert [o.fragments for o in evaluated] == [o.fragments for o in tested]
+    prediction = json.loads(cli("task=predict", given, f"haptic={tested[0].haptic}").out)
+    assert prediction["fragments"] == tested[0].fragments
+    assert prediction["label"] == tested[0].predicted
+
+
 def test_unusable_input_is_said_in_one_sentence(cli, surfaces, trained, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
@@ -126,6 +149,7 @@ def test_unusable_input_is_said_in_one_sentence(cli, surfaces, trained, tmp_path
     refuse("was not written by tex_lightning", "checkpoint=broken.ckpt", f"haptic={wav}")
     refuse("was not written by tex_lightning", "checkpoint=cut.ckpt", f"haptic={wav}")
     refuse("is not a file or a list", haptic, "haptic={a:1}")
+    refuse("haptic network does not look at image", haptic, f"haptic={wav}", f"image={png}")
 
 
 def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, trained, tmp_path):
@@ -155,11 +179,11 @@ def test_everything_in_another_folder_is_tested_without_a_test_fold(
     cli, surfaces, trained, tmp_path
 ):
     copy = tmp_path / "copy"
-    for label in ("alpha", "gamma"):
+    for kind, label in ((0, "alpha"), (2, "gamma")):
         (copy / label / "haptic").mkdir(parents=True)
         for recording in range(3):
-            source = surfaces / label / "haptic" / f"{label}_{recording}.wav"
-            (copy / label / "haptic" / source.name).write_bytes(source.read_bytes())
+            trace = make_trace(kind, 20 + recording)
+            np.save(copy / label / "haptic" / f"{recording}.npy", trace)
     outcome = cli(
         "task=evaluate",
         checkpoint(trained, "haptic"),
@@ -171,3 +195,20 @@ def test_everything_in_another_folder_is_tested_without_a_test_fold(
     assert outcome.status == 0, outcome.err
     results = json.loads((tmp_path / "run" / "results.json").read_text())
     assert results["networks"]["haptic"]["test_samples"] == 6
+
+
+def test_trained_recordings_are_recognised_in_another_folder(cli, surfaces, trained, tmp_path):
+    for label in ("alpha", "beta"):
+        folder = tmp_path / "copy" / label / "haptic"
+        folder.mkdir(parents=True)
+        source = surfaces / label / "haptic" / f"{label}_4.wav"
+        (folder / "renamed.wav").write_bytes(source.read_bytes())
+    outcome = cli(
+        "task=evaluate",
+        checkpoint(trained, "haptic"),
+        "data=folder",
+        f"data.root={tmp_path}/copy",
+        f"hydra.run.dir={tmp_path}/run",
+    )
+    assert outcome.status == 2
+    assert "has trained on 2 of the 2 test recordings, renamed.wav among them" in outcome.err

@@ -155,14 +155,17 @@ class SampleSet(Dataset[Batch]):
         return len(self.samples)
 
 
+def load_trace(row: Recording, store: Store) -> Tensor:
+    """Decoded trace (axes, samples), copied to memory."""
+    return torch.from_numpy(np.array(store.trace(row)))
+
+
 def load_sample(sample: Sample, store: Store) -> tuple[Tensor | None, Tensor | None]:
     """Decoded trace (axes, samples) and photo (height, width, 3) of a sample, copied to memory."""
-    trace = None if sample.haptic is None else np.array(store.trace(sample.haptic))
-    photo = None if sample.image is None else np.array(store.image(sample.image))
-    return (
-        None if trace is None else torch.from_numpy(trace),
-        None if photo is None else torch.from_numpy(photo),
-    )
+    trace = None if sample.haptic is None else load_trace(sample.haptic, store)
+    if sample.image is None:
+        return trace, None
+    return trace, torch.from_numpy(np.array(store.image(sample.image)))
 
 
 class SurfaceData(LightningDataModule):

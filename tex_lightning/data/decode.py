@@ -4,7 +4,6 @@ A checkpoint carries the settings used here, so prediction decodes as training d
 """
 
 import csv
-import wave
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -21,6 +20,9 @@ from tex_lightning.errors import UserError
 
 TRACE_SUFFIXES = (".wav", ".npy", ".txt", ".csv")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+
+UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
+LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 
 Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
@@ -62,9 +64,12 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
     _require_file(path)
     samples, file_rate = _read_samples(path)
     trace = _as_axes(path, samples)
-    if not np.isfinite(trace).all():
-        first = int(np.flatnonzero(~np.isfinite(trace).all(axis=0))[0])
-        raise UserError(f"Trace {path} holds NaN or infinity at sample {first}; repair the file.")
+    finite = np.isfinite(trace).all(axis=0) & (np.abs(trace) < LARGEST).all(axis=0)
+    if not finite.all():
+        first = int(np.flatnonzero(~finite)[0])
+        raise UserError(
+            f"Trace {path} holds NaN, infinity or a huge number at sample {first}; repair the file."
+        )
     source = file_rate or rate or settings.file_rate
     ratio = Fraction(settings.sampling_rate / source).limit_denominator(10_000)
     if not 0.001 < ratio < 1000:
@@ -98,6 +103,8 @@ def decode_image(path: Path, settings: DecodeSettings) -> Photo:
         raise UserError(f"Image {path} is too large ({error}); scale it down.") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise UserError(f"Image {path} is damaged ({error}); replace the file.") from error
+    if settings.half_scale and min(photo.shape[:2]) < 2:
+        raise UserError(f"Image {path} is too thin to be halved; set data.half_scale=false.")
     return halve(photo) if settings.half_scale else photo
 
 
@@ -107,8 +114,6 @@ def halve(photo: Photo) -> Photo:
     Kornia's ``rescale`` by 0.5 without anti-aliasing is exactly that mean on even sizes.
     """
     height, width = photo.shape[0] // 2 * 2, photo.shape[1] // 2 * 2
-    if not height or not width:
-        raise UserError(f"An image of {photo.shape[1]}x{photo.shape[0]} pixels cannot be halved.")
     pixels = torch.from_numpy(photo[:height, :width].copy()).permute(2, 0, 1)[None].float()
     small = kornia.geometry.transform.rescale(pixels, 0.5, antialias=False)
     half: Photo = small[0].add_(0.5).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
@@ -127,8 +132,8 @@ def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
     suffix = path.suffix.lower()
     try:
         if suffix == ".wav":
+            _check_wav_length(path)
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
-            _check_wav_length(path, len(samples))
             return samples, float(rate)
         if suffix == ".npy":
             return _numeric(np.load(path, allow_pickle=False)), None
@@ -139,15 +144,21 @@ def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
 
 
-def _check_wav_length(path: Path, samples: int) -> None:
-    """Compare with the header: libsndfile reads a truncated file without a word."""
-    try:
-        with wave.open(str(path)) as stream:
-            announced = stream.getnframes()
-    except (wave.Error, EOFError):  # float and extensible formats, which the module cannot parse
-        return
-    if announced > samples:
-        raise ValueError(f"truncated: {samples} of {announced} samples")
+def _check_wav_length(path: Path) -> None:
+    """Compare sizes with the header: libsndfile reads a truncated file without a word."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        if stream.read(4) != b"RIFF":
+            return
+        stream.seek(12)
+        while len(header := stream.read(8)) == 8:
+            length = int.from_bytes(header[4:], "little")
+            if header[:4] == b"data":
+                missing = stream.tell() + length - size
+                if missing > 0 and length < UNKNOWN_LENGTH:
+                    raise ValueError(f"truncated: {missing} of {length} bytes are missing")
+                return
+            stream.seek(length + length % 2, 1)
 
 
 def _numeric(array: npt.NDArray[np.generic]) -> npt.NDArray[np.floating]:
@@ -163,7 +174,11 @@ def _read_text(path: Path) -> npt.NDArray[np.floating]:
     delimiter = next((mark for mark in ",;" if mark in first), None)
     header = next(csv.reader([first], delimiter=delimiter or " "), [])
     skip = int(not all(_is_number(field) for field in header if field.strip()))
-    return np.loadtxt(path, delimiter=delimiter, skiprows=skip, encoding="utf-8-sig", ndmin=1)
+    with path.open(encoding="utf-8-sig") as stream:
+        lines = [line for line in stream if line.strip()][skip:]
+    if not lines:
+        raise ValueError("no numbers")
+    return np.loadtxt(lines, delimiter=delimiter, ndmin=1)
 
 
 def _is_number(field: str) -> bool:

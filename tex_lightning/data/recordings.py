@@ -61,13 +61,14 @@ class Recordings:
         return Recordings(tuple(row for row in self.rows if row.label in wanted))
 
 
-def natural_key(text: str) -> list[tuple[int, int, str]]:
-    """Sort key that counts: ``query2`` comes before ``query10``."""
-    return [
+def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
+    """Sort key that counts: ``query2`` comes before ``query10``; equal only for equal names."""
+    parts = [
         (0, int(part), "") if part.isdecimal() else (1, 0, part.casefold())
         for part in re.split(r"(\d+)", text)
         if part
     ]
+    return parts, text
 
 
 def number_files(
@@ -100,19 +101,27 @@ def read_manifest(path: Path) -> Recordings:
         raise UserError(
             f"Manifest {path} is not a UTF-8 CSV file ({error}); save it as CSV."
         ) from error
+    _check_distinct(path, rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
     return Recordings(tuple(rows))
 
 
 def write_manifest(recordings: Recordings, path: Path) -> None:
-    """Write the table as CSV that :func:`read_manifest` reads back, with absolute paths."""
+    """Write the table as CSV that :func:`read_manifest` reads back.
+
+    Paths below the manifest's folder are written relative to it, so that both can move together.
+    """
+    folder = path.resolve().parent
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([*COLUMNS, "sampling_rate"])
         for row in recordings:
             rate = "" if row.sampling_rate is None else row.sampling_rate
-            writer.writerow([row.label, row.modality, row.path.resolve(), row.group, rate])
+            file = row.path.resolve()
+            if file.is_relative_to(folder):
+                file = file.relative_to(folder)
+            writer.writerow([row.label, row.modality, file, row.group, rate])
 
 
 def _check_columns(path: Path, names: Iterable[str] | None) -> None:
@@ -122,6 +131,18 @@ def _check_columns(path: Path, names: Iterable[str] | None) -> None:
             f"Manifest {path} lacks the column {', '.join(missing)}; "
             f"its first line must name {','.join(COLUMNS)}."
         )
+
+
+def _check_distinct(path: Path, rows: list[Recording]) -> None:
+    """Refuse a file that is listed twice: in two groups it would be trained and tested on."""
+    first: dict[Path, int] = {}
+    for number, row in enumerate(rows, start=2):
+        if row.path in first:
+            raise UserError(
+                f"Manifest {path} lists {row.path} in record {first[row.path] - 1} and in record "
+                f"{number - 1}; keep one of them."
+            )
+        first[row.path] = number
 
 
 def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:

@@ -24,6 +24,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
 from tex_lightning.progress import track
 
+FINGERPRINT_BYTES = 65_536
+
 
 def cache_root(configured: str | None) -> Path:
     """The configured cache folder, else the user's own, made if it does not exist."""
@@ -41,6 +43,17 @@ def cache_root(configured: str | None) -> Path:
             "set data.cache_dir to a folder that can."
         ) from error
     return root
+
+
+def fingerprint(path: Path) -> str:
+    """Digest of a file's size and ends: the same for a copy, another for another recording."""
+    size = path.stat().st_size
+    digest = hashlib.sha256(str(size).encode())
+    with path.open("rb") as stream:
+        digest.update(stream.read(FINGERPRINT_BYTES))
+        stream.seek(max(0, size - FINGERPRINT_BYTES))
+        digest.update(stream.read(FINGERPRINT_BYTES))
+    return digest.hexdigest()[:16]
 
 
 class Store:

@@ -61,6 +61,13 @@ class HapticFeatures(nn.Module):
         self.register_buffer("channel_mean", torch.zeros(self.bands, 1))
         self.register_buffer("channel_std", torch.ones(self.bands, 1))
 
+    def count_frames(self, trace: Tensor) -> int:
+        """Frames that :meth:`magnitudes` will give for a trace (axes, samples); 0 if too short."""
+        samples = trace.shape[-1]
+        if self.skip_impact:
+            samples -= movement_start(trace, self.sampling_rate)
+        return max(0, (samples - self.window_length) // self.hop_length + 1)
+
     def magnitudes(self, trace: Tensor) -> Tensor:
         """Spectrogram before normalisation.
 

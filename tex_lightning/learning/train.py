@@ -17,13 +17,14 @@ from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 from lightning.pytorch.trainer.states import TrainerStatus
 
-from tex_lightning.classifier import Card, SurfaceClassifier, check_frames
+from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.datamodule import (
     PhotoBank,
     SampleSet,
     SpectrogramBank,
     SurfaceData,
     TrainingBatches,
+    load_trace,
 )
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.data.recordings import Recording
@@ -31,7 +32,6 @@ from tex_lightning.data.store import Store
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import crop_side
-from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.callbacks.figures import SampleFigures
 from tex_lightning.learning.callbacks.fusion import FusionStart
@@ -129,12 +129,23 @@ def train_network(training: Training) -> Path:
     data = _make_data(training, module)
     preparation = time.perf_counter() - begin
     last = training.working / "last.ckpt"
+    _check_resumable(last)
     with _quiet_lightning():
         trainer, timer, keeper = _make_trainer(training, resumed=last.is_file())
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         _finish(training, trainer, module, keeper)
     return training.final
+
+
+def _check_resumable(last: Path) -> None:
+    if last.is_file():
+        try:
+            torch.load(last, map_location="cpu", weights_only=True)
+        except Exception as error:  # damage shows in as many ways as there are formats
+            raise UserError(
+                f"Checkpoint {last} is damaged; delete {last.parent} to train this network anew."
+            ) from error
 
 
 @contextmanager
@@ -200,23 +211,12 @@ def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tenso
     features.to(device)
     rows = training.parts.train.of("haptic").rows
     spectra = [
-        _magnitudes(features, training.store, row, device) for row in track(rows, "Spectrograms")
+        features.magnitudes(load_trace(row, training.store).to(device))
+        for row in track(rows, "Spectrograms")
     ]
     if not fitted:
         features.fit(spectra)
     return [features.normalise(item).cpu() for item in spectra]
-
-
-def _magnitudes(
-    features: HapticFeatures, store: Store, row: Recording, device: torch.device
-) -> torch.Tensor:
-    try:
-        trace = torch.from_numpy(np.array(store.trace(row))).to(device)
-        magnitudes = features.magnitudes(trace)
-        check_frames(magnitudes.shape[1], features)
-    except UserError as error:
-        raise UserError(f"{row.path}: {error}") from error
-    return magnitudes
 
 
 def _class_indices(rows: tuple[Recording, ...], classes: list[str]) -> np.ndarray[Any, Any]:
@@ -232,7 +232,7 @@ def _make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer,
         dirpath=training.working,
         filename="best",
         monitor="val/loss" if validated else None,
-        save_top_k=1 if validated else 0,
+        save_top_k=1,  # Lightning writes last.ckpt only together with one of these
         save_last=True,
         save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
         enable_version_counter=False,
@@ -245,7 +245,7 @@ def _make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer,
         callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"]))
     trainer = Trainer(
         accelerator=config.trainer.accelerator,
-        devices=config.trainer.devices,
+        devices=1,
         precision=config.trainer.precision,  # type: ignore[arg-type]  # a string from the config
         max_epochs=fit["epochs"],
         callbacks=callbacks,
@@ -283,7 +283,7 @@ def _finish(
 
     Only weights and plain values are kept; what a resumption would need goes.
     """
-    if keeper.best_model_path:
+    if keeper.monitor is not None:
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
     partial = training.working / "final.ckpt"

@@ -5,6 +5,8 @@ from typing import Any
 
 from torch.utils.tensorboard import SummaryWriter
 
+from tex_lightning.schema import flatten
+
 HPARAM_TYPES = (bool, int, float, str)
 
 
@@ -41,14 +43,4 @@ def log_test(
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
     """Flat plain values of what this network was trained with."""
     chosen = {"seed": config["seed"], "data": config["data"], name: config["model"][name]}
-    return dict(_flatten(chosen, ""))
-
-
-def _flatten(values: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
-    pairs: list[tuple[str, Any]] = []
-    for key, value in values.items():
-        if isinstance(value, dict):
-            pairs += _flatten(value, f"{prefix}{key}.")
-        elif isinstance(value, HPARAM_TYPES):
-            pairs.append((f"{prefix}{key}", value))
-    return pairs
+    return {key: value for key, value in flatten(chosen).items() if isinstance(value, HPARAM_TYPES)}

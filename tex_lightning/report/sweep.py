@@ -6,13 +6,17 @@ import logging
 from pathlib import Path
 from typing import Any, ClassVar
 
+from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 from rich.table import Table
 
+from tex_lightning.data.recordings import natural_key
 from tex_lightning.files import write_text
 from tex_lightning.progress import console
 from tex_lightning.report.results import wilson_interval
+
+Row = dict[str, Any]
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +31,9 @@ COLUMNS = (
 def note_failure(directory: Path, reason: str) -> None:
     """Leave the reason in the job's folder, for the summary and for whoever looks there."""
     log.error("%s", reason)
-    write_text(directory / FAILURE, json.dumps({"error": reason}, indent=1))
+    overrides = list(HydraConfig.get().overrides.task)
+    text = json.dumps({"error": reason, "overrides": overrides}, indent=1)
+    write_text(directory / FAILURE, text)
 
 
 class SweepSummary(Callback):
@@ -38,36 +44,32 @@ class SweepSummary(Callback):
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Collect what the jobs left behind."""
         directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
-        jobs = sorted(
-            (path.parent.parent for path in directory.rglob(".hydra/overrides.yaml")),
-            key=lambda path: (len(path.name), path.name),
-        )
+        marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
+        jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
+        jobs.sort(key=lambda path: natural_key(path.name))
         rows = [row for job in jobs for row in _rows(job, directory)]
         rows += _pooled(rows)
         SweepSummary.failures = sum(row["status"] != "done" for row in rows)
         with (directory / "sweep.csv").open("w", newline="", encoding="utf-8") as stream:
             writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
             writer.writeheader()
-            writer.writerows(rows)
+            writer.writerows({**row, "overrides": " ".join(row["overrides"])} for row in rows)
         _print(rows, directory)
 
 
-def _rows(job: Path, root: Path) -> list[dict[str, Any]]:
-    overrides = " ".join(str(item) for item in OmegaConf.load(job / ".hydra/overrides.yaml"))
-    start = {"job": str(job.relative_to(root)), "overrides": overrides}
+def _rows(job: Path, root: Path) -> list[Row]:
+    start: Row = {"job": str(job.relative_to(root))}
     if (job / FAILURE).is_file():
-        reason = json.loads((job / FAILURE).read_text(encoding="utf-8"))["error"]
-        return [{**start, "status": reason}]
+        failure = json.loads((job / FAILURE).read_text(encoding="utf-8"))
+        return [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
+    start["overrides"] = [str(item) for item in OmegaConf.load(job / ".hydra/overrides.yaml")]
     results = job / "results.json"
     if not results.is_file():
-        return [{**start, "status": "done" if _writes_none(overrides) else "not finished"}]
-    networks = json.loads(results.read_text(encoding="utf-8"))["networks"]
+        silent = {"task=predict", "task=generate"} & {*start["overrides"]}
+        return [{**start, "status": "done" if silent else "not finished"}]
     start["status"] = "done"
+    networks = json.loads(results.read_text(encoding="utf-8"))["networks"]
     return [{**start, **_row(name, network)} for name, network in networks.items()]
-
-
-def _writes_none(overrides: str) -> bool:
-    return any(f"task={task}" in overrides.split() for task in ("predict", "generate"))
 
 
 def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:
@@ -84,14 +86,14 @@ def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _pooled(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _pooled(rows: list[Row]) -> list[Row]:
     """Counts over jobs that differ in nothing but the tested fold."""
-    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
     for row in rows:
         if row["status"] == "done" and "network" in row:
-            kept = [item for item in row["overrides"].split() if not item.startswith(FOLD_KEYS)]
-            if len(kept) < len(row["overrides"].split()):
-                groups.setdefault((" ".join(kept), row["network"]), []).append(row)
+            kept = tuple(item for item in row["overrides"] if not item.startswith(FOLD_KEYS))
+            if len(kept) < len(row["overrides"]):
+                groups.setdefault((kept, row["network"]), []).append(row)
     pooled = []
     for (overrides, network), members in groups.items():
         if len(members) < 2:
@@ -102,7 +104,7 @@ def _pooled(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         pooled.append(
             {
                 "job": f"{len(members)} folds",
-                "overrides": overrides,
+                "overrides": list(overrides),
                 "status": "done",
                 "network": network,
                 "vote_accuracy": correct / count,
@@ -116,28 +118,24 @@ def _pooled(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return pooled
 
 
-def _varying(rows: list[dict[str, Any]]) -> dict[str, str]:
-    """What distinguishes each job's overrides from those that all jobs share."""
-    every = [set(row["overrides"].split()) for row in rows]
+def _varying(row: Row, rows: list[Row]) -> str:
+    """What distinguishes a job's overrides from those that all jobs share."""
+    every = [{*other["overrides"]} for other in rows if not other["job"].endswith(" folds")]
     shared = set.intersection(*every) if len(every) > 1 else set()
-    return {
-        row["overrides"]: " ".join(item for item in row["overrides"].split() if item not in shared)
-        for row in rows
-    }
+    return " ".join(item for item in row["overrides"] if item not in shared)
 
 
-def _print(rows: list[dict[str, Any]], directory: Path) -> None:
+def _print(rows: list[Row], directory: Path) -> None:
     table = Table(title="sweep")
-    varying = _varying([row for row in rows if not row["job"].endswith(" folds")])
     for heading in ("job", "overrides", "network", "votes", "95 % interval", "fit s"):
         table.add_column(heading)
     for row in rows:
         if "network" not in row:
-            table.add_row(row["job"], varying[row["overrides"]], "", row["status"])
+            table.add_row(row["job"], _varying(row, rows), "", row["status"])
             continue
         table.add_row(
             row["job"],
-            varying.get(row["overrides"], ""),
+            _varying(row, rows),
             row["network"],
             f"{row['vote_accuracy']:.1%} ({row['correct']}/{row['test_samples']})",
             f"{row['ci_low']:.1%} to {row['ci_high']:.1%}",

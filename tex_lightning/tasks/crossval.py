@@ -23,13 +23,15 @@ log = logging.getLogger(__name__)
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
-    begin = time.perf_counter()
     chosen = _chosen_folds(config)
     workspace = open_workspace(config, directory)
+    for fold in chosen:  # before time is spent on the first
+        workspace.on_fold(fold, directory).parts()
     folds = {fold: _run_fold(workspace, fold) for fold in chosen}
     names = next(iter(folds.values()))["networks"]
     networks = {name: _pool(workspace, folds, name) for name in names}
-    results = results_frame(workspace, networks, time.perf_counter() - begin)
+    seconds = sum(results["wall_seconds"] for results in folds.values())
+    results = results_frame(workspace, networks, seconds)
     write_results(directory / "results.json", results)
     print_results(results, directory)
     return results

@@ -7,6 +7,7 @@ from typing import cast
 import torch
 from omegaconf import DictConfig, OmegaConf
 
+from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
 from tex_lightning.tasks import crossval, evaluate, fit, generate, predict
 from tex_lightning.validation import check_config, check_known, check_missing
@@ -32,4 +33,5 @@ def run_task(composed: DictConfig, directory: Path) -> None:
     check_config(config, tuple(TASKS))
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
+    claim_folder(composed, config, directory.resolve())
     TASKS[config.task](config, directory.resolve())

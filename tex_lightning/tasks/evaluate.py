@@ -18,26 +18,28 @@ from tex_lightning.report.results import environment, summarise, write_outcomes,
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
-from tex_lightning.tasks.workspace import claim_folder, refuse_leak, trained_on
+from tex_lightning.tasks.workspace import check_sizes, refuse_leak
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
     """Classify the test samples with ``checkpoint``; write ``results.json`` and return it.
 
     Files are decoded as the checkpoint says, whatever the configuration has; only
-    ``data.file_rate`` belongs to the files themselves and is taken from it.
+    ``data.file_rate`` belongs to the files themselves and is taken from it if it is given.
     """
     begin = time.perf_counter()
-    claim_folder(config, directory)
     checkpoint = Path(cast(str, config.checkpoint)).expanduser()
     classifier = SurfaceClassifier.from_checkpoint(checkpoint)
     device = pick_device(config.trainer.accelerator)
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
     test = _test_part(config, classifier)
-    settings = replace(classifier.card.settings, file_rate=config.data.file_rate)
+    settings = classifier.card.settings
+    if config.data.file_rate is not None:
+        settings = replace(settings, file_rate=config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     store.fill(test)
+    check_sizes(test, store, classifier.haptic_features, classifier.least_side)
     samples = make_samples(test, kind)
     if not samples:
         raise UserError(
@@ -83,6 +85,7 @@ def _test_part(config: Config, classifier: SurfaceClassifier) -> Recordings:
             f"The checkpoint does not know the class {', '.join(unknown)}; leave it out of the "
             "data or train on it."
         )
-    refuse_leak(trained_on(config), card, "The checkpoint")
     wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
-    return split(wanted, config.data.folds, config.data.test_fold, None).test
+    test = split(wanted, config.data.folds, config.data.test_fold, None).test
+    refuse_leak(test, card, "The checkpoint")
+    return test

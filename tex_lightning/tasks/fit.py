@@ -1,5 +1,6 @@
 """Train a network and test it on the held-out fold; FusionNet trains its two parts first."""
 
+import json
 import logging
 import time
 from dataclasses import asdict
@@ -39,6 +40,12 @@ UNIMODAL: tuple[Kind, ...] = ("haptic", "visual")
 def run(config: Config, directory: Path) -> dict[str, Any]:
     """Train and test on ``data.test_fold``; write ``results.json`` and return its content."""
     begin = time.perf_counter()
+    done = directory / "results.json"
+    if done.is_file():
+        log.info("This run is finished already.")
+        finished: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
+        print_results(finished, directory)
+        return finished
     workspace = open_workspace(config, directory)
     networks = fit_fold(workspace)
     results = results_frame(workspace, networks, time.perf_counter() - begin)

@@ -3,7 +3,10 @@
 import logging
 from pathlib import Path
 
+from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import spec_of
+from tex_lightning.data.readers.tum import read_tum
+from tex_lightning.data.recordings import write_manifest
 from tex_lightning.data.synthetic import write_folder, write_tum
 from tex_lightning.errors import UserError
 from tex_lightning.schema import Config
@@ -12,12 +15,25 @@ log = logging.getLogger(__name__)
 
 
 def run(config: Config, directory: Path) -> None:
-    """Write ``data.classes`` surfaces to ``generate.out`` in the layout ``generate.layout``."""
+    """Write ``data.classes`` surfaces to ``generate.out`` in the layout ``generate.layout``.
+
+    A manifest beside them lists every file, as an example of the format.
+    """
     out = Path(config.generate.out).expanduser()
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"generate.out={out} is not empty; name a new folder.")
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"generate.out={out} cannot be made ({error.strerror}); name another folder."
+        ) from error
     spec = spec_of(config.data)
-    write = write_tum if config.generate.layout == "tum" else write_folder
-    write(spec, out)
+    if config.generate.layout == "tum":
+        write_tum(spec, out)
+        recordings = read_tum(out)
+    else:
+        write_folder(spec, out)
+        recordings = read_folder(out)
+    write_manifest(recordings, out / "manifest.csv")
     log.info("%d synthetic classes written to %s.", spec.classes, out)

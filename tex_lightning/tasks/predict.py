@@ -10,6 +10,7 @@ import torch
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import decode_image, decode_trace
+from tex_lightning.data.folds import NEEDS
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
@@ -23,14 +24,28 @@ def run(config: Config, directory: Path) -> None:
     """
     classifier = SurfaceClassifier.from_checkpoint(cast(str, config.checkpoint))
     classifier.to(pick_device(config.trainer.accelerator))
+    _refuse_unused(classifier, config)
     for haptic, image in _pairs(_files("haptic", config.haptic), _files("image", config.image)):
         print(json.dumps(_predict(classifier, config, haptic, image)), flush=True)
+
+
+def _refuse_unused(classifier: SurfaceClassifier, config: Config) -> None:
+    needs = NEEDS[classifier.card.kind]
+    given = {"haptic": config.haptic, "image": config.image}
+    unused = [key for key, value in given.items() if value is not None and key not in needs]
+    if unused:
+        raise UserError(
+            f"This {classifier.card.kind} network does not look at {unused[0]}; leave {unused[0]}= "
+            "out or give another checkpoint."
+        )
 
 
 def _predict(
     classifier: SurfaceClassifier, config: Config, haptic: Path | None, image: Path | None
 ) -> dict[str, Any]:
-    settings = replace(classifier.card.settings, file_rate=config.data.file_rate)
+    settings = classifier.card.settings
+    if config.data.file_rate is not None:
+        settings = replace(settings, file_rate=config.data.file_rate)
     begin = time.perf_counter()
     try:
         vote = classifier.classify(

@@ -1,19 +1,19 @@
 """What every training task starts with: recordings, store, classifier card, run folder."""
 
-import json
 import logging
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.classifier import Card, SurfaceClassifier, check_frames, check_side
+from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind, Split, check_split, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.store import Store, cache_root
+from tex_lightning.data.store import Store, cache_root, fingerprint
 from tex_lightning.errors import UserError
-from tex_lightning.files import write_text
+from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.schema import Config, DataConfig
@@ -22,14 +22,6 @@ log = logging.getLogger(__name__)
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
 VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel")
-
-# Settings that change neither weights nor figures; a run may be continued with others.
-FREE_KEYS = {
-    "crossval": None,
-    "logger": None,
-    "data": ("cache_dir", "num_workers"),
-    "trainer": ("accelerator", "devices", "threads"),
-}
 
 
 @dataclass(frozen=True)
@@ -66,40 +58,66 @@ class Workspace:
 
 
 def open_workspace(config: Config, directory: Path) -> Workspace:
-    """Read the data set, decode what the cache does not have, and claim the run folder.
+    """Read the data set and decode what the cache does not have.
 
     Raises:
-        UserError: If the data cannot be used or the folder holds another run.
+        UserError: If the data or the networks cannot be used.
     """
     kind = cast(Kind, config.model.kind)
-    check_networks(config)
-    claim_folder(config, directory)
+    least_side = check_networks(config)
     rows = read_recordings(config.data)
     recordings = Recordings(tuple(row for row in rows if row.modality in NEEDS[kind]))
     store = Store(cache_root(config.data.cache_dir), decode_settings(config.data))
-    if len(recordings) == 0:
+    if len(recordings.classes) < 2:
         raise UserError(
-            f"The data has no {' or '.join(NEEDS[kind])} recordings for a {kind} network; "
-            "choose another model or add recordings."
+            f"The data has {' or '.join(NEEDS[kind])} recordings of "
+            f"{' '.join(recordings.classes) or 'no class'} for a {kind} network, and telling "
+            "classes apart takes two; choose another model or add recordings."
         )
     store.fill(recordings)
+    check_sizes(recordings, store, HapticFeatures(**_haptic_features(config)), least_side)
     return Workspace(config, kind, recordings.classes, recordings, store, directory)
 
 
-def check_networks(config: Config) -> None:
+def check_sizes(
+    recordings: Recordings, store: Store, features: HapticFeatures | None, least_side: int
+) -> None:
+    """Make sure that every recording gives a fragment, before time is spent on training.
+
+    Raises:
+        UserError: Naming the first file that is too short or too small.
+    """
+    for row in recordings:
+        try:
+            if row.modality == "image":
+                height, width, _ = store.image(row).shape
+                check_side(height, width, least_side)
+            elif features is not None:
+                check_frames(features.count_frames(load_trace(row, store)), features)
+        except UserError as error:
+            raise UserError(f"{row.path}: {error}") from error
+
+
+def check_networks(config: Config) -> int:
     """Build what will be trained, so that settings and weights that do not fit are said at once.
+
+    Returns:
+        The smallest side in pixels that a photo may have; 0 for HapticNet.
 
     Raises:
         UserError: Naming the key that does not fit.
     """
     model = config.model
-    if model.kind != "haptic" and model.fusion.visual_checkpoint is None:
-        network = VisualNet(2, **_network(model.visual, *VISUAL_KEYS))
-        if config.weights is not None:
-            load_trunk_weights(network, config.weights)
-    if model.kind == "fusion":
-        for kind, path in given_checkpoints(config).items():
-            SurfaceClassifier.from_checkpoint(path, kind)
+    if model.kind == "haptic":
+        return 0
+    given = given_checkpoints(config) if model.kind == "fusion" else {}
+    starts = {kind: SurfaceClassifier.from_checkpoint(path, kind) for kind, path in given.items()}
+    if "visual" in starts:
+        return cast(VisualNet, starts["visual"].network).min_side
+    network = VisualNet(2, **_network(model.visual, *VISUAL_KEYS))
+    if config.weights is not None:
+        load_trunk_weights(network, config.weights)
+    return network.min_side
 
 
 def given_checkpoints(config: Config) -> dict[Kind, Path]:
@@ -114,7 +132,8 @@ def given_checkpoints(config: Config) -> dict[Kind, Path]:
 
 def decode_settings(data: DataConfig) -> DecodeSettings:
     """How the configured data is decoded."""
-    return DecodeSettings(data.sampling_rate, data.file_rate, data.half_scale)
+    file_rate = data.sampling_rate if data.file_rate is None else data.file_rate
+    return DecodeSettings(data.sampling_rate, file_rate, data.half_scale)
 
 
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
@@ -128,7 +147,7 @@ def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> C
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
         haptic_network=_network(config.model.haptic, *HAPTIC_KEYS) if kind == "haptic" else {},
         visual_network=_network(config.model.visual, *VISUAL_KEYS) if kind == "visual" else {},
-        trained_on=trained_on(config),
+        trained_on=trained_on(workspace),
     )
     if kind != "fusion":
         return card
@@ -164,82 +183,42 @@ def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:
             f"Checkpoint {path} was trained with data.{relevant}={card.decode[relevant]}, this "
             f"run has {ours}; make them equal."
         )
-    refuse_leak(trained_on(config), card, f"Checkpoint {path}")
+    refuse_leak(workspace.parts().test.of(NEEDS[kind][0]), card, f"Checkpoint {path}")
     return card
 
 
-def refuse_leak(ours: dict[str, Any], card: Card, who: str) -> None:
-    """Refuse weights that were trained on what is to be tested.
+def refuse_leak(test: Recordings, card: Card, who: str) -> None:
+    """Refuse weights that were trained, or chosen, on what is to be tested.
+
+    Recordings are compared by content, so that neither another reader nor other folds hide one.
 
     Args:
-        ours: :func:`trained_on` of this run.
+        test: What is to be tested.
         card: Of the checkpoint.
         who: Its name in the message.
 
     Raises:
-        UserError: Naming the fold that the checkpoint may be tested on.
+        UserError: Naming one such file and the fold that the checkpoint was tested on.
     """
-    theirs = card.trained_on
-    same_data = all(ours[key] == theirs[key] for key in ("data", "source", "folds"))
-    if same_data and ours["test_fold"] != theirs["test_fold"]:
+    seen = set(card.trained_on["seen"])
+    known = [row for row in test if fingerprint(row.path) in seen]
+    if known:
         raise UserError(
-            f"{who} was trained on every fold of this data but {theirs['test_fold']}, so testing "
-            f"elsewhere would flatter it; set data.test_fold={theirs['test_fold']} or train anew."
+            f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
+            f"{known[0].path.name} among them, so testing here would flatter it; set "
+            f"data.test_fold={card.trained_on['test_fold']} and "
+            f"data.folds={card.trained_on['folds']} as in its training, or train anew."
         )
 
 
-def trained_on(config: Config) -> dict[str, Any]:
-    """The data and the fold that the weights have not seen."""
-    data = config.data
-    source = data.manifest or data.root
+def trained_on(workspace: Workspace) -> dict[str, Any]:
+    """What the weights will have seen, and the fold that they will not."""
+    parts, data = workspace.parts(), workspace.config.data
     return {
-        "data": data.name,
-        "source": None if source is None else str(Path(source).expanduser().resolve()),
         "folds": data.folds,
         "test_fold": data.test_fold,
-        "val_fold": data.val_fold,
+        "seen": [fingerprint(row.path) for part in (parts.train, parts.val) for row in part],
     }
-
-
-def claim_folder(config: Config, directory: Path) -> None:
-    """Note the settings in the run folder, or make sure that it holds a run of the same ones.
-
-    Raises:
-        UserError: If another run lives there; nothing of it is changed.
-    """
-    note = directory / "settings.json"
-    wanted = _binding_settings(config)
-    if note.is_file():
-        found = json.loads(note.read_text(encoding="utf-8"))
-        differing = sorted(key for key in {*wanted, *found} if wanted.get(key) != found.get(key))
-        if differing:
-            raise UserError(
-                f"Run folder {directory} holds a run with another {', '.join(differing)}; "
-                "choose another hydra.run.dir."
-            )
-        log.info("Going on with the run in %s.", directory)
-        return
-    write_text(note, json.dumps(wanted, indent=1, sort_keys=True))
-
-
-def _binding_settings(config: Config) -> dict[str, Any]:
-    """Dotted keys and values of everything that a continued run must keep."""
-    values = asdict(config)
-    for section, keys in FREE_KEYS.items():
-        for key in values.pop(section) if keys is None else keys:
-            if keys is not None:
-                values[section].pop(key)
-    return dict(_flatten(values, ""))
-
-
-def _flatten(values: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
-    pairs: list[tuple[str, Any]] = []
-    for key, value in values.items():
-        if isinstance(value, dict):
-            pairs += _flatten(value, f"{prefix}{key}.")
-        else:
-            pairs.append((f"{prefix}{key}", value))
-    return pairs
 
 
 def _haptic_features(config: Config) -> dict[str, Any]:

@@ -26,19 +26,24 @@ RATE = 10_000.0
 
 
 def read(config: DataConfig) -> Recordings:
-    """Read the training part of the database under ``data.root``.
+    """Read the database under ``data.root``; ``data.manifest`` may name the photos' classes."""
+    return read_tum(Path(str(config.root)).expanduser(), config.manifest)
+
+
+def read_tum(root: Path, manifest: str | None = None) -> Recordings:
+    """Read the training part of the database.
 
     Raises:
         UserError: If folders are missing, or counts do not fit ten per class.
     """
-    training = Path(str(config.root)).expanduser() / "Training"
+    training = root / "Training"
     if not training.is_dir():
         raise UserError(f"Folder {training} does not exist; data.root must hold Training/Accel.")
     traces = _read_traces(training / "Accel")
     labels = sorted({row.label for row in traces}, key=natural_key)
-    if config.manifest is not None:
-        photos = list(read_manifest(Path(config.manifest).expanduser()).of("image"))
-        _check_labels(photos, labels, config.manifest)
+    if manifest is not None:
+        photos = list(read_manifest(Path(manifest).expanduser()).of("image"))
+        _check_labels(photos, labels, manifest)
     else:
         photos = _read_photos(training, labels)
     return Recordings((*traces, *photos))

@@ -1,0 +1,69 @@
+"""The run folder: whose it is, and what was asked for in it."""
+
+import json
+import logging
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig, OmegaConf
+
+from tex_lightning.errors import UserError
+from tex_lightning.files import write_text
+from tex_lightning.schema import Config, flatten
+
+log = logging.getLogger(__name__)
+
+SETTINGS = "settings.json"
+WORK = ("checkpoints", "folds", "predictions", "results.json")
+
+# Settings that change neither weights nor figures; a run may be continued with others.
+FREE_KEYS = (
+    "crossval.", "logger.", "data.cache_dir", "data.num_workers", "trainer.accelerator",
+    "trainer.threads",
+)  # fmt: skip
+
+
+def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
+    """Note settings and overrides in the run folder, unless the work of another run lies there.
+
+    Hydra would write its own record before anything could be refused, so it is told not to and
+    ``.hydra`` is written here.
+
+    Raises:
+        UserError: If another run lives there; nothing of it is changed.
+    """
+    note = directory / SETTINGS
+    wanted = _binding_settings(config)
+    if note.is_file() and any((directory / name).exists() for name in WORK):
+        found = _read(note)
+        differing = sorted(key for key in {*wanted, *found} if wanted.get(key) != found.get(key))
+        if differing:
+            raise UserError(
+                f"Run folder {directory} holds a run with another {', '.join(differing)}; "
+                "choose another hydra.run.dir."
+            )
+        log.info("Going on with the run in %s.", directory)
+    write_text(note, json.dumps(wanted, indent=1, sort_keys=True))
+    hydra = HydraConfig.get()
+    for name, content in (
+        ("config", composed),
+        ("hydra", OmegaConf.create({"hydra": hydra})),
+        ("overrides", hydra.overrides.task),
+    ):
+        write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
+
+
+def _read(note: Path) -> dict[str, Any]:
+    try:
+        settings: dict[str, Any] = json.loads(note.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise UserError(f"{note} is damaged; choose another hydra.run.dir.") from error
+    return settings
+
+
+def _binding_settings(config: Config) -> dict[str, Any]:
+    """Dotted keys and values of everything that a continued run must keep."""
+    values = flatten(asdict(config))
+    return {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
