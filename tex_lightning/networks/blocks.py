@@ -22,7 +22,7 @@ class Window(NamedTuple):
     ceil: bool = False
 
     def output(self, size: int) -> int:
-        """Return how many places the window takes on an axis of `size`; 0 if it does not fit."""
+        """Return how many places the window takes on an axis of ``size``; 0 if it does not fit."""
         room = size + 2 * self.padding - self.kernel
         steps = -(-room // self.stride) if self.ceil else room // self.stride
         return max(0, steps + 1) if size > 0 else 0
@@ -38,7 +38,7 @@ def scaled(channels: int, width: float) -> int:
 
 
 def check_norm(norm: str, allowed: Iterable[str], key: str) -> None:
-    """Raise `UserError` naming the configuration `key` unless `norm` is one of `allowed`."""
+    """Raise ``UserError`` naming the key ``key`` unless ``norm`` is one of ``allowed``."""
     if norm not in (allowed := tuple(allowed)):
         raise UserError(f"{key}={norm} is not possible here; choose one of {', '.join(allowed)}.")
 
@@ -72,7 +72,7 @@ def response_norm(norm: Norm) -> list[nn.Module]:
 
 
 def initialise(module: nn.Module) -> None:
-    """Draw He-normal weights for every convolution inside `module`, with biases at zero."""
+    """Draw He-normal weights for every convolution inside ``module``, with biases at zero."""
     for layer in module.modules():
         if isinstance(layer, nn.Conv2d):
             nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
@@ -91,7 +91,7 @@ class Head(nn.Module):
     """Hidden 1x1 layers up to FC2, then dropout and FC3, the class scores.
 
     Args:
-        hidden: Layers from the trunk's features to `features` channels after FC2's ReLU.
+        hidden: Layers from the trunk's features to ``features`` channels after FC2's ReLU.
         features: Channel count of FC2.
         classes: Channel count of FC3.
         dropout: Probability of dropping an FC2 feature while training, in [0, 1).

@@ -53,7 +53,7 @@ class FusionNet(nn.Module):
                 M * N, row by row. None, for training, takes the only pair there is.
 
         Raises:
-            ValueError: `pairs` is None but the inputs have more than one pair of positions.
+            ValueError: ``pairs`` is None but the inputs have more than one pair of positions.
         """
         haptic, visual = self.parts(spectrogram, image)
         if pairs is not None:

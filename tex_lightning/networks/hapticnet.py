@@ -32,14 +32,14 @@ class HapticNet(nn.Module):
 
     Args:
         classes: Number of materials.
-        width: Factor on every channel count except `classes`; 1 is the paper's size.
+        width: Factor on every channel count except ``classes``; 1 is the paper's size.
         norm: "lrn" is the paper's network, with one local response normalisation after the first
             pooling; "batch" normalises before every ReLU and trains from scratch in far
             fewer steps; "none" does neither.
         dropout: Probability of dropping an input of the two 1x1 layers while training.
 
     Raises:
-        UserError: `norm` is not one of the three.
+        UserError: ``norm`` is not one of the three.
     """
 
     bands = 50
@@ -68,22 +68,22 @@ class HapticNet(nn.Module):
         """Return the features that fusion samples from.
 
         Args:
-            x: Spectrogram (B, 1, 50, T) with T >= `min_frames`.
+            x: Spectrogram (B, 1, 50, T) with T >= ``min_frames``.
             level: "fc2" for the activations of the last hidden layer after ReLU, "fc3" for the
                 class scores before softmax.
 
         Returns:
-            (B, D, L) with D = `feature_size(level)` and L = `output_length(T)`.
+            (B, D, L) with D = ``feature_size(level)`` and L = ``output_length(T)``.
         """
         scores: Tensor = self.head(self.trunk(x), level)
         return scores.squeeze(2)
 
     def feature_size(self, level: Level) -> int:
-        """Return the channel count of `features` at `level`."""
+        """Return the channel count of ``features`` at ``level``."""
         return self.hidden if level == "fc2" else self.classes
 
     def output_length(self, frames: int) -> int:
-        """Return the number of predictions for a spectrogram of `frames`; 0 if it is too short."""
+        """Return the number of predictions for ``frames`` frames; 0 if too short."""
         for _ in CHANNELS:
             frames = POOL.output(frames)
         return Window(FINAL_KERNEL[1]).output(frames)

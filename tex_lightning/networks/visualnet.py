@@ -15,13 +15,13 @@ class VisualNet(nn.Module):
 
     The paper speaks of 1x1 convolutions throughout, yet of one prediction for 224x224, where
     AlexNet's last map is 6x6. FC1 therefore takes a 6x6 kernel on the AlexNet trunks (5,191,749
-    parameters for 69 classes); `fc1_kernel=1` is the literal reading, with 36 predictions.
+    parameters for 69 classes); ``fc1_kernel=1`` is the literal reading, with 36 predictions.
 
     Args:
         classes: Number of materials.
         trunk: "alexnet_caffe" is the paper's VisualNet, "tcnn" its VisualNet-TCNN;
             "alexnet_torchvision" and "squeezenet" have ImageNet weights at hand.
-        width: Factor on every channel count except `classes`; 1 is the published size.
+        width: Factor on every channel count except ``classes``; 1 is the published size.
         norm: "batch" trains from scratch; "lrn" is the paper's, for the Caffe trunks; "none" for
             pretrained trunks without normalisation.
         dropout: Probability of dropping an input of FC2 and FC3 while training.
@@ -79,18 +79,18 @@ class VisualNet(nn.Module):
         """Return the features that fusion samples from.
 
         Args:
-            x: Images as for `forward`, no side smaller than `min_side`.
+            x: Images as for ``forward``, no side smaller than ``min_side``.
             level: "fc2" for the activations of the last hidden layer after ReLU, "fc3" for the
                 class scores before softmax.
 
         Returns:
-            (B, D, M, N) with D = `feature_size(level)` and (M, N) = `output_size(H, W)`.
+            (B, D, M, N) with D = ``feature_size(level)`` and (M, N) = ``output_size(H, W)``.
         """
         features: Tensor = self.head(self.trunk(x), level)
         return features
 
     def feature_size(self, level: Level) -> int:
-        """Return the channel count of `features` at `level`."""
+        """Return the channel count of ``features`` at ``level``."""
         return self.hidden if level == "fc2" else self.classes
 
     def output_size(self, height: int, width: int) -> tuple[int, int]:

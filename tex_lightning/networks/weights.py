@@ -25,7 +25,7 @@ LAYOUT_OF_SUFFIX: dict[str, Layout] = {
 
 
 def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
-    """Load ImageNet weights into the trunk of `visual`; its head stays as it is.
+    """Load ImageNet weights into the trunk of ``visual``; its head stays as it is.
 
     The features are the published ones divided by one number, so that their root mean square on
     noise is 1: SqueezeNet's reach 1000, with which a freshly drawn head does not train.
@@ -83,7 +83,7 @@ def _check_trunk(trunk: Trunk) -> None:
 
 
 def _find(trunk: Trunk, source: str) -> Path:
-    """Return the file that `source` names, after fetching it where it is an official one."""
+    """Return the file that ``source`` names, after fetching it where it is an official one."""
     if source != "imagenet" and "://" not in source:
         path = Path(source).expanduser()
         if not path.is_file():

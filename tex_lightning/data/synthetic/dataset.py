@@ -66,7 +66,7 @@ def _check(key: str, value: float, low: int, high: int) -> None:
 
 
 def write_folder(spec: SyntheticSpec, root: Path) -> None:
-    """Write `CLASS/haptic/NN.npy` (float32, shape (3, T), in g) and `CLASS/image/NN.jpg`.
+    """Write ``CLASS/haptic/NN.npy`` (float32, shape (3, T), in g) and ``CLASS/image/NN.jpg``.
 
     Args:
         spec: What to write.
@@ -93,8 +93,8 @@ def write_folder(spec: SyntheticSpec, root: Path) -> None:
 def write_tum(spec: SyntheticSpec, root: Path) -> None:
     """Write the training part of the TUM haptic texture database's layout.
 
-    `Training/Accel/LABEL_queryN.txt` holds one number per line, in g, at 10 kHz, the three axes
-    already combined by DFT321. `Training/Images/IMG_5529.JPG` and on are numbered through, all of
+    ``Training/Accel/LABEL_queryN.txt`` holds one number per line, in g, at 10 kHz, the three axes
+    already combined by DFT321. ``Training/Images/IMG_5529.JPG`` and on are numbered through, all of
     one class before the next, and carry no class in their names.
 
     Args:
@@ -132,7 +132,7 @@ def write_tum(spec: SyntheticSpec, root: Path) -> None:
 def record(
     spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.float32]:
-    """Record one trace of class `index`, in g, shape (3, T)."""
+    """Record one trace of class ``index``, in g, shape (3, T)."""
     rng = np.random.default_rng([spec.seed, index, recording, _HAPTIC])
     return slide_tool(specimen, rng, spec.seconds, SAMPLING_RATE)
 
@@ -140,7 +140,7 @@ def record(
 def photograph(
     spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.uint8]:
-    """Take one photo of class `index`, RGB, shape (photo_height, photo_width, 3)."""
+    """Take one photo of class ``index``, RGB, shape (photo_height, photo_width, 3)."""
     rng = np.random.default_rng([spec.seed, index, recording, _IMAGE])
     light: Light = "daylight" if recording < (spec.recordings + 1) // 2 else "ambient"
     return render_photo(specimen, rng, light, (spec.photo_width, spec.photo_height))

@@ -1,13 +1,13 @@
 """Materials of the synthetic surfaces: what a camera and a tool meet when they come to one class.
 
-A material has three parts. The `ReliefSpec` is the shape of the surface, met by both senses. The
-`Body` is what only the tool feels, the `Skin` what only the camera sees. Twins share two of the
+A material has three parts. The ``ReliefSpec`` is the shape of the surface, met by both senses. The
+``Body`` is what only the tool feels, the ``Skin`` what only the camera sees. Twins share two of the
 three, and so reproduce the confusions of single modalities (paper, section IV, confusion
 matrices): in every block of six classes the first two look alike and feel different (a plaster and
 a rubber cast of one mould), the next two feel alike and look different (one mould, two coats of
 paint), and the last two differ from all others in both.
 
-No material imitates a real one, and the names say so: `S001_grooved_stiff_red`.
+No material imitates a real one, and the names say so: ``S001_grooved_stiff_red``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class ReliefSpec:
     """Height field, common to both senses.
 
     Attributes:
-        family: One of `FAMILIES`.
+        family: One of ``FAMILIES``.
         wavelength: Typical distance between neighbouring features, in mm (0.8 to 4).
         depth: Root mean square height, in mm.
         seed: Seed of the random part of the shape.
@@ -77,7 +77,7 @@ class Skin:
     Attributes:
         colour: Ground colour.
         accent: Colour of the pattern.
-        pattern: One of `PATTERNS`.
+        pattern: One of ``PATTERNS``.
         pattern_size: Typical size of the pattern, in mm.
         gloss: Strength of the specular highlight.
         shininess: Exponent of the highlight; larger is sharper.
@@ -114,7 +114,7 @@ class Material:
 def make_materials(classes: int, seed: int) -> list[Material]:
     """Make the materials of a data set, in class order, which is also the order of their names.
 
-    Class `i` depends on `i` and `seed` only: a smaller set is the beginning of a larger one. The
+    Class ``i`` depends on ``i`` and ``seed`` only: a smaller set begins a larger one. The
     parameters follow a low-discrepancy sequence, so classes keep their distance by construction
     instead of by luck.
 
@@ -138,7 +138,7 @@ def _make_material(index: int, seed: int) -> Material:
 def _spread(
     kind: int, primes: tuple[int, ...], seed: int, part: int, *, opposite: bool = False
 ) -> list[float]:
-    """Draw point `kind` of a seeded Richtmyer sequence, which fills the unit cube evenly.
+    """Draw point ``kind`` of a seeded Richtmyer sequence, which fills the unit cube evenly.
 
     Each dimension steps by the square root of its prime, modulo 1. The opposite point lies half a
     turn away in every dimension: the largest distance there is.

@@ -26,7 +26,7 @@ def make_relief(spec: ReliefSpec) -> Field:
     """Build the height field of a material.
 
     Returns:
-        Heights in mm with zero mean and root mean square `spec.depth`, shape (`TILE`, `TILE`).
+        Heights in mm of mean zero and root mean square ``spec.depth``, shape (``TILE``, ``TILE``).
     """
     rng = np.random.default_rng([spec.seed, 0])
     shape = _SHAPES[spec.family](rng, spec.wavelength)
@@ -38,8 +38,8 @@ def make_micro(body: Body) -> Field:
     """Build the fine roughness that the tool feels and the photo leaves out.
 
     Returns:
-        Heights in mm with zero mean and root mean square `body.micro_depth`,
-        shape (`MICRO_TILE`, `MICRO_TILE`), at `MICRO_PITCH`.
+        Heights in mm with zero mean and root mean square ``body.micro_depth``,
+        shape (``MICRO_TILE``, ``MICRO_TILE``), at ``MICRO_PITCH``.
     """
     rng = np.random.default_rng([body.seed, 1])
     noise = _band(rng, MICRO_TILE, MICRO_PITCH, body.micro_wavelength, width=0.35)
@@ -47,7 +47,7 @@ def make_micro(body: Body) -> Field:
 
 
 def smooth(tile: Field, sigma: float) -> Field:
-    """Average a relief tile over a Gaussian of standard deviation `sigma` mm, across its edges."""
+    """Average a relief tile over a Gaussian of deviation ``sigma`` mm, across its edges."""
     _, _, k = _frequencies(TILE, PITCH)
     spectrum = np.fft.rfft2(tile) * np.exp(-0.5 * (2 * np.pi * sigma * k) ** 2)
     return np.fft.irfft2(spectrum, tile.shape).astype(np.float32)
@@ -90,7 +90,7 @@ def _scaled(field: NDArray[np.floating], deviation: float) -> Field:
 def _band(
     rng: np.random.Generator, points: int, pitch: float, wavelength: float, width: float
 ) -> Field:
-    """Make isotropic noise around one wavelength; `width` is in natural logarithms of frequency."""
+    """Make isotropic noise around one wavelength; ``width`` is in logarithms of frequency."""
 
     def gain(_: Field, __: Field, k: Field) -> Field:
         distance = np.log(np.maximum(k, 1e-6) * wavelength) / width
@@ -100,7 +100,7 @@ def _band(
 
 
 def _cells(rng: np.random.Generator, wavelength: float, jitter: float) -> tuple[Field, Field]:
-    """Count features along x and y from 0, with hand-made irregularity of `jitter` features.
+    """Count features along x and y from 0, with hand-made irregularity of ``jitter`` features.
 
     An even, whole number of features fits the tile, so that patterns wrap around.
     """
@@ -131,7 +131,7 @@ def _mesh(rng: np.random.Generator, wavelength: float) -> Field:
 
 
 def _domes(rng: np.random.Generator, spacing: float, radius: float, jitter: float) -> Field:
-    """Lay hemispheres of `radius` mm around a jittered lattice of `spacing` mm; heights 0 to 1."""
+    """Lay hemispheres of ``radius`` mm around a jittered lattice of ``spacing`` mm, in [0, 1]."""
     count = round(TILE * PITCH / spacing)
     lattice = np.stack(np.meshgrid(*[np.arange(count)] * 2), axis=-1).reshape(-1, 2)
     centres = (lattice + jitter * rng.uniform(-1, 1, lattice.shape)) * (TILE / count)

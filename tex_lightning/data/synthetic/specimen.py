@@ -24,15 +24,15 @@ class Specimen:
 
     Attributes:
         material: What it is made of.
-        height: Relief in mm, shape (`TILE`, `TILE`); everything below but `micro` and the colours
-            of `albedo` is derived from it.
+        height: Relief in mm, shape (``TILE``, ``TILE``); all below but ``micro`` and the colours of
+            ``albedo`` is derived from it.
         slope_x: Derivative of the height along x, same shape, without unit.
         slope_y: Derivative along y.
         occlusion: Diffuse light that a point receives, 1 on a plain, less in the valleys and up to
             1.22 on a ridge.
-        albedo: Reflectance, shape (`TILE`, `TILE`, 3), linear red, green, blue.
+        albedo: Reflectance, shape (``TILE``, ``TILE``, 3), linear red, green, blue.
         contact_height: Relief as the tip follows it, in mm: averaged over the contact patch.
-        micro: Fine roughness in mm, shape (`MICRO_TILE`, `MICRO_TILE`).
+        micro: Fine roughness in mm, shape (``MICRO_TILE``, ``MICRO_TILE``).
     """
 
     material: Material

@@ -204,7 +204,7 @@ def _ring(acceleration: Signal, hertz: float, sampling_rate: int) -> Signal:
 
 
 def _drift(rng: np.random.Generator, count: int, sampling_rate: int, hertz: float = 0.8) -> Signal:
-    """Draw a smooth random signal of about unit variance that varies up to `hertz`."""
+    """Draw a smooth random signal of about unit variance that varies up to ``hertz``."""
     knots = int(2 * hertz * count / sampling_rate) + 4
     values = np.clip(rng.standard_normal(knots), -2, 2)
     at = np.linspace(1.0, knots - 2.0, count)

@@ -15,13 +15,13 @@ Layout = Literal["caffe", "torchvision"]
 class Trunk(nn.Module):
     """Convolutions that turn an image (B, 3, H, W) into features (B, out_channels, M', N').
 
-    A trunk is one subclass in one file: class attributes, and a `build` method that returns the
+    A trunk is one subclass in one file: class attributes, and a ``build`` method that returns the
     layers. Images are RGB in [0, 1], normalised with the ImageNet mean and standard deviation.
 
     Attributes:
         norms: Normalisations the trunk can be built with.
         geometry: The layers that change the side of the map, in order.
-        fc1_kernel: Side of FC1's kernel that makes one prediction out of a `patch`.
+        fc1_kernel: Side of FC1's kernel that makes one prediction out of a ``patch``.
         patch: Side in pixels of an input that gives one prediction.
         final: Names of the convolutions whose activations are pooled into the features.
         layouts: For each layout of weight files, the file's name of every convolution here.
@@ -30,10 +30,10 @@ class Trunk(nn.Module):
 
     Args:
         width: Factor on every channel count.
-        norm: One of `norms`.
+        norm: One of ``norms``.
 
     Raises:
-        UserError: `norm` is not one of `norms`.
+        UserError: ``norm`` is not one of ``norms``.
     """
 
     norms: ClassVar[tuple[Norm, ...]]
@@ -54,7 +54,7 @@ class Trunk(nn.Module):
         initialise(self.layers)
 
     def build(self) -> nn.Sequential:
-        """Return the layers, and set `out_channels`."""
+        """Return the layers, and set ``out_channels``."""
         raise NotImplementedError
 
     def forward(self, x: Tensor) -> Tensor:
@@ -63,13 +63,13 @@ class Trunk(nn.Module):
         return features
 
     def output_side(self, side: int) -> int:
-        """Return the side of the feature map of an image of `side` pixels; 0 if too small."""
+        """Return the side of the feature map of an image of ``side`` pixels; 0 if too small."""
         for window in self.geometry:
             side = window.output(side)
         return side
 
     def smallest_side(self, features: int) -> int:
-        """Return the smallest image side in pixels whose feature map has side `features`."""
+        """Return the smallest image side in pixels whose feature map has side ``features``."""
         return next(side for side in count(1) if self.output_side(side) >= features)
 
     @property
