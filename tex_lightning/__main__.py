@@ -77,11 +77,9 @@ def main() -> int:
             UserError(f"The run folder cannot be made ({error}); choose another hydra.run.dir.")
         )
     except KeyboardInterrupt:
-        print(
-            "Interrupted. The same command with hydra.run.dir set to this run's folder goes on "
-            "after the last finished epoch.",
-            file=sys.stderr,
-        )
+        if STARTED:
+            again = f"the same command with hydra.run.dir={STARTED[-1]}"
+            print(f"Interrupted; {again} goes on after the last finished epoch.", file=sys.stderr)
         return INTERRUPTED
     from tex_lightning.report.sweep import SweepSummary
 

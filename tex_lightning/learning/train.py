@@ -3,21 +3,16 @@
 import logging
 import shutil
 import time
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from lightning import Callback, Trainer
-from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
-from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+from lightning import Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import (
     PhotoBank,
     SampleSet,
@@ -26,24 +21,22 @@ from tex_lightning.data.datamodule import (
     TrainingBatches,
     load_trace,
 )
-from tex_lightning.data.folds import Kind, Split, make_samples
+from tex_lightning.data.folds import Kind, make_samples
 from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Store
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import crop_side
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.callbacks.figures import SampleFigures
-from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
+from tex_lightning.learning.trainer import make_trainer, quiet_lightning
+from tex_lightning.learning.training import Training
 from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.progress import track
-from tex_lightning.schema import Config
 
 log = logging.getLogger(__name__)
 
@@ -52,59 +45,6 @@ MODULES: dict[Kind, type[SurfaceModule]] = {
     "visual": VisualModule,
     "fusion": FusionModule,
 }
-
-UNHELPFUL = (
-    ".*does not have many workers.*",  # data is decoded already; workers rarely pay
-    ".*exists and is not empty.*",  # that is what resuming means
-    ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
-    ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
-)
-
-
-class ProgressBar(RichProgressBar):
-    """Lightning's bar without the number of the log version, which says nothing here."""
-
-    def get_metrics(self, *args: Any) -> dict[str, int | str | float | dict[str, float]]:  # noqa: ANN401
-        """The metrics beside the bar."""
-        metrics = super().get_metrics(*args)
-        metrics.pop("v_num", None)
-        return metrics
-
-
-@dataclass(frozen=True)
-class Training:
-    """What one training is about.
-
-    Attributes:
-        config: The whole configuration.
-        card: Of the classifier to train.
-        parts: Recordings by part.
-        store: Decoded files.
-        directory: The run folder.
-        unimodal: Checkpoints that FusionNet starts from; empty for the others.
-    """
-
-    config: Config
-    card: Card
-    parts: Split
-    store: Store
-    directory: Path
-    unimodal: dict[Kind, Path]
-
-    @property
-    def final(self) -> Path:
-        """Where the trained checkpoint goes; its presence means that training is finished."""
-        return self.directory / "checkpoints" / f"{self.card.kind}.ckpt"
-
-    @property
-    def working(self) -> Path:
-        """Folder of the checkpoints that an interrupted run goes on from."""
-        return self.directory / "checkpoints" / self.card.kind
-
-    @property
-    def fit_values(self) -> dict[str, Any]:
-        """The training recipe as plain values."""
-        return asdict(getattr(self.config.model, self.card.kind).fit)
 
 
 def train_network(training: Training) -> Path:
@@ -130,8 +70,8 @@ def train_network(training: Training) -> Path:
     preparation = time.perf_counter() - begin
     last = training.working / "last.ckpt"
     _check_resumable(last)
-    with _quiet_lightning():
-        trainer, timer, keeper = _make_trainer(training, resumed=last.is_file())
+    with quiet_lightning():
+        trainer, timer, keeper = make_trainer(training, resumed=last.is_file())
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         _finish(training, trainer, module, keeper)
@@ -146,23 +86,6 @@ def _check_resumable(last: Path) -> None:
             raise UserError(
                 f"Checkpoint {last} is damaged; delete {last.parent} to train this network anew."
             ) from error
-
-
-@contextmanager
-def _quiet_lightning() -> Iterator[None]:
-    """Keep Lightning's advice and advertisements out of the user's way."""
-    logger = logging.getLogger("lightning.pytorch")
-    level, handlers = logger.level, logger.handlers
-    logger.setLevel(logging.WARNING)
-    logger.handlers = []  # its own handler would say everything twice
-    with warnings.catch_warnings():
-        for message in UNHELPFUL:
-            warnings.filterwarnings("ignore", message=message)
-        try:
-            yield
-        finally:
-            logger.setLevel(level)
-            logger.handlers = handlers
 
 
 def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path | None) -> None:
@@ -222,58 +145,6 @@ def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tenso
 def _class_indices(rows: tuple[Recording, ...], classes: list[str]) -> np.ndarray[Any, Any]:
     index = {label: number for number, label in enumerate(classes)}
     return np.array([index[row.label] for row in rows])
-
-
-def _make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer, ModelCheckpoint]:
-    config, fit = training.config, training.fit_values
-    validated = bool(make_samples(training.parts.val, training.card.kind))
-    timer = Timer()
-    keeper = ModelCheckpoint(
-        dirpath=training.working,
-        filename="best",
-        monitor="val/loss" if validated else None,
-        save_top_k=1,  # Lightning writes last.ckpt only together with one of these
-        save_last=True,
-        save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
-        enable_version_counter=False,
-        auto_insert_metric_name=False,
-    )
-    bar = ProgressBar(console_kwargs={"stderr": True})
-    callbacks: list[Callback] = [timer, keeper, bar, SampleFigures()]
-    if training.card.kind == "fusion":
-        paths = training.unimodal
-        callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"]))
-    trainer = Trainer(
-        accelerator=config.trainer.accelerator,
-        devices=1,
-        precision=config.trainer.precision,  # type: ignore[arg-type]  # a string from the config
-        max_epochs=fit["epochs"],
-        callbacks=callbacks,
-        logger=make_loggers(training, resumed=resumed),
-        log_every_n_steps=min(10, fit["steps_per_epoch"]),
-        limit_val_batches=1.0 if validated else 0,
-        num_sanity_val_steps=0,
-        enable_model_summary=False,
-        default_root_dir=training.directory,
-    )
-    return trainer, timer, keeper
-
-
-def make_loggers(training: Training, *, resumed: bool) -> list[Logger]:
-    """CSV of metrics always, TensorBoard events if configured; a resumed run gets its own CSV."""
-    kind: str = training.card.kind
-    version = kind
-    if resumed:
-        earlier = len(list((training.directory / "metrics").glob(f"{kind}*")))
-        version = f"{kind}_resumed{earlier}"
-    loggers: list[Logger] = [CSVLogger(training.directory, name="metrics", version=version)]
-    if training.config.logger.tensorboard:
-        loggers.append(
-            TensorBoardLogger(
-                training.directory, name="tensorboard", version=kind, default_hp_metric=False
-            )
-        )
-    return loggers
 
 
 def _finish(

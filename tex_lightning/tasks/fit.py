@@ -12,7 +12,8 @@ import torch
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
-from tex_lightning.learning.train import Training, train_network
+from tex_lightning.learning.train import train_network
+from tex_lightning.learning.training import Training
 from tex_lightning.report.events import log_test
 from tex_lightning.report.results import (
     environment,

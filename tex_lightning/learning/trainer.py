@@ -1,0 +1,108 @@
+"""Lightning's Trainer as this package uses it: callbacks, loggers, and no advertisements."""
+
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from lightning import Callback, Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
+from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+
+from tex_lightning.data.folds import make_samples
+from tex_lightning.learning.callbacks.figures import SampleFigures
+from tex_lightning.learning.callbacks.fusion import FusionStart
+from tex_lightning.learning.training import Training
+
+UNHELPFUL = (
+    ".*does not have many workers.*",  # data is decoded already; workers rarely pay
+    ".*exists and is not empty.*",  # that is what resuming means
+    ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
+    ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
+)
+
+
+class ProgressBar(RichProgressBar):
+    """Lightning's bar without the number of the log version, which says nothing here."""
+
+    def get_metrics(self, *args: Any) -> dict[str, int | str | float | dict[str, float]]:  # noqa: ANN401
+        """The metrics beside the bar."""
+        metrics = super().get_metrics(*args)
+        metrics.pop("v_num", None)
+        return metrics
+
+
+@contextmanager
+def quiet_lightning() -> Iterator[None]:
+    """Keep Lightning's advice and advertisements out of the user's way."""
+    logger = logging.getLogger("lightning.pytorch")
+    level, handlers = logger.level, logger.handlers
+    logger.setLevel(logging.WARNING)
+    logger.handlers = []  # its own handler would say everything twice
+    with warnings.catch_warnings():
+        for message in UNHELPFUL:
+            warnings.filterwarnings("ignore", message=message)
+        try:
+            yield
+        finally:
+            logger.setLevel(level)
+            logger.handlers = handlers
+
+
+def make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer, ModelCheckpoint]:
+    """Make the trainer, with its clock and the keeper of its checkpoints.
+
+    Args:
+        training: What is trained.
+        resumed: Whether it goes on from a checkpoint, and then logs beside the earlier metrics.
+    """
+    config, fit = training.config, training.fit_values
+    validated = bool(make_samples(training.parts.val, training.card.kind))
+    timer = Timer()
+    keeper = ModelCheckpoint(
+        dirpath=training.working,
+        filename="best",
+        monitor="val/loss" if validated else None,
+        save_top_k=1,  # Lightning writes last.ckpt only together with one of these
+        save_last=True,
+        save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
+        enable_version_counter=False,
+        auto_insert_metric_name=False,
+    )
+    bar = ProgressBar(console_kwargs={"stderr": True})
+    callbacks: list[Callback] = [timer, keeper, bar, SampleFigures()]
+    if training.card.kind == "fusion":
+        paths = training.unimodal
+        callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"]))
+    trainer = Trainer(
+        accelerator=config.trainer.accelerator,
+        devices=1,
+        precision=config.trainer.precision,  # type: ignore[arg-type]  # a string from the config
+        max_epochs=fit["epochs"],
+        callbacks=callbacks,
+        logger=_make_loggers(training, resumed=resumed),
+        log_every_n_steps=min(10, fit["steps_per_epoch"]),
+        limit_val_batches=1.0 if validated else 0,
+        num_sanity_val_steps=0,
+        enable_model_summary=False,
+        default_root_dir=training.directory,
+    )
+    return trainer, timer, keeper
+
+
+def _make_loggers(training: Training, *, resumed: bool) -> list[Logger]:
+    """CSV of metrics always, TensorBoard events if configured; a resumed run gets its own CSV."""
+    kind: str = training.card.kind
+    version = kind
+    if resumed:
+        earlier = len(list((training.directory / "metrics").glob(f"{kind}*")))
+        version = f"{kind}_resumed{earlier}"
+    loggers: list[Logger] = [CSVLogger(training.directory, name="metrics", version=version)]
+    if training.config.logger.tensorboard:
+        loggers.append(
+            TensorBoardLogger(
+                training.directory, name="tensorboard", version=kind, default_hp_metric=False
+            )
+        )
+    return loggers

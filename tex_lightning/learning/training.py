@@ -1,0 +1,46 @@
+"""What one training is about."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.classifier import Card
+from tex_lightning.data.folds import Kind, Split
+from tex_lightning.data.store import Store
+from tex_lightning.schema import Config
+
+
+@dataclass(frozen=True)
+class Training:
+    """What one training is about.
+
+    Attributes:
+        config: The whole configuration.
+        card: Of the classifier to train.
+        parts: Recordings by part.
+        store: Decoded files.
+        directory: The run folder.
+        unimodal: Checkpoints that FusionNet starts from; empty for the others.
+    """
+
+    config: Config
+    card: Card
+    parts: Split
+    store: Store
+    directory: Path
+    unimodal: dict[Kind, Path]
+
+    @property
+    def final(self) -> Path:
+        """Where the trained checkpoint goes; its presence means that training is finished."""
+        return self.directory / "checkpoints" / f"{self.card.kind}.ckpt"
+
+    @property
+    def working(self) -> Path:
+        """Folder of the checkpoints that an interrupted run goes on from."""
+        return self.directory / "checkpoints" / self.card.kind
+
+    @property
+    def fit_values(self) -> dict[str, Any]:
+        """The training recipe as plain values."""
+        return asdict(getattr(self.config.model, self.card.kind).fit)
