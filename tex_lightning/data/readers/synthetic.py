@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import shutil
 import tempfile
 from dataclasses import asdict
@@ -13,6 +14,8 @@ from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import cache_root
 from tex_lightning.data.synthetic import SyntheticSpec, write_folder
 from tex_lightning.schema import DataConfig
+
+log = logging.getLogger(__name__)
 
 
 def spec_of(config: DataConfig) -> SyntheticSpec:
@@ -34,6 +37,7 @@ def read(config: DataConfig) -> Recordings:
     digest = hashlib.sha256(identity.encode()).hexdigest()[:16]
     target = cache_root(config.cache_dir) / "synthetic" / digest
     if not target.is_dir():
+        log.info("Rendering %d synthetic surfaces, once.", spec.classes)
         _render(spec, target)
     return read_folder(target)
 
