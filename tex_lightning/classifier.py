@@ -6,7 +6,7 @@ that prediction from raw files does exactly what testing did.
 
 import math
 import zlib
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -60,6 +60,10 @@ class Card:
     def settings(self) -> DecodeSettings:
         """How files are decoded for this classifier."""
         return DecodeSettings(**self.decode)
+
+    def settings_for(self, file_rate: float | None) -> DecodeSettings:
+        """The same for files at another rate in Hz than those of the training; None for theirs."""
+        return self.settings if file_rate is None else replace(self.settings, file_rate=file_rate)
 
 
 class SurfaceClassifier(nn.Module):

@@ -1,11 +1,8 @@
 """Test a checkpoint on a fold of any data set, or on the whole of it."""
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
-
-import torch
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import NEEDS, make_samples, split
@@ -14,10 +11,10 @@ from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
-from tex_lightning.report.results import environment, summarise, write_outcomes, write_results
+from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
-from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
+from tex_lightning.tasks.testing import report_network
 from tex_lightning.tasks.workspace import check_sizes, refuse_leak
 
 
@@ -34,9 +31,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
     test = _test_part(config, classifier)
-    settings = classifier.card.settings
-    if config.data.file_rate is not None:
-        settings = replace(settings, file_rate=config.data.file_rate)
+    settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     store.fill(test)
     check_sizes(test, store, classifier.haptic_features, classifier.least_side)
@@ -46,16 +41,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
             f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
             "data.test_fold=null for everything."
         )
-    outcomes = run_test(classifier, samples, store)
-    write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
-    draw_figures(outcomes, classes, kind, directory)
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
-    network = {
-        **summarise(outcomes),
-        **network_facts(classifier, samples[0], store),
-        "fit_seconds": stored["fit_seconds"],
-        "checkpoint": str(checkpoint.resolve()),
-    }
+    network, _ = report_network(classifier, checkpoint, samples, store, directory)
     results = {
         "task": config.task,
         "model": kind,

@@ -7,24 +7,16 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.report.events import log_test
-from tex_lightning.report.results import (
-    environment,
-    read_outcomes,
-    summarise,
-    write_outcomes,
-    write_results,
-)
+from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
-from tex_lightning.tasks.testing import draw_figures, network_facts, run_test
+from tex_lightning.tasks.testing import report_network
 from tex_lightning.tasks.workspace import (
     Workspace,
     given_checkpoints,
@@ -100,17 +92,7 @@ def _fit_network(
     classifier = SurfaceClassifier.from_checkpoint(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
     samples = make_samples(parts.test, kind)
-    table = directory / "predictions" / f"{kind}.csv"
-    write_outcomes(run_test(classifier, samples, workspace.store), table)
-    outcomes = read_outcomes(table)
-    seconds = torch.load(checkpoint, map_location="cpu", weights_only=True)["fit_seconds"]
-    result = {
-        **summarise(outcomes),
-        **network_facts(classifier, samples[0], workspace.store),
-        "fit_seconds": seconds,
-        "checkpoint": str(checkpoint.resolve()),
-    }
-    figures = draw_figures(outcomes, workspace.classes, kind, directory)
+    result, figures = report_network(classifier, checkpoint, samples, workspace.store, directory)
     if workspace.config.logger.tensorboard:
         log_test(directory, kind, asdict(workspace.config), result, figures)
     log.info("%s: %d of %d votes right.", kind, result["correct"], result["test_samples"])

@@ -2,7 +2,6 @@
 
 import json
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -43,9 +42,7 @@ def _refuse_unused(classifier: SurfaceClassifier, config: Config) -> None:
 def _predict(
     classifier: SurfaceClassifier, config: Config, haptic: Path | None, image: Path | None
 ) -> dict[str, Any]:
-    settings = classifier.card.settings
-    if config.data.file_rate is not None:
-        settings = replace(settings, file_rate=config.data.file_rate)
+    settings = classifier.card.settings_for(config.data.file_rate)
     begin = time.perf_counter()
     try:
         vote = classifier.classify(

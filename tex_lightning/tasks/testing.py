@@ -22,7 +22,7 @@ from tex_lightning.report.figures import (
     confusion_figure,
     save_figure,
 )
-from tex_lightning.report.results import Outcome
+from tex_lightning.report.results import Outcome, summarise, write_outcomes
 
 WARM_UP = 2
 
@@ -72,6 +72,31 @@ def run_test(
             )
         )
     return outcomes
+
+
+def report_network(
+    classifier: SurfaceClassifier,
+    checkpoint: Path,
+    samples: Sequence[Sample],
+    store: Store,
+    directory: Path,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Test a network; write its predictions and figures into the run folder.
+
+    Returns:
+        Its entry of ``results.json``, and the figures by title.
+    """
+    kind, classes = classifier.card.kind, classifier.card.classes
+    outcomes = run_test(classifier, samples, store)
+    write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
+    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    entry = {
+        **summarise(outcomes),
+        **network_facts(classifier, samples[0], store),
+        "fit_seconds": stored["fit_seconds"],
+        "checkpoint": str(checkpoint.resolve()),
+    }
+    return entry, draw_figures(outcomes, classes, kind, directory)
 
 
 def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """What every training task starts with: recordings, store, classifier card, run folder."""
 
-import logging
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -17,8 +16,6 @@ from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.schema import Config, DataConfig
-
-log = logging.getLogger(__name__)
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
 VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel")
