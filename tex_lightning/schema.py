@@ -70,11 +70,22 @@ class HapticFitConfig(FitConfig):
 
 
 @dataclass
+class ProbeConfig:
+    """Training of VisualNet's head alone, before the whole, on features of pretrained weights."""
+
+    steps: int = MISSING
+    passes: int = MISSING
+    batch_size: int = MISSING
+    learning_rate: float = MISSING
+
+
+@dataclass
 class VisualFitConfig(FitConfig):
     """Training of VisualNet on square patches, rotated by up to ``rotation`` degrees."""
 
     patch: int = MISSING
     rotation: float = MISSING
+    probe: ProbeConfig = field(default_factory=ProbeConfig)
 
 
 @dataclass
@@ -115,6 +126,7 @@ class FusionConfig:
     level: str = MISSING
     haptic_checkpoint: str | None = None
     visual_checkpoint: str | None = None
+    head_start: str = MISSING
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
 
 

@@ -18,6 +18,7 @@ CHOICES = {
     "norm": ("batch", "lrn", "none"),
     "normalisation": ("standard", "paper"),
     "level": ("fc2", "fc3"),
+    "head_start": ("scores", "random"),
     "layout": ("folder", "tum"),
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
@@ -138,6 +139,13 @@ def _model(model: ModelConfig) -> Iterator[str]:
     known = CHOICES["normalisation"]
     yield from _choice("model.haptic.normalisation", model.haptic.normalisation, known)
     yield from _choice("model.fusion.level", model.fusion.level, CHOICES["level"])
+    starts = CHOICES["head_start"]
+    yield from _choice("model.fusion.head_start", model.fusion.head_start, starts)
+    probe = model.visual.fit.probe
+    yield from _least("model.visual.fit.probe.steps", probe.steps, 0)
+    yield from _least("model.visual.fit.probe.passes", probe.passes, 1)
+    yield from _least("model.visual.fit.probe.batch_size", probe.batch_size, 1)
+    yield from _positive("model.visual.fit.probe.learning_rate", probe.learning_rate)
     for name in ("haptic", "visual"):
         section = getattr(model, name)
         yield from _positive(f"model.{name}.width", section.width)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from copy import deepcopy
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -77,6 +78,27 @@ class FusionNet(nn.Module):
         haptic_weight, visual_weight = self.head.weight.tensor_split([self.haptic_size], dim=1)
         bias = self.head.bias[:, None]
         return torch.matmul(haptic_weight, haptic), torch.matmul(visual_weight, visual) + bias
+
+    @torch.no_grad()
+    def start_from_scores(self, haptic: HapticNet, visual: VisualNet) -> None:
+        """Set the head to the sum of the class scores of two trained networks.
+
+        Given the class, trace and photo say nothing more of each other, so that their
+        probabilities multiply and their scores add. Fusion then begins with what both networks
+        know, weighted by how sure they are, and need not learn it anew from samples that both have
+        seen and find equally easy.
+
+        Args:
+            haptic: The network whose copy is in here, with its score layer.
+            visual: Likewise.
+        """
+        if self.level == "fc3":
+            self.head.weight.copy_(torch.eye(self.classes).repeat(1, 2))
+            self.head.bias.zero_()
+            return
+        left, right = haptic.head.score_layer, visual.head.score_layer
+        self.head.weight.copy_(torch.cat([left.weight, right.weight], dim=1).flatten(1))
+        self.head.bias.copy_(cast(Tensor, left.bias) + cast(Tensor, right.bias))
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:
         """Iterate over the parameters of both networks."""
