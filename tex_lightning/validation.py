@@ -21,7 +21,10 @@ CHOICES = {
     "layout": ("folder", "tum"),
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
+    "engine": ("fp32", "bf16"),
 }
+
+LEAST_TILE = 100_000  # smaller pieces are nearly all margin
 
 
 def check_missing(composed: DictConfig) -> None:
@@ -59,6 +62,8 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
         *_choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
         *_least("trainer.threads", config.trainer.threads, 1),
+        *_choice("engine.precision", config.engine.precision, CHOICES["engine"]),
+        *_least("engine.tile", config.engine.tile, LEAST_TILE),
         *_least("decision.pairs", config.decision.pairs, 1),
         *_least("decision.seed", config.decision.seed, 0),
         *_least("top_k", config.top_k, 1),

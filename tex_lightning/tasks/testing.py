@@ -15,6 +15,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import synchronise
 from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.progress import track
 from tex_lightning.report.figures import (
     class_accuracy_figure,
@@ -23,6 +24,7 @@ from tex_lightning.report.figures import (
     save_figure,
 )
 from tex_lightning.report.results import Outcome, summarise, write_outcomes
+from tex_lightning.schema import EngineConfig
 
 WARM_UP = 2
 
@@ -80,14 +82,15 @@ def report_network(
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
+    engine: EngineConfig,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Test a network; write its predictions and figures into the run folder.
+    """Test a network as prediction runs it; write its predictions and figures into the run folder.
 
     Returns:
         Its entry of ``results.json``, and the figures by title.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
-    outcomes = run_test(classifier, samples, store)
+    outcomes = run_test(accelerate(classifier, engine), samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     entry = {
