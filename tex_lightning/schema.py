@@ -193,6 +193,31 @@ class GenerateConfig:
 
 
 @dataclass
+class ProfileConfig:
+    """What ``task=profile`` measures and how long it may take.
+
+    Attributes:
+        classes: Of a network with random weights.
+        seconds: Length of the rendered trace.
+        width: Of the rendered photo in pixels, as the network sees it.
+        height: The same.
+        rounds: Most rounds in which everything is timed by turns.
+        budget_s: No further round begins after so many seconds; three are always run.
+        growth: Whether to measure how the cost grows with size, classes, pairs, batch and threads.
+        max_seconds: Longest single call that ``growth`` may expect.
+    """
+
+    classes: int = MISSING
+    seconds: float = MISSING
+    width: int = MISSING
+    height: int = MISSING
+    rounds: int = MISSING
+    budget_s: float = MISSING
+    growth: bool = MISSING
+    max_seconds: float = MISSING
+
+
+@dataclass
 class Config:
     """The whole configuration."""
 
@@ -211,6 +236,7 @@ class Config:
     logger: LoggerConfig = field(default_factory=LoggerConfig)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
+    profile: ProfileConfig = field(default_factory=ProfileConfig)
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -25,7 +25,7 @@ def test_macs_are_those_of_the_textbook():
 
 def test_layers_add_up_to_the_network_and_name_its_parts():
     network, x = small_network(), torch.randn(1, 3, 10, 12)
-    found = layers(network, network, x, rate=100.0, repeats=2)
+    found = layers(network, network, x, x, rate=100.0, repeats=2)
     assert [layer.name for layer in found] == ["0.0", "0.1", "0.2", "2"]
     assert [layer.kind for layer in found] == ["Conv2d", "BatchNorm2d", "ReLU", "Conv2d"]
     assert sum(layer.macs for layer in found) == count_macs(lambda: network(x))
@@ -40,15 +40,16 @@ def test_a_layer_that_stands_for_several_counts_all_of_theirs():
         def forward(self, x):
             return x
 
-    original = small_network()
+    original, x = small_network(), torch.randn(1, 3, 10, 12)
     fast = nn.Sequential(Fused(), nn.Identity(), nn.Identity())
-    (layer,) = layers(fast, original, torch.randn(1, 3, 10, 12), rate=1.0, repeats=1)
+    (layer,) = layers(fast, original, x, x, rate=1.0, repeats=1)
     assert layer.macs == 10 * 12 * 4 * 3 * 9
 
 
 def test_hooks_do_not_stay():
     network = HapticNet(3, width=0.1).eval()
-    layers(network, network, torch.randn(1, 1, 50, 192), rate=1.0, repeats=1)
+    x = torch.randn(1, 1, 50, 192)
+    layers(network, network, x, x, rate=1.0, repeats=1)
     assert not any(module._forward_hooks for module in network.modules())
     assert not any(module._forward_pre_hooks for module in network.modules())
 

@@ -103,10 +103,17 @@ def _like(x: Tensor, network: nn.Module | None) -> Tensor:
     return x if network is None else x.to(next(network.parameters()).dtype)
 
 
-def _warn_of_slow_bf16(device: torch.device) -> None:
+def has_bf16(device: torch.device) -> bool | None:
+    """Whether a device computes in bfloat16; None where PyTorch does not tell of a processor."""
+    if device.type != "cpu":
+        return True
     # only newer versions of PyTorch tell
     known: dict[str, object] = getattr(torch.cpu, "get_capabilities", dict)()
-    if device.type == "cpu" and known and not any(known.get(name) for name in BFLOAT16):
+    return any(known.get(name) for name in BFLOAT16) if known else None
+
+
+def _warn_of_slow_bf16(device: torch.device) -> None:
+    if has_bf16(device) is False:
         log.warning(
             "engine.precision=bf16: this processor has no bfloat16 arithmetic, so it will be "
             "slower than fp32."

@@ -15,8 +15,9 @@ from tex_lightning.devices import synchronise
 from tex_lightning.profiling.timing import Timing
 
 # Rows, inner size and columns of products of which one or another is this machine's fastest:
-# large squares, and the flat shapes that convolutions have.
-SHAPES = ((1024, 1024, 1024), (2048, 2048, 2048), (8192, 1152, 128), (256, 2048, 4096))
+# squares, and the flat shape that convolutions have. A graphics card takes more to be busy.
+SHAPES = ((512, 512, 512), (1024, 1024, 1024), (2048, 2048, 2048), (4096, 1152, 128))
+LARGE = ((8192, 8192, 8192),)
 
 SILENT = (nn.Identity, nn.Dropout)  # nothing happens there in evaluation mode
 
@@ -24,7 +25,7 @@ SILENT = (nn.Identity, nn.Dropout)  # nothing happens there in evaluation mode
 def products(device: torch.device) -> dict[str, Callable[[], object]]:
     """Matrix products in fp32 to be timed, by a name that :func:`gemm_gflops` understands."""
     functions: dict[str, Callable[[], object]] = {}
-    for rows, inner, columns in SHAPES:
+    for rows, inner, columns in SHAPES if device.type == "cpu" else SHAPES + LARGE:
         left = torch.randn(rows, inner, device=device)
         right = torch.randn(inner, columns, device=device)
         functions[f"{rows}x{inner}x{columns}"] = partial(torch.mm, left, right)
@@ -77,24 +78,25 @@ class Layer:
 
 
 def layers(
-    fast: nn.Module, original: nn.Module, x: Tensor, rate: float, repeats: int
+    fast: nn.Module, original: nn.Module, x: Tensor, own: Tensor, rate: float, repeats: int
 ) -> list[Layer]:
     """Time every layer of a network apart, in a pass of their own that hooks slow down a little.
 
     Args:
         fast: The network that is timed, not compiled.
         original: The network as it was trained; its multiply-accumulates are counted.
-        x: Input of both.
+        x: Input of ``original``.
+        own: The same for ``fast``, which may compute in another precision.
         rate: Of matrix products, in GFLOP/s.
         repeats: Timed passes.
     """
     macs = _layer_macs(original, x)
     found = []
-    for name, ms in _layer_times(fast, x, repeats).items():
+    for name, ms in _layer_times(fast, own, repeats).items():
         layer = fast.get_submodule(name)
-        own = sum(count for key, count in macs.items() if f"{key}.".startswith(f"{name}."))
-        speed = gflops(own, ms)
-        found.append(Layer(name, type(layer).__name__, ms, own, speed, speed / rate))
+        total = sum(count for key, count in macs.items() if f"{key}.".startswith(f"{name}."))
+        speed = gflops(total, ms)
+        found.append(Layer(name, type(layer).__name__, ms, total, speed, speed / rate))
     return found
 
 
