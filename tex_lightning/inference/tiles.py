@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import product
 from math import prod
 
-import torch
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import Window
