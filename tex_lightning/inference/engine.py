@@ -1,13 +1,16 @@
 """One place where a trained classifier becomes the one that tests and predicts."""
 
 import logging
+from typing import cast
 
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, check_side
+from tex_lightning.features.image import ImageFeatures
 from tex_lightning.inference.rewrite import fold_batch_norm, speed_up_response_norm
-from tex_lightning.networks.blocks import Level
+from tex_lightning.inference.tiles import in_tiles, layer_windows
+from tex_lightning.networks.blocks import Level, Window
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
@@ -37,6 +40,7 @@ class Accelerated(SurfaceClassifier):
 
     def __init__(self, classifier: SurfaceClassifier, config: EngineConfig) -> None:
         super().__init__(classifier.card)
+        self.tile = config.tile
         self.load_state_dict(classifier.state_dict())
         device = next(classifier.parameters()).device
         self.to(device).eval().requires_grad_(False)
@@ -58,21 +62,27 @@ class Accelerated(SurfaceClassifier):
         network = self.network.visual if isinstance(self.network, FusionNet) else self.network
         return network if isinstance(network, VisualNet) else None
 
-    def haptic_input(self, trace: Tensor) -> Tensor:
-        """The spectrogram in the precision of the network."""
-        return _like(super().haptic_input(trace), self.haptic_network)
-
-    def visual_input(self, photo: Tensor) -> Tensor:
-        """The pixels in the precision of the network."""
-        return _like(super().visual_input(photo), self.visual_network)
-
     def haptic_positions(self, trace: Tensor, level: Level) -> Tensor:
         """Features (D, L), float32."""
-        return super().haptic_positions(trace, level).float()
+        network = cast(HapticNet, self.haptic_network)
+
+        def features(spectrogram: Tensor) -> Tensor:
+            return network.features(_like(spectrogram, network), level)[:, :, None].float()
+
+        return in_tiles(features, self.haptic_input(trace), _windows(network), self.tile)[0, :, 0]
 
     def visual_positions(self, photo: Tensor, level: Level) -> Tensor:
-        """Features (D, M, N), float32."""
-        return super().visual_positions(photo, level).float()
+        """Features (D, M, N), float32; a large photo is normalised piece by piece."""
+        network = cast(VisualNet, self.visual_network)
+        normalise = cast(ImageFeatures, self.image_features)
+        check_side(photo.shape[0], photo.shape[1], self.least_side)
+        pixels = photo.permute(2, 0, 1)[None]
+
+        def features(pixels: Tensor) -> Tensor:
+            pixels = normalise(pixels.to(normalise.mean.device))
+            return network.features(_like(pixels, network), level).float()
+
+        return in_tiles(features, pixels, _windows(network), self.tile)[0]
 
 
 class Widen(nn.Module):
@@ -99,8 +109,12 @@ def _rewrite(network: HapticNet | VisualNet, config: EngineConfig) -> None:
         network.head.compile(dynamic=True)
 
 
-def _like(x: Tensor, network: nn.Module | None) -> Tensor:
-    return x if network is None else x.to(next(network.parameters()).dtype)
+def _like(x: Tensor, network: nn.Module) -> Tensor:
+    return x.to(next(network.parameters()).dtype)
+
+
+def _windows(network: nn.Module) -> tuple[list[Window], list[Window]]:
+    return layer_windows(network, 0), layer_windows(network, 1)
 
 
 def has_bf16(device: torch.device) -> bool | None:
