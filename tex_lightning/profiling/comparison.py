@@ -12,13 +12,11 @@ from torch import Tensor, nn
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.devices import synchronise
 from tex_lightning.inference.engine import accelerate, has_bf16
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows
 from tex_lightning.profiling.labels import agreement, flips
 from tex_lightning.profiling.memory import forward_peak_mib
 from tex_lightning.profiling.roofline import count_macs, gemm_gflops, gflops, layers, products
-from tex_lightning.profiling.subject import Subject
+from tex_lightning.profiling.subject import Network, Subject, dense_pass, network_of
 from tex_lightning.profiling.timing import Timing, interleaved
 from tex_lightning.schema import EngineConfig, ProfileConfig
 
@@ -46,27 +44,27 @@ def compare(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> d
 
 @torch.inference_mode()
 def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> dict[str, Any]:
-    network, fast = subject.network, accelerate(subject.classifier, engine)
-    bf16 = _half(subject, engine)
+    network = subject.network
+    fast, bf16 = accelerate(subject.classifier, engine), _half(subject, engine)
     twin = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
     x = subject.features(subject.classifier).contiguous()
     grid = cut_windows(network, x)
+    exact = network(x)
+    dense = _dense(subject, fast, engine)
+    ways, sizes = _ways(subject, fast, twin, x, grid)
+    ways["fcn"] = dense
     facts = {
         **_arithmetic(network, twin, x, grid),
         **agreement(network, twin, x, grid),
-        **flips(network(x), fast.network(subject.features(fast)), "engine"),
+        **flips(exact, dense(), "engine"),
     }
-    ways, sizes = _ways(subject, fast, twin, x, grid)
     if bf16 is not None:
-        quick = subject.features(bf16)
-        ways["fcn_bf16"] = partial(bf16.network, quick)
-        facts |= flips(network(x), bf16.network(quick), "bf16")
-    timings = _time(ways, x.device, profile)
-    speed = _speed(timings, facts)
+        ways["fcn_bf16"] = _dense(subject, bf16, engine)
+        facts |= flips(exact, ways["fcn_bf16"](), "bf16")
+    speed = _speed(_time(ways, x.device, profile), facts)
     plain = accelerate(subject.classifier, replace(engine, compile=False))
-    table = layers(
-        plain.network, network, x, subject.features(plain), speed["gemm_gflops"], LAYER_PASSES
-    )
+    own = subject.features(plain)
+    table = layers(network_of(plain), network, x, own, speed["gemm_gflops"], LAYER_PASSES)
     return {
         **speed,
         **facts,
@@ -76,9 +74,15 @@ def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> 
     }
 
 
-def _arithmetic(
-    network: HapticNet | VisualNet, twin: WindowNet, x: Tensor, grid: Tensor
-) -> dict[str, Any]:
+def _dense(
+    subject: Subject, classifier: SurfaceClassifier, engine: EngineConfig
+) -> Callable[[], Tensor]:
+    """The pass over the whole input, as the engine makes it."""
+    x = subject.features(classifier)
+    return partial(dense_pass(network_of(classifier), engine.tile), x)
+
+
+def _arithmetic(network: Network, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, Any]:
     """Multiply-accumulates of both ways."""
     windows = grid.shape[0] * grid.shape[1]
     dense = count_macs(lambda: network(x))
@@ -94,7 +98,7 @@ def _arithmetic(
 
 def _ways(
     subject: Subject, fast: SurfaceClassifier, twin: WindowNet, x: Tensor, grid: Tensor
-) -> tuple[dict[str, Callable[[], object]], dict[str, int]]:
+) -> tuple[dict[str, Callable[[], Any]], dict[str, int]]:
     """What is timed, by the name of its key, and the batch sizes chosen for windows."""
     own = subject.features(fast)
     own_grid = cut_windows(subject.network, own)
@@ -106,8 +110,7 @@ def _ways(
             for window in row:
                 twin(window[None])
 
-    ways: dict[str, Callable[[], object]] = {
-        "fcn": partial(fast.network, own),
+    ways: dict[str, Callable[[], Any]] = {
         "reference": partial(subject.network, x),
         "features": partial(subject.features, fast),
         "sliding_window": one_by_one,
@@ -138,7 +141,7 @@ def _best_batch(network: nn.Module, grid: Tensor) -> int:
 
 
 def _time(
-    ways: dict[str, Callable[[], object]], device: torch.device, profile: ProfileConfig
+    ways: dict[str, Callable[[], Any]], device: torch.device, profile: ProfileConfig
 ) -> dict[str, Timing]:
     """Time everything by turns, matrix products included."""
     functions = {

@@ -13,7 +13,7 @@ from torch import Tensor
 from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
-from tex_lightning.profiling.subject import Subject
+from tex_lightning.profiling.subject import Subject, like_weights, network_of
 from tex_lightning.profiling.timing import interleaved
 from tex_lightning.schema import EngineConfig, ProfileConfig
 
@@ -128,7 +128,8 @@ def _second_call(function: Callable[[], object]) -> float:
 def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
     name = subject.classifier.card.kind
     fast = accelerate(subject.classifier, engine)
-    device = next(fast.parameters()).device
+    network = network_of(fast)
+    device = next(network.parameters()).device
     trace = name == "haptic"
     axis = "trace, s" if trace else "photo, megapixels"
     values = SECONDS if trace else MEGAPIXELS
@@ -153,9 +154,8 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
 
     def batch(value: float) -> Callable[[], object]:
         channels = 1 if trace else 3
-        x = torch.randn(round(value), channels, *window_size(subject.network), device=device)
-        x = x.to(next(fast.network.parameters()).dtype)
-        return lambda: fast.network(x)
+        x = torch.randn(round(value), channels, *window_size(subject.network))
+        return partial(network, like_weights(network, x))
 
     def threads(value: float) -> Callable[[], object]:
         return _on_threads(_decision(fast, subject.recording), round(value))

@@ -6,16 +6,13 @@ import torch
 from torch import Tensor
 
 from tex_lightning.decision.voting import max_vote
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import WindowNet, batches, dense_grid
+from tex_lightning.profiling.subject import Network
 
 BATCH = 8  # windows that go through a network at once
 
 
-def agreement(
-    network: HapticNet | VisualNet, twin: WindowNet, x: Tensor, grid: Tensor
-) -> dict[str, float]:
+def agreement(network: Network, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, float]:
     """Shares of windows that the twin gives the same label as the network does.
 
     Args:

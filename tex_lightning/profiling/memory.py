@@ -16,6 +16,7 @@ import torch
 from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
+from tex_lightning.profiling.subject import dense_pass, like_weights, network_of
 from tex_lightning.schema import EngineConfig
 
 STATUS = Path("/proc/self/status")
@@ -67,17 +68,18 @@ def _resident_peak(
 ) -> float | None:
     torch.set_num_threads(threads)
     classifier = accelerate(SurfaceClassifier(card).eval(), engine)
-    x = torch.randn(shape).to(next(classifier.network.parameters()).dtype)
-    height, width = window_size(classifier.network)  # type: ignore[arg-type]  # unimodal
+    network = network_of(classifier)
+    x = like_weights(network, torch.randn(shape))
+    height, width = window_size(network)
     with torch.inference_mode():
         # the libraries' own beginnings are no part of the figure
-        classifier.network(x[..., :height, :width])
+        network(x[..., :height, :width])
         try:
             RESET.write_text(RESET_PEAK)
         except OSError:
             return None
         before = _kib("VmRSS")
-        classifier.network(x)
+        dense_pass(network, engine.tile)(x)
     return (_kib("VmHWM") - before) / 1024
 
 
@@ -92,9 +94,10 @@ def _cuda_peak(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
 ) -> float:
     classifier = accelerate(SurfaceClassifier(card).eval().to(device), engine)
-    x = torch.randn(shape, device=device).to(next(classifier.network.parameters()).dtype)
+    network = network_of(classifier)
+    x = like_weights(network, torch.randn(shape))
     with torch.inference_mode():
         torch.cuda.reset_peak_memory_stats(device)
         before = torch.cuda.memory_allocated(device)
-        classifier.network(x)
+        dense_pass(network, engine.tile)(x)
     return (torch.cuda.max_memory_allocated(device) - before) / 2**20
