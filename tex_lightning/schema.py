@@ -159,6 +159,30 @@ class TrainerConfig:
 
 
 @dataclass
+class EngineConfig:
+    """How a trained network is run in testing and prediction; its weights stay what they are.
+
+    Attributes:
+        fold_batch_norm: Batch normalisation becomes part of the convolution before it.
+        fast_response_norm: Local response normalisation in a form that stays in the cache.
+        channels_last: Weights with the channels innermost.
+        low_band: Only the spectrogram's low channels are computed, as one matrix product.
+        precision: Of convolutions, fp32 or bf16; class scores are float32 with either.
+        compile: Whether ``torch.compile`` fuses the layers.
+        tile: Most pixels, or frames times 50 channels, that go through a network at once; larger
+            inputs go in pieces. None never divides.
+    """
+
+    fold_batch_norm: bool = MISSING
+    fast_response_norm: bool = MISSING
+    channels_last: bool = MISSING
+    low_band: bool = MISSING
+    precision: str = MISSING
+    compile: bool = MISSING
+    tile: int | None = MISSING
+
+
+@dataclass
 class LoggerConfig:
     """Whether TensorBoard events and their figures are written beside the CSV of metrics."""
 
@@ -181,6 +205,31 @@ class GenerateConfig:
 
 
 @dataclass
+class ProfileConfig:
+    """What ``task=profile`` measures and how long it may take.
+
+    Attributes:
+        classes: Of a network with random weights.
+        seconds: Length of the rendered trace.
+        width: Of the rendered photo in pixels, as the network sees it.
+        height: The same.
+        rounds: Most rounds in which everything is timed by turns.
+        budget_s: No further round begins after so many seconds; three are always run.
+        growth: Whether to measure how the cost grows with size, classes, pairs, batch and threads.
+        max_seconds: Longest single call that ``growth`` may expect.
+    """
+
+    classes: int = MISSING
+    seconds: float = MISSING
+    width: int = MISSING
+    height: int = MISSING
+    rounds: int = MISSING
+    budget_s: float = MISSING
+    growth: bool = MISSING
+    max_seconds: float = MISSING
+
+
+@dataclass
 class Config:
     """The whole configuration."""
 
@@ -195,9 +244,11 @@ class Config:
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
     trainer: TrainerConfig = field(default_factory=TrainerConfig)
+    engine: EngineConfig = field(default_factory=EngineConfig)
     logger: LoggerConfig = field(default_factory=LoggerConfig)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
+    profile: ProfileConfig = field(default_factory=ProfileConfig)
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -22,7 +22,12 @@ CHOICES = {
     "layout": ("folder", "tum"),
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
+    "engine": ("fp32", "bf16"),
 }
+
+LEAST_TILE = 100_000  # smaller pieces are nearly all margin
+LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
+LEAST_SIDE, MOST_SIDE = 224, 8192  # one patch; what the renderer makes
 
 
 def check_missing(composed: DictConfig) -> None:
@@ -60,8 +65,11 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
         *_choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
         *_least("trainer.threads", config.trainer.threads, 1),
+        *_choice("engine.precision", config.engine.precision, CHOICES["engine"]),
+        *_least("engine.tile", config.engine.tile, LEAST_TILE),
         *_least("decision.pairs", config.decision.pairs, 1),
         *_least("decision.seed", config.decision.seed, 0),
+        *_profile(config),
         *_least("top_k", config.top_k, 1),
         *_least("seed", config.seed, 0),
         *_most("seed", config.seed, 2**32 - 1),
@@ -77,13 +85,14 @@ def _task(config: Config) -> Iterator[str]:
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
     training = config.task in ("fit", "crossval")
-    if config.checkpoint is not None and config.task not in ("evaluate", "predict"):
+    if config.checkpoint is not None and config.task not in ("evaluate", "predict", "profile"):
         yield (
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
-            "task=predict or model.fusion.haptic_checkpoint"
+            "task=predict, task=profile or model.fusion.haptic_checkpoint"
         )
-    if config.task != "predict" and (config.haptic is not None or config.image is not None):
-        yield f"haptic and image are read by task=predict alone, not by task={config.task}"
+    files = config.haptic is not None or config.image is not None
+    if files and config.task not in ("predict", "profile"):
+        yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
     if config.weights is not None and not training:
         yield f"weights are read when training, not by task={config.task}: leave it null"
     fusion = config.model.fusion
@@ -101,6 +110,19 @@ def _task(config: Config) -> Iterator[str]:
         yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
     if config.weights is not None and config.model.fusion.visual_checkpoint is not None:
         yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
+
+
+def _profile(config: Config) -> Iterator[str]:
+    profile = config.profile
+    yield from _within("profile.classes", profile.classes, 2, 100_000)
+    yield from _within("profile.seconds", profile.seconds, LEAST_TRACE_S, MOST_TRACE_S)
+    for side in ("width", "height"):
+        yield from _within(f"profile.{side}", getattr(profile, side), LEAST_SIDE, MOST_SIDE)
+    yield from _least("profile.rounds", profile.rounds, 1)
+    for name in ("budget_s", "max_seconds"):
+        yield from _positive(f"profile.{name}", getattr(profile, name))
+    if profile.growth and config.task != "profile":
+        yield f"profile.growth is read by task=profile alone, not by task={config.task}"
 
 
 READ_KEYS = {
@@ -193,6 +215,11 @@ def _least(key: str, value: float | None, least: float) -> Iterator[str]:
 def _most(key: str, value: float, most: float) -> Iterator[str]:
     if value > most:
         yield f"{key} is {value}: choose {most} or less"
+
+
+def _within(key: str, value: float, least: float, most: float) -> Iterator[str]:
+    if not least <= value <= most:
+        yield f"{key} is {value:g}: choose from {least:g} to {most:g}"
 
 
 def _positive(key: str, value: float) -> Iterator[str]:

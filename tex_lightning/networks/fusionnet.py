@@ -56,7 +56,10 @@ class FusionNet(nn.Module):
         Raises:
             ValueError: ``pairs`` is None but the inputs have more than one pair of positions.
         """
-        haptic, visual = self.parts(spectrogram, image)
+        return self.join(*self.parts(spectrogram, image), pairs)
+
+    def join(self, haptic: Tensor, visual: Tensor, pairs: Tensor | None = None) -> Tensor:
+        """Return class scores (B, classes, P) of ``pairs`` of the two :meth:`parts`."""
         if pairs is not None:
             return haptic[..., pairs[:, 0]] + visual[..., pairs[:, 1]]
         if haptic.shape[-1] != 1 or visual.shape[-1] != 1:
@@ -74,7 +77,10 @@ class FusionNet(nn.Module):
             the bias, with the positions row by row.
         """
         haptic = self.haptic.features(spectrogram, self.level)
-        visual = self.visual.features(image, self.level).flatten(2)
+        return self.project(haptic, self.visual.features(image, self.level).flatten(2))
+
+    def project(self, haptic: Tensor, visual: Tensor) -> tuple[Tensor, Tensor]:
+        """Return :meth:`parts` of haptic features (B, D, L) and visual ones (B, D, M * N)."""
         haptic_weight, visual_weight = self.head.weight.tensor_split([self.haptic_size], dim=1)
         bias = self.head.bias[:, None]
         return torch.matmul(haptic_weight, haptic), torch.matmul(visual_weight, visual) + bias
