@@ -17,6 +17,7 @@ CHOICES = {
     "schedule": ("onecycle", "step"),
     "norm": ("batch", "lrn", "none"),
     "normalisation": ("standard", "paper"),
+    "axes": ("frame", "trace"),
     "level": ("fc2", "fc3"),
     "layout": ("folder", "tum"),
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
@@ -83,6 +84,8 @@ def _task(config: Config) -> Iterator[str]:
         )
     if config.task != "predict" and (config.haptic is not None or config.image is not None):
         yield f"haptic and image are read by task=predict alone, not by task={config.task}"
+    if config.predict.fast_decode and config.task != "predict":
+        yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     if config.weights is not None and not training:
         yield f"weights are read when training, not by task={config.task}: leave it null"
     fusion = config.model.fusion
@@ -137,6 +140,7 @@ def _model(model: ModelConfig) -> Iterator[str]:
     yield from _choice("model.visual.norm", model.visual.norm, CHOICES["norm"])
     known = CHOICES["normalisation"]
     yield from _choice("model.haptic.normalisation", model.haptic.normalisation, known)
+    yield from _choice("model.haptic.axes", model.haptic.axes, CHOICES["axes"])
     yield from _choice("model.fusion.level", model.fusion.level, CHOICES["level"])
     for name in ("haptic", "visual"):
         section = getattr(model, name)
