@@ -104,6 +104,7 @@ class HapticConfig:
     dropout: float = MISSING
     normalisation: str = MISSING
     skip_impact: bool = MISSING
+    axes: str = MISSING
     fit: HapticFitConfig = field(default_factory=HapticFitConfig)
 
 
@@ -197,6 +198,13 @@ class CrossvalConfig:
 
 
 @dataclass
+class PredictConfig:
+    """Whether task=predict lets the JPEG decoder halve photos, faster and nearly the same."""
+
+    fast_decode: bool = MISSING
+
+
+@dataclass
 class GenerateConfig:
     """Where synthetic surfaces are written out and in which layout (folder or tum)."""
 
@@ -247,6 +255,7 @@ class Config:
     engine: EngineConfig = field(default_factory=EngineConfig)
     logger: LoggerConfig = field(default_factory=LoggerConfig)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
+    predict: PredictConfig = field(default_factory=PredictConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
 

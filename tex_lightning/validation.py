@@ -17,6 +17,7 @@ CHOICES = {
     "schedule": ("onecycle", "step"),
     "norm": ("batch", "lrn", "none"),
     "normalisation": ("standard", "paper"),
+    "axes": ("frame", "trace"),
     "level": ("fc2", "fc3"),
     "head_start": ("scores", "random"),
     "layout": ("folder", "tum"),
@@ -93,6 +94,8 @@ def _task(config: Config) -> Iterator[str]:
     files = config.haptic is not None or config.image is not None
     if files and config.task not in ("predict", "profile"):
         yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
+    if config.predict.fast_decode and config.task != "predict":
+        yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     if config.weights is not None and not training:
         yield f"weights are read when training, not by task={config.task}: leave it null"
     fusion = config.model.fusion
@@ -160,6 +163,7 @@ def _model(model: ModelConfig) -> Iterator[str]:
     yield from _choice("model.visual.norm", model.visual.norm, CHOICES["norm"])
     known = CHOICES["normalisation"]
     yield from _choice("model.haptic.normalisation", model.haptic.normalisation, known)
+    yield from _choice("model.haptic.axes", model.haptic.axes, CHOICES["axes"])
     yield from _choice("model.fusion.level", model.fusion.level, CHOICES["level"])
     starts = CHOICES["head_start"]
     yield from _choice("model.fusion.head_start", model.fusion.head_start, starts)

@@ -133,6 +133,32 @@ def test_photos_come_upright_in_rgb(tmp_path):
     assert decode_image(tmp_path / "grey.png", SETTINGS).shape == (10, 20, 3)
 
 
+def test_the_jpeg_decoder_halves_nearly_as_the_mean_does(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 256, (12, 16, 3)).astype(np.float32)
+    smooth = cv2.resize(noise, (320, 240), interpolation=cv2.INTER_CUBIC).clip(0, 255)
+    image = Image.fromarray(smooth.astype(np.uint8))
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    image.save(tmp_path / "p.jpg", quality=95, exif=exif)
+    mean, fast = (decode_image(tmp_path / "p.jpg", SETTINGS, fast=fast) for fast in (False, True))
+    assert fast.shape == mean.shape == (160, 120, 3)
+    difference = np.abs(fast.astype(float) - mean)
+    assert 0 < difference.mean() < 1.5
+    image.save(tmp_path / "p.png")
+    whole = DecodeSettings(half_scale=False)
+    for path, settings in ((tmp_path / "p.png", SETTINGS), (tmp_path / "p.jpg", whole)):
+        np.testing.assert_array_equal(
+            decode_image(path, settings, fast=True), decode_image(path, settings)
+        )
+    for side in (2, 3, 33):
+        Image.new("RGB", (side, 90)).save(tmp_path / "odd.jpg")
+        found = decode_image(tmp_path / "odd.jpg", SETTINGS, fast=True)
+        assert found.shape == (45, (side + 1) // 2, 3)
+    Image.new("RGB", (1, 9)).save(tmp_path / "thin.jpg")
+    with pytest.raises(UserError, match="too thin to be halved"):
+        decode_image(tmp_path / "thin.jpg", SETTINGS, fast=True)
+
+
 @pytest.mark.parametrize("suffix", ["jpg", "png"])
 def test_truncated_photos_are_refused(tmp_path, suffix):
     noise = np.random.default_rng(0).integers(0, 256, (100, 100, 3)).astype(np.uint8)

@@ -3,8 +3,9 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import ShortTimeFFT
+from scipy.signal import ShortTimeFFT, spectrogram
 
+from tex_lightning.data.decode import DecodeSettings, decode_trace
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures, movement_start
 
@@ -14,9 +15,34 @@ def noise(seconds: float, axes: int = 1, seed: int = 0) -> torch.Tensor:
     return torch.from_numpy(rng.standard_normal((axes, int(seconds * 10_000))).astype(np.float32))
 
 
-def test_magnitudes_equal_scipys():
+def scipys(trace: torch.Tensor) -> np.ndarray:
+    """Magnitudes (50, frames) in double precision, every frame without its own mean."""
+    window = np.hamming(500)
+    _, _, axes = spectrogram(
+        trace.double().numpy(),
+        window=window,
+        nperseg=500,
+        noverlap=400,
+        detrend="constant",
+        scaling="spectrum",
+        mode="magnitude",
+    )
+    return np.sqrt((axes**2).sum(axis=0))[:50] * window.sum()
+
+
+@pytest.mark.parametrize("low_band", [False, True])
+@pytest.mark.parametrize("axes", [1, 3])
+def test_magnitudes_equal_scipys(axes, low_band):
+    trace = noise(1.5, axes) + torch.tensor([0.1, 9.81, -3.0])[:axes, None]
+    features = HapticFeatures(skip_impact=False)
+    features.low_band = low_band
+    ours, theirs = features.magnitudes(trace).numpy(), scipys(trace)
+    np.testing.assert_allclose(ours, theirs, atol=1e-5 * theirs.max())
+
+
+def test_magnitudes_of_the_whole_trace_equal_scipys():
     trace = noise(1.5)
-    ours = HapticFeatures(skip_impact=False).magnitudes(trace).numpy()
+    ours = HapticFeatures(skip_impact=False, axes="trace").magnitudes(trace).numpy()
     signal = (trace[0] - trace[0].mean()).numpy().astype(np.float64)
     transform = ShortTimeFFT(np.hamming(500), hop=100, fs=10_000)
     assert transform.f[49] == pytest.approx(980)
@@ -41,7 +67,7 @@ def test_a_tone_lands_in_its_channel():
 
 
 def test_shifting_by_a_hop_shifts_by_a_frame():
-    features = HapticFeatures(skip_impact=False)
+    features = HapticFeatures(skip_impact=False, axes="trace")
     start, rest = noise(0.01), noise(1.0, seed=1)
     trace = torch.cat((start - start.mean(), rest - rest.mean()), dim=1)  # both have mean 0
     whole, later = features.magnitudes(trace), features.magnitudes(trace[:, 100:])
@@ -70,9 +96,62 @@ def test_standard_normalisation_of_the_training_set_is_standard():
     torch.testing.assert_close(frames.std(dim=1), torch.ones(50), atol=1e-3, rtol=0)
 
 
+def test_frames_depend_on_their_own_samples_alone():
+    features, trace = HapticFeatures(skip_impact=False), noise(1.0, axes=3)
+    changed = trace + 0.0
+    changed[:, 5100:] *= 7
+    whole, other = features.magnitudes(trace), features.magnitudes(changed)
+    torch.testing.assert_close(whole[:, :47], other[:, :47], atol=1e-4, rtol=0)  # up to 5100
+
+
+def both_ways(features: HapticFeatures, trace: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Network input by Fourier transforms and by products."""
+    features.low_band = False
+    slow = features(trace)
+    features.low_band = True
+    return slow, features(trace)
+
+
+def assert_near(found: torch.Tensor, expected: torch.Tensor, share: float) -> None:
+    """Equal within a share of the range of what is expected."""
+    span = float(expected.max() - expected.min())
+    torch.testing.assert_close(found, expected, atol=share * max(span, 1), rtol=0)
+
+
+@given(
+    samples=st.integers(500, 5000),
+    axes=st.sampled_from([1, 3]),
+    joined=st.sampled_from(["frame", "trace"]),
+    normalisation=st.sampled_from(["standard", "paper"]),
+    seed=st.integers(0, 100),
+)
+def test_products_equal_fourier_transforms(samples, axes, joined, normalisation, seed):
+    features = HapticFeatures(normalisation=normalisation, axes=joined)
+    features.fit([features.magnitudes(noise(1.0))])
+    trace = noise(samples / 10_000, axes, seed).cumsum(dim=1)  # much more energy in low channels
+    slow, fast = both_ways(features, trace)
+    assert_near(fast, slow, 1e-4)
+
+
+def test_products_are_as_exact_as_fourier_transforms_on_real_traces(shared):
+    """Channel 0 is what remains of large numbers, and the logarithm shows its rounding."""
+    features = HapticFeatures()
+    files = sorted((shared / "data" / "lmt16").glob("*/haptic/*.wav"))[::20]
+    traces = [torch.from_numpy(decode_trace(file, DecodeSettings())) for file in files]
+    features.fit([features.magnitudes(trace) for trace in traces])
+    for trace in traces:
+        slow, fast = both_ways(features, trace)
+        exact = scipys(trace[:, movement_start(trace, 10_000) :]).astype(np.float32)
+        assert_near(fast[0, 0], features.normalise(torch.from_numpy(exact)), 1e-4)
+        assert_near(fast, slow, 2e-4)
+        assert_near(fast[:, :, 1:], slow[:, :, 1:], 1e-4)
+
+
+@pytest.mark.parametrize("low_band", [False, True])
 @pytest.mark.parametrize("normalisation", ["paper", "standard"])
-def test_silent_and_constant_traces_are_defined(normalisation):
+def test_silent_and_constant_traces_are_defined(normalisation, low_band):
     features = HapticFeatures(normalisation=normalisation)
+    features.low_band = low_band
     features.fit([features.magnitudes(torch.zeros(1, 5000))])
     for trace in (torch.zeros(1, 5000), torch.full((3, 5000), 2.5)):
         assert torch.equal(features(trace), torch.zeros(1, 1, 50, 46))

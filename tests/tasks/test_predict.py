@@ -78,6 +78,10 @@ def test_what_a_prediction_holds(cli, surfaces, trained, tmp_path, monkeypatch):
     outcome = cli("task=predict", checkpoint(trained, "haptic"), f"haptic={wav}", "top_k=2")
     (line,) = outcome.out.splitlines()
     prediction = json.loads(line)
+    fast = cli(
+        "task=predict", checkpoint(trained, "haptic"), f"haptic={wav}", "predict.fast_decode=true"
+    )
+    assert json.loads(fast.out)["label"] == prediction["label"]
     assert set(prediction) == {"haptic", "label", "confidence", "top_k", "fragments", "latency_ms"}
     assert len(prediction["top_k"]) == 2
     assert prediction["top_k"][0] == {

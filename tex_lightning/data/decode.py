@@ -83,8 +83,15 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
     return np.ascontiguousarray(trace, dtype=np.float32)
 
 
-def decode_image(path: Path, settings: DecodeSettings) -> Photo:
+def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) -> Photo:
     """Read a photo as RGB, upright, halved if so configured.
+
+    Args:
+        path: An image file.
+        settings: Whether it is halved.
+        fast: Let the JPEG decoder do the halving: it leaves out the upper half of each block's
+            frequencies, which takes half the time and is near the mean of 2x2 pixels, not equal
+            to it. Other formats, and photos that are not halved, are decoded as ever.
 
     Returns:
         uint8 array of shape (height, width, 3).
@@ -97,6 +104,7 @@ def decode_image(path: Path, settings: DecodeSettings) -> Photo:
         with Image.open(path) as image:
             if image.mode.startswith(("I", "F")):
                 raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
+            halved = fast and settings.half_scale and _decodes_halved(image)
             photo = _pixels(image)
     except UnidentifiedImageError as error:
         raise UserError(f"Image {path} is in no known image format; use JPEG or PNG.") from error
@@ -104,9 +112,19 @@ def decode_image(path: Path, settings: DecodeSettings) -> Photo:
         raise UserError(f"Image {path} is too large ({error}); scale it down.") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise UserError(f"Image {path} is damaged ({error}); replace the file.") from error
-    if settings.half_scale and min(photo.shape[:2]) < 2:
+    if halved or not settings.half_scale:
+        return photo
+    if min(photo.shape[:2]) < 2:
         raise UserError(f"Image {path} is too thin to be halved; set data.half_scale=false.")
-    return halve(photo) if settings.half_scale else photo
+    return halve(photo)
+
+
+def _decodes_halved(image: Image.Image) -> bool:
+    """Ask the decoder for half the size before it starts; only JPEG's can."""
+    width, height = image.size
+    if min(width, height) >= 2:
+        image.draft(None, (width // 2, height // 2))
+    return image.size != (width, height)
 
 
 def _pixels(image: Image.Image) -> Photo:

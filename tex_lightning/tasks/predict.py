@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import torch
+from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import decode_image, decode_trace
+from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace
 from tex_lightning.data.folds import NEEDS
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
@@ -48,7 +49,7 @@ def _predict(
     try:
         vote = classifier.classify(
             None if haptic is None else torch.from_numpy(decode_trace(haptic, settings)),
-            None if image is None else torch.from_numpy(decode_image(image, settings)),
+            None if image is None else _photo(image, settings, config.predict.fast_decode),
         )
     except UserError as error:
         files = [str(file) for file in (haptic, image) if file is not None]
@@ -62,6 +63,10 @@ def _predict(
         **_report(vote, classifier.card.classes, config.top_k),
         "latency_ms": round(latency, 3),
     }
+
+
+def _photo(path: Path, settings: DecodeSettings, fast: bool) -> Tensor:
+    return torch.from_numpy(decode_image(path, settings, fast=fast))
 
 
 def _report(vote: Vote, classes: list[str], top_k: int) -> dict[str, Any]:

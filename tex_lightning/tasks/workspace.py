@@ -229,6 +229,7 @@ def _haptic_features(config: Config) -> dict[str, Any]:
         "sampling_rate": config.data.sampling_rate,
         "normalisation": config.model.haptic.normalisation,
         "skip_impact": config.model.haptic.skip_impact,
+        "axes": config.model.haptic.axes,
     }
 
 
