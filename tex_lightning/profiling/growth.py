@@ -18,7 +18,7 @@ from tex_lightning.profiling.timing import interleaved
 from tex_lightning.schema import EngineConfig, ProfileConfig
 
 SECONDS = (2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0)
-MEGAPIXELS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 48.0)
+MEGAPIXELS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 48.0)
 CLASSES = (10, 30, 69, 100, 300, 1000)
 PAIRS = (10, 100, 1000, 10_000, 100_000)
 BATCH = (1, 2, 4, 8, 16, 32, 64)
