@@ -48,7 +48,7 @@ def _predict(
     try:
         vote = classifier.classify(
             None if haptic is None else torch.from_numpy(decode_trace(haptic, settings)),
-            None if image is None else torch.from_numpy(decode_image(image, settings).copy()),
+            None if image is None else torch.from_numpy(decode_image(image, settings)),
         )
     except UserError as error:
         files = [str(file) for file in (haptic, image) if file is not None]
