@@ -6,13 +6,8 @@ import pytest
 from tex_lightning.profiling.growth import Point
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
-from tex_lightning.report.profile import (
-    growth_figure,
-    layers_figure,
-    left_out,
-    ways_figure,
-    write_growth,
-)
+from tex_lightning.report.profile import left_out, write_growth
+from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
 
 POINTS = [
     Point("trace, s", "haptic", "label", 2.0, 4.0, 5.0),

@@ -1,6 +1,5 @@
 """One network against its sliding-window twin: arithmetic, time and memory, in one run."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
@@ -10,17 +9,14 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.devices import synchronise
 from tex_lightning.inference.engine import accelerate, has_bf16
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows
 from tex_lightning.profiling.labels import agreement, flips
 from tex_lightning.profiling.memory import forward_peak_mib
 from tex_lightning.profiling.roofline import count_macs, gemm_gflops, gflops, layers, products
 from tex_lightning.profiling.subject import Network, Subject, dense_pass, network_of
-from tex_lightning.profiling.timing import Timing, interleaved
+from tex_lightning.profiling.timing import Timing, interleaved, waiting
 from tex_lightning.schema import EngineConfig, ProfileConfig
-
-log = logging.getLogger(__name__)
 
 BATCHES = (8, 32, 128)  # sizes that batched windows are tried in
 SLICES = 100  # a quick function gets this fraction of the budget in each round
@@ -131,10 +127,7 @@ def _best_batch(network: nn.Module, grid: Tensor) -> int:
     sizes = sorted({min(size, count) for size in BATCHES})
     tried = {size: next(batches(grid, size)) for size in sizes}
     timings = interleaved(
-        {
-            str(size): _waiting(partial(network, batch), grid.device)
-            for size, batch in tried.items()
-        },
+        {str(size): waiting(partial(network, batch), grid.device) for size, batch in tried.items()},
         repeats=2,
     )
     return min(sizes, key=lambda size: timings[str(size)].median / size)
@@ -145,7 +138,7 @@ def _time(
 ) -> dict[str, Timing]:
     """Time everything by turns, matrix products included."""
     functions = {
-        name: _waiting(function, device) for name, function in {**ways, **products(device)}.items()
+        name: waiting(function, device) for name, function in {**ways, **products(device)}.items()
     }
     quick = {name: function for name, function in functions.items() if "window" not in name}
     for function in [*quick.values()] * 2:  # windows have been warmed by the choice of the batch
@@ -157,18 +150,6 @@ def _time(
         slice_s=profile.budget_s / SLICES,
         budget_s=profile.budget_s,
     )
-
-
-def _waiting(function: Callable[[], object], device: torch.device) -> Callable[[], object]:
-    """The function, waiting for the device before it returns."""
-    if device.type == "cpu":
-        return function
-
-    def wait() -> None:
-        function()
-        synchronise(device)
-
-    return wait
 
 
 def _speed(timings: dict[str, Timing], facts: dict[str, Any]) -> dict[str, Any]:

@@ -14,11 +14,11 @@ from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
 from tex_lightning.profiling.subject import Subject, like_weights, network_of
-from tex_lightning.profiling.timing import interleaved
+from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.schema import EngineConfig, ProfileConfig
 
 SECONDS = (2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0)
-MEGAPIXELS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 48.0)
+MEGAPIXELS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 48.0)
 CLASSES = (10, 30, 69, 100, 300, 1000)
 PAIRS = (10, 100, 1000, 10_000, 100_000)
 BATCH = (1, 2, 4, 8, 16, 32, 64)
@@ -142,7 +142,7 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
 
     def features(value: float) -> Callable[[], object]:
         larger = replace(subject, recording=recording(value))
-        return lambda: larger.features(fast)
+        return waiting(lambda: larger.features(fast), device)
 
     def label(value: float) -> Callable[[], object]:
         return _decision(fast, recording(value))
@@ -155,7 +155,7 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
     def batch(value: float) -> Callable[[], object]:
         channels = 1 if trace else 3
         x = torch.randn(round(value), channels, *window_size(subject.network))
-        return partial(network, like_weights(network, x))
+        return waiting(partial(network, like_weights(network, x)), device)
 
     def threads(value: float) -> Callable[[], object]:
         return _on_threads(_decision(fast, subject.recording), round(value))

@@ -5,6 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import torch
+
+from tex_lightning.devices import synchronise
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ def interleaved(
 ) -> dict[str, Timing]:
     """Time functions by turns: every round calls each of them, in the order given.
 
-    A function that hands work to an accelerator has to wait for it before it returns.
+    A function that hands work to an accelerator has to wait for it; see :func:`waiting`.
 
     Args:
         functions: What to time, by name; their results are thrown away.
@@ -63,6 +66,18 @@ def interleaved(
         for name, function in functions.items():
             spent[name] += _turn(function, slice_s)
     return {name: _summary(times) for name, times in spent.items()}
+
+
+def waiting(function: Callable[[], object], device: torch.device) -> Callable[[], object]:
+    """The function, waiting for the device before it returns."""
+    if device.type == "cpu":
+        return function
+
+    def wait() -> None:
+        function()
+        synchronise(device)
+
+    return wait
 
 
 def _turn(function: Callable[[], object], slice_s: float) -> list[float]:

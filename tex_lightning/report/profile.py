@@ -1,4 +1,4 @@
-"""Table and figures of ``task=profile``."""
+"""Tables of ``task=profile``."""
 
 import csv
 from collections.abc import Callable, Sequence
@@ -6,9 +6,6 @@ from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from tex_lightning.profiling.growth import Point
@@ -26,8 +23,6 @@ WAYS = {
     "fcn_bf16": "FCN accelerated, bf16",
     "features": "features",
 }
-COLOURS = {"haptic": "#4477aa", "visual": "#ee6677", "fusion": "#228833"}
-PARTS = {"label": "-", "network": "-", "features": ":"}
 SHOWN_LAYERS = 8
 
 
@@ -35,8 +30,8 @@ def _factor(key: str) -> Callable[[Network], str]:
     return lambda network: f"{network[key]:.1f}x" if key in network else ""
 
 
-def _agreement(network: Network) -> str:
-    return f"{network['label_agreement']:.2%} / {network['dense_agreement']:.2%}"
+def _share(key: str, digits: int) -> Callable[[Network], str]:
+    return lambda network: f"{network[key]:.{digits}%}"
 
 
 def _flips(name: str) -> Callable[[Network], str]:
@@ -54,19 +49,28 @@ def _memory(network: Network) -> str:
     return "" if peak is None else f"{peak:,.0f} MiB"
 
 
+def _nothing(_: Network) -> str:
+    return ""
+
+
+SPEEDUP = "speedup over windows one by one"
+DENSE_LABELS = "labels as in the dense pass"
+RANDOM = "random weights"
+
 FACTS: dict[str, Callable[[Network], str]] = {
-    "speedup over windows one by one": _factor("speedup"),
+    SPEEDUP: _factor("speedup"),
     "speedup over windows, same engine": _factor("speedup_same_engine"),
     "ratio of their arithmetic": _factor("arithmetic_ratio"),
     "speedup in bf16": _factor("speedup_bf16"),
     "accelerated over as trained": _factor("engine_gain"),
     "windows": lambda network: str(network["windows"]),
-    "labels equal: window alone / dense": _agreement,
+    "labels as on the window alone": _share("label_agreement", 2),
+    DENSE_LABELS: _share("dense_agreement", 2),
     "labels that the engine changes": _flips("engine"),
     "labels that bf16 changes": _flips("bf16"),
     "MMAC": lambda network: f"{network['macs'] / 1e6:,.0f}",
     "matrix products, GFLOP/s": lambda network: f"{network['gemm_gflops']:.0f}",
-    "share of that rate": lambda network: f"{network['roofline_fraction']:.0%}",
+    "share of that rate": _share("roofline_fraction", 0),
     "peak memory of a pass": _memory,
 }
 
@@ -74,10 +78,11 @@ FACTS: dict[str, Callable[[Network], str]] = {
 def print_profile(results: dict[str, Any], directory: Path) -> None:
     """Print our figures beside the paper's, then the layers that take longest."""
     networks, paper = results["networks"], paper_table("profiling")
-    weights = results["weights"]
+    for name in networks:
+        paper[name]["speedup"] = paper[name]["sliding_window_ms"] / paper[name]["fcn_ms"]
     caption = f"ms: median (p95), {results['environment']['threads']} threads; paper: its average "
     caption += f"on a {paper['device']}"
-    table = Table(title=f"profile · {results['model']} · {weights}", caption=caption)
+    table = Table(title=f"profile · {results['model']} · {results['weights']}", caption=caption)
     table.add_column("")
     for name in networks:
         table.add_column(name, justify="right")
@@ -87,7 +92,11 @@ def print_profile(results: dict[str, Any], directory: Path) -> None:
             cells = ((_time(networks[name], key), _time(paper[name], key)) for name in networks)
             table.add_row(title, *(cell for pair in cells for cell in pair))
     for title, fact in FACTS.items():
-        table.add_row(title, *(cell for name in networks for cell in (fact(networks[name]), "")))
+        if title == DENSE_LABELS and results["weights"] == RANDOM:
+            continue  # random weights say nearly the same everywhere: chance decides
+        paper_fact = fact if title == SPEEDUP else _nothing
+        cells = ((fact(networks[name]), paper_fact(paper[name])) for name in networks)
+        table.add_row(title, *(cell for pair in cells for cell in pair))
     console.print(table)
     for name, network in networks.items():
         _print_layers(name, network)
@@ -119,55 +128,6 @@ def _print_layers(name: str, network: Network) -> None:
     console.print(table)
 
 
-def ways_figure(name: str, network: Network) -> Figure:
-    """Bars of all ways to classify one recording, on a logarithmic axis, the paper's below."""
-    paper = paper_table("profiling")
-    bars = [
-        (title, network[f"{key}_ms"], "#4477aa")
-        for key, title in WAYS.items()
-        if f"{key}_ms" in network
-    ]
-    bars += [
-        (f"paper: {WAYS[key]} ({paper['device']})", paper[name][f"{key}_ms"], "#bbbbbb")
-        for key in ("sliding_window", "fcn")
-    ]  # fmt: skip
-    figure = Figure(figsize=(8, 0.4 * len(bars) + 1.2), layout="constrained")
-    axes = figure.subplots()
-    _bars(axes, bars)
-    axes.set(
-        xscale="log",
-        xlabel="median ms",
-        title=f"{name}: {network['windows']} windows or one dense pass",
-    )
-    return figure
-
-
-def _bars(axes: Axes, bars: Sequence[tuple[str, float, str]]) -> None:
-    titles, values, colours = zip(*bars, strict=True)
-    drawn = axes.barh(np.arange(len(bars)), values, color=colours)
-    axes.bar_label(drawn, [f"{value:.3g}" for value in values], padding=3, fontsize=8)
-    axes.set_yticks(np.arange(len(bars)), titles, fontsize=8)
-    axes.margins(x=0.12)
-    axes.invert_yaxis()
-
-
-def layers_figure(name: str, network: Network) -> Figure:
-    """Time of every layer, and the time its arithmetic takes at the rate of matrix products."""
-    layers, rate = network["layers"], network["gemm_gflops"]
-    figure = Figure(figsize=(8, 0.25 * len(layers) + 1.4), layout="constrained")
-    axes = figure.subplots()
-    places = np.arange(len(layers))
-    ideal = [2 * layer["macs"] / rate / 1e6 for layer in layers]
-    axes.barh(places, [layer["ms"] for layer in layers], color="#4477aa", label="measured")
-    axes.barh(places, ideal, height=0.35, color="#ccbb44", label="at the rate of matrix products")
-    names = [f"{layer['name']} ({layer['kind']})" for layer in layers]
-    axes.set_yticks(places, names, fontsize=7)
-    axes.invert_yaxis()
-    axes.legend(fontsize=8)
-    axes.set(xlabel="ms", title=f"{name}: where the time goes")
-    return figure
-
-
 def write_growth(points: Sequence[Point], path: Path) -> None:
     """Write one line per measurement as CSV; what was left out has a note and no time."""
     with path.open("w", newline="", encoding="utf-8") as stream:
@@ -187,38 +147,3 @@ def left_out(points: Sequence[Point]) -> list[str]:
         f"({point.note})."
         for series, point in first.items()
     ]
-
-
-def growth_figure(points: Sequence[Point]) -> Figure:
-    """Time against everything that can grow, both axes logarithmic; grey is in proportion."""
-    done = [point for point in points if point.median_ms is not None]
-    names = list(dict.fromkeys(point.axis for point in done))
-    columns = min(3, len(names))
-    rows = -(-len(names) // columns)
-    figure = Figure(figsize=(4 * columns, 3.2 * rows), layout="constrained")
-    grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-    for axes, name in zip(grid, names, strict=False):
-        _growth_panel(axes, name, [point for point in done if point.axis == name])
-    for axes in grid[len(names) :]:
-        axes.set_axis_off()
-    return figure
-
-
-def _growth_panel(axes: Axes, name: str, points: Sequence[Point]) -> None:
-    for network, part in dict.fromkeys((point.network, point.part) for point in points):
-        line = [point for point in points if (point.network, point.part) == (network, part)]
-        values = np.array([point.value for point in line])
-        axes.loglog(
-            values,
-            [point.median_ms for point in line],
-            PARTS[part],
-            marker="o",
-            markersize=3,
-            color=COLOURS[network],
-            label=f"{network} {part}",
-        )
-    last = max(points, key=lambda point: point.median_ms or 0)
-    values = np.array(sorted({point.value for point in points}))
-    axes.loglog(values, (last.median_ms or 0) * values / last.value, color="#dddddd", zorder=0)
-    axes.set(xlabel=name, ylabel="median ms")
-    axes.legend(fontsize=7)

@@ -13,14 +13,8 @@ from tex_lightning.profiling.growth import growth
 from tex_lightning.profiling.subject import Subject
 from tex_lightning.report.events import log_profile
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.profile import (
-    growth_figure,
-    layers_figure,
-    left_out,
-    print_profile,
-    ways_figure,
-    write_growth,
-)
+from tex_lightning.report.profile import RANDOM, left_out, print_profile, write_growth
+from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.subjects import make_subjects
@@ -54,7 +48,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     results = {
         "task": config.task,
         "model": config.model.name,
-        "weights": "random weights" if config.checkpoint is None else config.checkpoint,
+        "weights": RANDOM if config.checkpoint is None else config.checkpoint,
         "seed": config.seed,
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(device),

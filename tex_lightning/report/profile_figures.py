@@ -1,0 +1,111 @@
+"""Charts of ``task=profile``."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from tex_lightning.profiling.growth import Point
+from tex_lightning.report.paper import paper_table
+from tex_lightning.report.profile import WAYS, Network
+
+COLOURS = {"haptic": "#4477aa", "visual": "#ee6677", "fusion": "#228833"}
+PARTS = {"label": "-", "network": "-", "features": ":"}
+
+
+def ways_figure(name: str, network: Network) -> Figure:
+    """Bars of all ways to classify one recording, on a logarithmic axis, the paper's below."""
+    paper = paper_table("profiling")
+    bars = [
+        (title, network[f"{key}_ms"], "#4477aa")
+        for key, title in WAYS.items()
+        if f"{key}_ms" in network
+    ]
+    for key, title in (("sliding_window", WAYS["sliding_window"]), ("fcn", "FCN")):
+        bars.append((f"paper: {title}, {paper['device']}", paper[name][f"{key}_ms"], "#bbbbbb"))
+    figure = Figure(figsize=(8, 0.4 * len(bars) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    _bars(axes, bars)
+    axes.set(
+        xscale="log",
+        xlabel="median ms",
+        title=f"{name}: {network['windows']} windows or one dense pass",
+    )
+    return figure
+
+
+def _bars(axes: Axes, bars: Sequence[tuple[str, float, str]]) -> None:
+    titles, values, colours = zip(*bars, strict=True)
+    drawn = axes.barh(np.arange(len(bars)), values, color=colours)
+    axes.bar_label(drawn, [_plain(value) for value in values], padding=3, fontsize=8)
+    axes.set_yticks(np.arange(len(bars)), titles, fontsize=8)
+    axes.margins(x=0.2)
+    axes.invert_yaxis()
+
+
+def _plain(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+
+
+def layers_figure(name: str, network: Network) -> Figure:
+    """Time of every layer, and the time its arithmetic takes at the rate of matrix products."""
+    layers, rate = network["layers"], network["gemm_gflops"]
+    figure = Figure(figsize=(8, 0.25 * len(layers) + 1.4), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(layers))
+    ideal = [2 * layer["macs"] / rate / 1e6 for layer in layers]
+    axes.barh(places, [layer["ms"] for layer in layers], color="#4477aa", label="measured")
+    axes.barh(places, ideal, height=0.35, color="#ccbb44", label="at the rate of matrix products")
+    names = [f"{layer['name']} ({layer['kind']})" for layer in layers]
+    axes.set_yticks(places, names, fontsize=7)
+    axes.invert_yaxis()
+    axes.legend(fontsize=8)
+    axes.set(xlabel="ms", title=f"{name}: where the time goes")
+    return figure
+
+
+def growth_figure(points: Sequence[Point]) -> Figure:
+    """Time against everything that can grow, both axes logarithmic; grey: in proportion."""
+    done = [point for point in points if point.median_ms is not None]
+    names = list(dict.fromkeys(point.axis for point in done))
+    columns = min(3, len(names))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(4 * columns, 3.2 * rows), layout="constrained")
+    grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    for axes, name in zip(grid, names, strict=False):
+        _growth_panel(axes, name, [point for point in done if point.axis == name])
+    for axes in grid[len(names) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def _growth_panel(axes: Axes, name: str, points: Sequence[Point]) -> None:
+    for network, part in dict.fromkeys((point.network, point.part) for point in points):
+        line = [point for point in points if (point.network, point.part) == (network, part)]
+        values = np.array([point.value for point in line])
+        axes.loglog(
+            values,
+            [point.median_ms for point in line],
+            PARTS[part],
+            marker="o",
+            markersize=3,
+            color=COLOURS[network],
+            label=f"{network} {part}",
+        )
+    times = [point.median_ms or 0 for point in points]
+    top = max(points, key=lambda point: point.median_ms or 0)
+    values = np.array(sorted({point.value for point in points}))
+    slope = -1 if name == "threads" else 1
+    guide = max(times) * (values / top.value) ** slope
+    axes.loglog(values, guide, color="#dddddd", zorder=0)
+    axes.set_ylim(min(times) / 2, max(times) * 2)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,g}"))
+        axis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    if name == "threads":
+        axes.set_xticks(values)
+    axes.set(xlabel=name, ylabel="median ms")
+    axes.legend(fontsize=7)
