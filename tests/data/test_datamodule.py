@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
 import torch
+from scipy import stats
 
 from tex_lightning.data.datamodule import (
     EpochSampler,
     PhotoBank,
     SpectrogramBank,
     TrainingBatches,
+    _partners,
 )
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.readers.folder import read_folder
@@ -102,3 +104,13 @@ def test_epochs_number_batches_through():
     assert [*sampler] == [0, 1, 2]
     epoch = 4
     assert [*sampler] == [12, 13, 14]
+
+
+def test_partners_have_the_label_and_are_drawn_evenly():
+    rng = np.random.default_rng(0)
+    pool = np.array([2, 0, 1, 0, 2, 0])
+    labels = np.repeat([0, 1, 2], 3000)
+    drawn = _partners(labels, pool, rng)
+    assert np.array_equal(pool[drawn], labels)
+    assert stats.chisquare(np.bincount(drawn[:3000], minlength=6)[[1, 3, 5]]).pvalue > 0.01
+    assert stats.chisquare(np.bincount(drawn[6000:], minlength=6)[[0, 4]]).pvalue > 0.01

@@ -1,6 +1,7 @@
 """The LightningModules: parameter groups, schedules, losses."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -98,7 +99,9 @@ def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():
     model = module("haptic")
     model.eval()  # no dropout, so that the network can be asked again
     model.log = lambda *args, **kwargs: None
-    model._trainer = type("T", (), {"optimizers": [type("O", (), {"param_groups": []})]})()
+    model._trainer = SimpleNamespace(
+        log_every_n_steps=10, global_step=0, optimizers=[SimpleNamespace(param_groups=[])]
+    )
     batch = {"spectrogram": torch.randn(4, 1, 50, 240), "label": torch.tensor([0, 1, 2, 0])}
     loss = model.training_step(batch, 0)
     logits = model.classifier.network(batch["spectrogram"])

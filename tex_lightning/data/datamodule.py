@@ -15,6 +15,7 @@ from lightning import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
+from tex_lightning.data.decode import Photo
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
@@ -42,18 +43,29 @@ class SpectrogramBank:
 
 
 class PhotoBank:
-    """Square crops of stored photos."""
+    """Square crops of stored photos.
+
+    A crop is copied row by row out of a memory map, in a loop over the samples: for photos of any
+    size that was faster than one indexing step over all of them, which needs an index per pixel.
+    """
 
     def __init__(self, recordings: Sequence[Recording], store: Store, side: int) -> None:
         self.recordings = recordings
         self.store = store
         self.side = side
+        self.maps: dict[int, Photo] = {}  # opened on first use, each loader process its own
+
+    def photo(self, index: int) -> Photo:
+        """The memory map of a photo; finding it again costs more than copying a crop."""
+        if index not in self.maps:
+            self.maps[index] = self.store.image(self.recordings[index])
+        return self.maps[index]
 
     def cut(self, indices: Indices, rng: np.random.Generator) -> Tensor:
         """Random crops (batch, 3, side, side) uint8; photos too small are mirrored outwards."""
         crops = np.empty((len(indices), self.side, self.side, 3), np.uint8)
-        for crop, index in zip(crops, indices, strict=True):
-            photo = self.store.image(self.recordings[index])
+        for crop, index in zip(crops, indices.tolist(), strict=True):
+            photo = self.photo(index)
             rows, columns = (max(0, length - self.side) for length in photo.shape[:2])
             top, left = rng.integers(0, rows + 1), rng.integers(0, columns + 1)
             piece = photo[top : top + self.side, left : left + self.side]
@@ -220,4 +232,6 @@ def _mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
 
 def _partners(labels: Indices, pool: Indices, rng: np.random.Generator) -> Indices:
     """For each label a random index of the same label in ``pool``."""
-    return np.array([rng.choice(np.flatnonzero(pool == label)) for label in labels])
+    order = np.argsort(pool, kind="stable")
+    first, last = (np.searchsorted(pool[order], labels, side=side) for side in ("left", "right"))
+    return order[rng.integers(first, last)]

@@ -3,7 +3,7 @@
 import math
 
 import torch
-from kornia.geometry.transform import get_rotation_matrix2d, warp_affine
+from kornia.geometry.transform import remap
 from torch import Tensor, nn
 
 MEAN = (0.485, 0.456, 0.406)  # of ImageNet's photos, R G B in [0, 1]
@@ -42,12 +42,19 @@ class ImageFeatures(nn.Module):
         Returns:
             Network input (batch, 3, patch, patch).
         """
-        side = crops.shape[-1]
-        centre = torch.full((len(crops), 2), (side - 1) / 2, device=crops.device)
-        matrix = get_rotation_matrix2d(centre, degrees, torch.ones_like(centre))
-        matrix[:, :, 2] -= (side - patch) / 2
-        turned = warp_affine(crops.float(), matrix, (patch, patch), padding_mode="border")
-        return self.forward(turned)
+        middle = (crops.shape[-1] - 1) / 2
+        offset = torch.arange(patch, device=crops.device) - (patch - 1) / 2
+        angle = torch.deg2rad(degrees)[:, None, None]
+        cos, sin, x, y = angle.cos(), angle.sin(), offset, offset[:, None]
+        turned = remap(
+            crops.contiguous().float(),  # planes of colours are turned faster than pixels
+            middle + cos * x - sin * y,
+            middle + sin * x + cos * y,
+            padding_mode="border",
+            align_corners=True,
+        )
+        pixels: Tensor = turned.sub_(255 * self.mean).div_(255 * self.std)
+        return pixels
 
 
 def crop_side(patch: int, rotation: float) -> int:

@@ -64,8 +64,10 @@ class SurfaceModule(LightningModule, ABC):
         size = len(labels)
         self.log("train/loss", loss.detach(), prog_bar=True, batch_size=size)
         self.log("train/fragment_accuracy", accuracy, prog_bar=True, batch_size=size)
-        for group in self.trainer.optimizers[0].param_groups:
-            self.log(f"lr/{group['name']}", group["lr"], batch_size=size)
+        every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector
+        if (self.global_step + 1) % every == 0:
+            for group in self.trainer.optimizers[0].param_groups:
+                self.log(f"lr/{group['name']}", group["lr"], batch_size=size)
         return loss
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 import torch
-from lightning import Trainer
+from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
@@ -49,8 +49,12 @@ MODULES: dict[Kind, type[SurfaceModule]] = {
 }
 
 
-def train_network(training: Training) -> Path:
+def train_network(training: Training, *watchers: Callback) -> Path:
     """Train unless the checkpoint is there already; return its path.
+
+    Args:
+        training: What is trained.
+        watchers: Callbacks beside the package's own.
 
     Raises:
         UserError: If a recording is too short, or weights or checkpoints do not fit.
@@ -71,7 +75,7 @@ def train_network(training: Training) -> Path:
         _start_pretrained(training, module, data)
     preparation = time.perf_counter() - begin
     with quiet_lightning():
-        trainer, timer, keeper = make_trainer(training, resumed=last.is_file())
+        trainer, timer, keeper = make_trainer(training, *watchers, resumed=last.is_file())
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         _finish(training, trainer, module, keeper)

@@ -50,11 +50,14 @@ def quiet_lightning() -> Iterator[None]:
             logger.handlers = handlers
 
 
-def make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer, ModelCheckpoint]:
+def make_trainer(
+    training: Training, *watchers: Callback, resumed: bool
+) -> tuple[Trainer, Timer, ModelCheckpoint]:
     """Make the trainer, with its clock and the keeper of its checkpoints.
 
     Args:
         training: What is trained.
+        watchers: Callbacks beside those below.
         resumed: Whether it goes on from a checkpoint, and then logs beside the earlier metrics.
     """
     config, fit = training.config, training.fit_values
@@ -70,8 +73,8 @@ def make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer, 
         enable_version_counter=False,
         auto_insert_metric_name=False,
     )
-    bar = ProgressBar(console_kwargs={"stderr": True})
-    callbacks: list[Callback] = [timer, keeper, bar, SampleFigures()]
+    bar = ProgressBar(refresh_rate=5, console_kwargs={"stderr": True})
+    callbacks: list[Callback] = [timer, keeper, bar, SampleFigures(), *watchers]
     if training.card.kind == "fusion":
         paths = training.unimodal
         start = config.model.fusion.head_start

@@ -1,0 +1,256 @@
+"""What a training step costs beside the bare PyTorch loop that is in it.
+
+``python -m benchmarks.training [key=value ...]``
+
+HapticNet, VisualNet and FusionNet are trained one after another on the CPU by the default recipe,
+on a few synthetic surfaces and by the package's own way, from the data module to the checkpoint of
+every epoch. After every few steps a twin of the network, which started from the same weights,
+takes as many in a bare loop (forward, loss, backward, optimiser, schedule) on input tensors kept
+from the first epoch. The two take turns, so that a machine that slows down does so for both.
+
+Left out of both: the first epoch (allocation, figures of the first batch, keeping the inputs), and
+validation, which is no part of a step and is given by itself. The clock of the package is stopped
+for the bare loop alone; what lies between two epochs, the checkpoint included, is shared out among
+the steps of one.
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from hydra import compose, initialize_config_dir
+from lightning import Callback, LightningModule, Trainer
+from omegaconf import OmegaConf
+from torch import Tensor, nn
+from torch.utils.data import Dataset
+
+from tex_lightning.__main__ import CONF
+from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
+from tex_lightning.data.folds import Kind
+from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.train import train_network
+from tex_lightning.learning.training import Training
+from tex_lightning.report.results import environment
+from tex_lightning.schema import Config, register
+from tex_lightning.tasks.workspace import Workspace, make_card, open_workspace
+
+KINDS: tuple[Kind, ...] = ("haptic", "visual", "fusion")
+CORE = ("forward", "backward", "optimiser")  # what a training step is for
+PARTS = ("data", "augmentation", *CORE)
+TURN = 5  # steps
+SETTINGS = (
+    "model=fusion",
+    "data.synthetic.recordings=4",  # two of each class to train on, one to validate, one to test
+    "trainer.accelerator=cpu",
+    *(f"model.{kind}.fit.epochs=3" for kind in KINDS),
+)
+
+
+class Clock:
+    """Seconds spent on named parts, which do not contain each other."""
+
+    def __init__(self) -> None:
+        self.spent = dict.fromkeys(PARTS, 0.0)
+        self.begun = 0.0
+
+    def start(self, *_: object) -> None:
+        self.begun = time.perf_counter()
+
+    def stop(self, part: str) -> None:
+        self.spent[part] += time.perf_counter() - self.begun
+
+    def timed(self, function: Callable[..., Any], part: str) -> Callable[..., Any]:
+        def call(*arguments: object) -> Any:  # noqa: ANN401
+            self.start()
+            result = function(*arguments)
+            self.stop(part)
+            return result
+
+        return call
+
+
+class TimedBatches(Dataset[Batch]):
+    """Training batches whose assembly is timed."""
+
+    def __init__(self, batches: TrainingBatches, clock: Clock) -> None:
+        self.assemble = clock.timed(batches.__getitem__, "data")
+
+    def __getitem__(self, step: int) -> Batch:
+        return cast(Batch, self.assemble(step))
+
+
+class BareLoop:
+    """Forward, loss, backward, optimiser and schedule on tensors in memory, and nothing else."""
+
+    def __init__(self, module: SurfaceModule) -> None:
+        twin = type(module)(**module.hparams)
+        twin.head_factor = module.head_factor
+        twin.classifier.network = deepcopy(module.classifier.network)
+        twin.train()
+        configured = twin.configure_optimizers()
+        self.network = twin.classifier.network
+        self.smoothing = twin.fit_config["label_smoothing"]
+        self.optimizer = configured["optimizer"]
+        self.scheduler = configured["lr_scheduler"]["scheduler"]
+        self.batches: list[tuple[tuple[Tensor, ...], Tensor]] = []
+
+    def turn(self) -> dict[str, float]:
+        clock, begin = Clock(), time.perf_counter()
+        for inputs, label in self.batches:
+            clock.start()
+            logits = self.network(*inputs).flatten(2)
+            clock.stop("forward")
+            labels = label[:, None].expand(-1, logits.shape[2])
+            loss = nn.functional.cross_entropy(logits, labels, label_smoothing=self.smoothing)
+            self.optimizer.zero_grad()
+            clock.start()
+            loss.backward()
+            clock.stop("backward")
+            clock.start()
+            self.optimizer.step()
+            clock.stop("optimiser")
+            self.scheduler.step()
+        return {"step": time.perf_counter() - begin, **clock.spent}
+
+
+class Turns(Callback):
+    """After the first epoch, let the bare loop do as many steps after every few of the trainer."""
+
+    def __init__(self) -> None:
+        self.clock = Clock()
+        self.turns: list[dict[str, float]] = []
+        self.bare_turns: list[dict[str, float]] = []
+        self.between: list[float] = []  # seconds from an epoch's last step to the next one's first
+        self.validation: list[float] = []
+
+    def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        data = cast(SurfaceData, trainer.datamodule)
+        data.batches = TimedBatches(data.batches, self.clock)
+        self.bare = BareLoop(cast(SurfaceModule, pl_module))
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        network = cast(SurfaceModule, pl_module).classifier.network
+        network.register_forward_pre_hook(self.clock.start)
+        network.register_forward_hook(self._forwarded)
+        trainer.optimizers[0].register_step_post_hook(lambda *_: self.clock.stop("optimiser"))
+        pl_module.inputs = self.clock.timed(pl_module.inputs, "augmentation")
+
+    def _forwarded(self, network: nn.Module, *_: object) -> None:
+        if network.training:  # and not validating
+            self.clock.stop("forward")
+
+    def on_train_batch_start(
+        self, trainer: Trainer, pl_module: LightningModule, batch: Batch, batch_idx: int
+    ) -> None:
+        if trainer.current_epoch == 0:
+            if len(self.bare.batches) < TURN:
+                self.bare.batches.append((pl_module.inputs(batch), batch["label"]))
+            return
+        now = time.perf_counter()
+        if batch_idx == 0:
+            self.between.append(now - self.ended - self.validation[-1])
+            self.bare.turn()  # its caches are cold after an epoch's end
+        elif batch_idx % TURN == 0:
+            self.turns.append({"step": now - self.begun, **self.clock.spent})
+            self.bare_turns.append(self.bare.turn())
+        else:
+            return
+        self.clock.spent = dict.fromkeys(PARTS, 0.0)
+        self.begun = time.perf_counter()
+
+    def on_train_batch_end(self, trainer: Trainer, pl_module: LightningModule, *_: object) -> None:
+        self.ended = time.perf_counter()
+        self.validation.append(0.0)
+
+    def on_before_backward(self, *_: object) -> None:
+        self.clock.start()
+
+    def on_after_backward(self, *_: object) -> None:
+        self.clock.stop("backward")
+
+    def on_before_optimizer_step(self, *_: object) -> None:
+        self.clock.start()
+
+    def on_validation_start(self, *_: object) -> None:
+        self.validation[-1] -= time.perf_counter()
+
+    def on_validation_end(self, *_: object) -> None:
+        self.validation[-1] += time.perf_counter()
+
+    def summary(self, steps: int) -> dict[str, Any]:
+        """Medians in ms per step, their ratio, and what a step of the package is spent on."""
+        package = {part: _median(self.turns, part) for part in ("step", *PARTS)}
+        bare = {part: _median(self.bare_turns, part) for part in ("step", *CORE)}
+        between = float(np.median(self.between)) * 1000
+        package["step"] += between / steps
+        shares = {part: package[part] / package["step"] for part in PARTS}
+        return {
+            "steps_timed": TURN * len(self.turns),
+            "package_ms": package,
+            "bare_ms": bare,
+            "ratio": package["step"] / bare["step"],
+            "shares": {**shares, "rest": 1 - sum(shares.values())},
+            "share_beside_core": 1 - sum(shares[part] for part in CORE),
+            "between_epochs_ms": between,
+            "validation_ms": max(self.validation) * 1000,
+        }
+
+
+def _median(turns: list[dict[str, float]], part: str) -> float:
+    return float(np.median([turn[part] for turn in turns])) * 1000 / TURN
+
+
+def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Train the networks of ``model`` (default: all three) and time their steps.
+
+    Args:
+        overrides: Settings as on the command line.
+
+    Returns:
+        ``environment`` and, by network, the entries of :meth:`Turns.summary`.
+    """
+    networks: dict[str, Any] = {}
+    unimodal: dict[Kind, Path] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        workspace = open_workspace(_config(overrides), Path(folder))
+        for kind in KINDS if workspace.kind == "fusion" else (workspace.kind,):
+            watch = Turns()
+            unimodal[kind] = _train(workspace, kind, unimodal, watch)
+            steps = getattr(workspace.config.model, kind).fit.steps_per_epoch
+            networks[kind] = watch.summary(steps)
+    return {"environment": environment(torch.device("cpu")), "networks": networks}
+
+
+def _config(overrides: tuple[str, ...]) -> Config:
+    register()
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        composed = compose("config", overrides=[*SETTINGS, *overrides])
+    config = cast(Config, OmegaConf.to_object(composed))
+    if config.trainer.threads is not None:
+        torch.set_num_threads(config.trainer.threads)
+    return config
+
+
+def _train(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path], watch: Turns) -> Path:
+    card, parts = make_card(workspace, kind, unimodal), workspace.parts()
+    training = Training(
+        workspace.config, card, parts, workspace.store, workspace.directory, unimodal
+    )
+    return train_network(training, watch)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("overrides", nargs="*", metavar="key=value")
+    print(json.dumps(measure(tuple(parser.parse_args().overrides)), indent=2))
+
+
+if __name__ == "__main__":
+    main()
