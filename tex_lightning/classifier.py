@@ -4,7 +4,6 @@ A :class:`Card` of plain values rebuilds it, and a checkpoint holds the card and
 that prediction from raw files does exactly what testing did.
 """
 
-import math
 import zlib
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -82,8 +81,6 @@ class SurfaceClassifier(nn.Module):
         self.haptic_features = HapticFeatures(**card.haptic_features) if "haptic" in needs else None
         self.image_features = ImageFeatures() if "image" in needs else None
         self.network = _build_network(card)
-        # channels-last was the faster layout for every network with batch normalisation
-        self.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: Kind | None = None) -> "SurfaceClassifier":
@@ -148,18 +145,29 @@ class SurfaceClassifier(nn.Module):
         """
         self._require(trace, photo)
         if isinstance(self.network, HapticNet):
-            return cast(Tensor, self.network(self.haptic_input(cast(Tensor, trace)))[0])
-        visual = self.visual_input(cast(Tensor, photo))
+            return self.haptic_positions(cast(Tensor, trace), "fc3")
         if isinstance(self.network, VisualNet):
-            return cast(Tensor, self.network(visual)[0].flatten(1))
-        haptic = self.haptic_input(cast(Tensor, trace))
+            return self.visual_positions(cast(Tensor, photo), "fc3").flatten(1)
+        visual = self.visual_positions(cast(Tensor, photo), self.network.level).flatten(1)
+        haptic = self.haptic_positions(cast(Tensor, trace), self.network.level)
         pairs = random_pairs(
-            self.network.haptic.output_length(haptic.shape[-1]),
-            math.prod(self.network.visual.output_size(*visual.shape[-2:])),
+            haptic.shape[1],
+            visual.shape[1],
             self.card.decision["pairs"],
             self._pair_seed(cast(Tensor, trace), cast(Tensor, photo)),
         )
-        return cast(Tensor, self.network(haptic, visual, pairs.to(visual.device))[0])
+        parts = self.network.project(haptic[None], visual[None])
+        return self.network.join(*parts, pairs.to(visual.device))[0]
+
+    def haptic_positions(self, trace: Tensor, level: Level) -> Tensor:
+        """Features (D, L) of a decoded trace at every position of HapticNet."""
+        network = self.network.haptic if isinstance(self.network, FusionNet) else self.network
+        return cast(HapticNet, network).features(self.haptic_input(trace), level)[0]
+
+    def visual_positions(self, photo: Tensor, level: Level) -> Tensor:
+        """Features (D, M, N) of a decoded photo at every position of VisualNet."""
+        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
+        return cast(VisualNet, network).features(self.visual_input(photo), level)[0]
 
     def haptic_input(self, trace: Tensor) -> Tensor:
         """Spectrogram (1, 1, 50, frames) of a decoded trace, on the module's device."""

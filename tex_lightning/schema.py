@@ -70,11 +70,22 @@ class HapticFitConfig(FitConfig):
 
 
 @dataclass
+class ProbeConfig:
+    """Training of VisualNet's head alone, before the whole, on features of pretrained weights."""
+
+    steps: int = MISSING
+    passes: int = MISSING
+    batch_size: int = MISSING
+    learning_rate: float = MISSING
+
+
+@dataclass
 class VisualFitConfig(FitConfig):
     """Training of VisualNet on square patches, rotated by up to ``rotation`` degrees."""
 
     patch: int = MISSING
     rotation: float = MISSING
+    probe: ProbeConfig = field(default_factory=ProbeConfig)
 
 
 @dataclass
@@ -116,6 +127,7 @@ class FusionConfig:
     level: str = MISSING
     haptic_checkpoint: str | None = None
     visual_checkpoint: str | None = None
+    head_start: str = MISSING
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
 
 
@@ -148,6 +160,30 @@ class TrainerConfig:
 
 
 @dataclass
+class EngineConfig:
+    """How a trained network is run in testing and prediction; its weights stay what they are.
+
+    Attributes:
+        fold_batch_norm: Batch normalisation becomes part of the convolution before it.
+        fast_response_norm: Local response normalisation in a form that stays in the cache.
+        channels_last: Weights with the channels innermost.
+        low_band: Only the spectrogram's low channels are computed, as one matrix product.
+        precision: Of convolutions, fp32 or bf16; class scores are float32 with either.
+        compile: Whether ``torch.compile`` fuses the layers.
+        tile: Most pixels, or frames times 50 channels, that go through a network at once; larger
+            inputs go in pieces. None never divides.
+    """
+
+    fold_batch_norm: bool = MISSING
+    fast_response_norm: bool = MISSING
+    channels_last: bool = MISSING
+    low_band: bool = MISSING
+    precision: str = MISSING
+    compile: bool = MISSING
+    tile: int | None = MISSING
+
+
+@dataclass
 class LoggerConfig:
     """Whether TensorBoard events and their figures are written beside the CSV of metrics."""
 
@@ -177,6 +213,31 @@ class GenerateConfig:
 
 
 @dataclass
+class ProfileConfig:
+    """What ``task=profile`` measures and how long it may take.
+
+    Attributes:
+        classes: Of a network with random weights.
+        seconds: Length of the rendered trace.
+        width: Of the rendered photo in pixels, as the network sees it.
+        height: The same.
+        rounds: Most rounds in which everything is timed by turns.
+        budget_s: No further round begins after so many seconds; three are always run.
+        growth: Whether to measure how the cost grows with size, classes, pairs, batch and threads.
+        max_seconds: Longest single call that ``growth`` may expect.
+    """
+
+    classes: int = MISSING
+    seconds: float = MISSING
+    width: int = MISSING
+    height: int = MISSING
+    rounds: int = MISSING
+    budget_s: float = MISSING
+    growth: bool = MISSING
+    max_seconds: float = MISSING
+
+
+@dataclass
 class Config:
     """The whole configuration."""
 
@@ -191,10 +252,12 @@ class Config:
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
     trainer: TrainerConfig = field(default_factory=TrainerConfig)
+    engine: EngineConfig = field(default_factory=EngineConfig)
     logger: LoggerConfig = field(default_factory=LoggerConfig)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     predict: PredictConfig = field(default_factory=PredictConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
+    profile: ProfileConfig = field(default_factory=ProfileConfig)
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -19,10 +19,16 @@ CHOICES = {
     "normalisation": ("standard", "paper"),
     "axes": ("frame", "trace"),
     "level": ("fc2", "fc3"),
+    "head_start": ("scores", "random"),
     "layout": ("folder", "tum"),
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
+    "engine": ("fp32", "bf16"),
 }
+
+LEAST_TILE = 100_000  # smaller pieces are nearly all margin
+LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
+LEAST_SIDE, MOST_SIDE = 224, 8192  # one patch; what the renderer makes
 
 
 def check_missing(composed: DictConfig) -> None:
@@ -60,8 +66,11 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
         *_choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
         *_least("trainer.threads", config.trainer.threads, 1),
+        *_choice("engine.precision", config.engine.precision, CHOICES["engine"]),
+        *_least("engine.tile", config.engine.tile, LEAST_TILE),
         *_least("decision.pairs", config.decision.pairs, 1),
         *_least("decision.seed", config.decision.seed, 0),
+        *_profile(config),
         *_least("top_k", config.top_k, 1),
         *_least("seed", config.seed, 0),
         *_most("seed", config.seed, 2**32 - 1),
@@ -77,15 +86,16 @@ def _task(config: Config) -> Iterator[str]:
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
     training = config.task in ("fit", "crossval")
-    if config.checkpoint is not None and config.task not in ("evaluate", "predict"):
+    if config.checkpoint is not None and config.task not in ("evaluate", "predict", "profile"):
         yield (
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
-            "task=predict or model.fusion.haptic_checkpoint"
+            "task=predict, task=profile or model.fusion.haptic_checkpoint"
         )
-    if config.task != "predict" and (config.haptic is not None or config.image is not None):
-        yield f"haptic and image are read by task=predict alone, not by task={config.task}"
     if config.predict.fast_decode and config.task != "predict":
         yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
+    files = config.haptic is not None or config.image is not None
+    if files and config.task not in ("predict", "profile"):
+        yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
     if config.weights is not None and not training:
         yield f"weights are read when training, not by task={config.task}: leave it null"
     fusion = config.model.fusion
@@ -103,6 +113,19 @@ def _task(config: Config) -> Iterator[str]:
         yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
     if config.weights is not None and config.model.fusion.visual_checkpoint is not None:
         yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
+
+
+def _profile(config: Config) -> Iterator[str]:
+    profile = config.profile
+    yield from _within("profile.classes", profile.classes, 2, 100_000)
+    yield from _within("profile.seconds", profile.seconds, LEAST_TRACE_S, MOST_TRACE_S)
+    for side in ("width", "height"):
+        yield from _within(f"profile.{side}", getattr(profile, side), LEAST_SIDE, MOST_SIDE)
+    yield from _least("profile.rounds", profile.rounds, 1)
+    for name in ("budget_s", "max_seconds"):
+        yield from _positive(f"profile.{name}", getattr(profile, name))
+    if profile.growth and config.task != "profile":
+        yield f"profile.growth is read by task=profile alone, not by task={config.task}"
 
 
 READ_KEYS = {
@@ -142,6 +165,13 @@ def _model(model: ModelConfig) -> Iterator[str]:
     yield from _choice("model.haptic.normalisation", model.haptic.normalisation, known)
     yield from _choice("model.haptic.axes", model.haptic.axes, CHOICES["axes"])
     yield from _choice("model.fusion.level", model.fusion.level, CHOICES["level"])
+    starts = CHOICES["head_start"]
+    yield from _choice("model.fusion.head_start", model.fusion.head_start, starts)
+    probe = model.visual.fit.probe
+    yield from _least("model.visual.fit.probe.steps", probe.steps, 0)
+    yield from _least("model.visual.fit.probe.passes", probe.passes, 1)
+    yield from _least("model.visual.fit.probe.batch_size", probe.batch_size, 1)
+    yield from _positive("model.visual.fit.probe.learning_rate", probe.learning_rate)
     for name in ("haptic", "visual"):
         section = getattr(model, name)
         yield from _positive(f"model.{name}.width", section.width)
@@ -189,6 +219,11 @@ def _least(key: str, value: float | None, least: float) -> Iterator[str]:
 def _most(key: str, value: float, most: float) -> Iterator[str]:
     if value > most:
         yield f"{key} is {value}: choose {most} or less"
+
+
+def _within(key: str, value: float, least: float, most: float) -> Iterator[str]:
+    if not least <= value <= most:
+        yield f"{key} is {value:g}: choose from {least:g} to {most:g}"
 
 
 def _positive(key: str, value: float) -> Iterator[str]:

@@ -57,6 +57,22 @@ def test_parts_sum_to_the_scores():
     assert torch.equal(scores, haptic[..., [3, 0, 3]] + visual[..., [5, 1, 5]])
 
 
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+def test_a_start_from_scores_adds_the_scores_of_both_networks(level):
+    torch.manual_seed(0)
+    haptic = HapticNet(CLASSES, width=0.05).eval()
+    visual = VisualNet(CLASSES, trunk="tcnn", width=0.05).eval()
+    for score_layer in (haptic.head.score_layer, visual.head.score_layer):
+        torch.nn.init.normal_(score_layer.weight)
+        torch.nn.init.normal_(score_layer.bias)
+    net = FusionNet(haptic, visual, classes=CLASSES, level=level).eval()
+    net.start_from_scores(haptic, visual)
+    spectrogram, image = inputs()
+    pairs = torch.tensor([[3, 5], [0, 1]])
+    expected = haptic(spectrogram)[..., [3, 0]] + visual(image).flatten(2)[..., [5, 1]]
+    torch.testing.assert_close(net(spectrogram, image, pairs), expected)
+
+
 def test_single_pair_needs_no_pairs():
     net = fusion().eval()
     spectrogram, image = inputs(192, 224, 224)

@@ -28,8 +28,8 @@ class ImageFeatures(nn.Module):
 
     def forward(self, photos: Tensor) -> Tensor:
         """Photos to network input of the same size."""
-        pixels: Tensor = (photos.float() / 255 - self.mean) / self.std
-        return pixels
+        pixels = torch.div(photos, 255)  # a new tensor, so that the rest needs no more memory
+        return pixels.sub_(self.mean).div_(self.std)
 
     def rotated(self, crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
         """Rotate crops about their centres and keep the middle ``patch`` pixels.

@@ -82,7 +82,7 @@ def _matrices(
     weights = torch.stack((angle.cos(), angle.sin())) * torch.tensor(window, dtype=torch.float64)
     if centred:
         weights -= weights.mean(dim=-1, keepdim=True)
-    pieces = weights.unflatten(-1, (-1, hop))  # (2, bands, hops of a frame, hop)
+    pieces = weights.view(2, bands, -1, hop)  # (2, bands, hops of a frame, hop)
     table = pieces.flatten(0, 2)
     parts, parity = [], []
     for sign in (1.0, -1.0):

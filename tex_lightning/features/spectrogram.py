@@ -22,7 +22,7 @@ FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is 
 
 
 class HapticFeatures(nn.Module):
-    """Movement segment, three axes made one, Hamming spectrogram of the low channels, normalisation.
+    """Movement segment, axes made one, Hamming spectrogram of the low channels, normalisation.
 
     Convention: channel ``k`` is the magnitude at ``k * sampling_rate / window_length`` Hz (at
     10 kHz 0 to 980 Hz in steps of 20), frame ``t`` starts at sample ``t * hop_length`` of the
@@ -115,7 +115,7 @@ class HapticFeatures(nn.Module):
         power = self.products(hops.flatten(0, 1))
         frames = count - self.products.span + 1
         parts = [power[:, start : start + frames] for start in range(0, axes * count, count)]
-        return reduce(torch.add, parts).sqrt()
+        return torch.sqrt(reduce(torch.add, parts))
 
     def _movement(self, trace: Tensor) -> Tensor:
         """The samples that frames are cut from: (3 or 1, samples) of the movement."""

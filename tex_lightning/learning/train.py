@@ -1,10 +1,12 @@
 """Train one network to one checkpoint, or go on where an earlier run stopped."""
 
+import itertools
 import logging
+import math
 import shutil
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -29,12 +31,12 @@ from tex_lightning.features.image import crop_side
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
+from tex_lightning.learning.probe import probe_head
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
 from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.progress import track
 
@@ -62,20 +64,34 @@ def train_network(training: Training) -> Path:
     module = MODULES[training.card.kind](
         training.card.to_dict(), training.fit_values, training.config.seed
     )
-    if training.card.kind == "visual" and training.config.weights is not None:
-        network = module.classifier.network
-        assert isinstance(network, VisualNet)
-        log.info(load_trunk_weights(network, training.config.weights))
     data = _make_data(training, module)
-    preparation = time.perf_counter() - begin
     last = training.working / "last.ckpt"
     _check_resumable(last)
+    if training.config.weights is not None and not last.is_file():
+        _start_pretrained(training, module, data)
+    preparation = time.perf_counter() - begin
     with quiet_lightning():
         trainer, timer, keeper = make_trainer(training, resumed=last.is_file())
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         _finish(training, trainer, module, keeper)
     return training.final
+
+
+def _start_pretrained(training: Training, module: SurfaceModule, data: SurfaceData) -> None:
+    """Fill the trunk of VisualNet with the given weights and teach its head what they see."""
+    if not isinstance(module, VisualModule):
+        return
+    log.info(load_trunk_weights(module.network, cast(str, training.config.weights)))
+    probe = training.config.model.visual.fit.probe
+    if probe.steps == 0:
+        return
+    count = math.ceil(
+        probe.passes * len(training.parts.train.of("image").rows) / data.batches.batch_size
+    )
+    module.to(pick_device(training.config.trainer.accelerator))
+    probe_head(module, map(data.batches.__getitem__, itertools.count()), count, module.seed)
+    module.to("cpu")
 
 
 def _check_resumable(last: Path) -> None:

@@ -74,7 +74,8 @@ def make_trainer(training: Training, *, resumed: bool) -> tuple[Trainer, Timer, 
     callbacks: list[Callback] = [timer, keeper, bar, SampleFigures()]
     if training.card.kind == "fusion":
         paths = training.unimodal
-        callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"]))
+        start = config.model.fusion.head_start
+        callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"], start))
     trainer = Trainer(
         accelerator=config.trainer.accelerator,
         devices=1,

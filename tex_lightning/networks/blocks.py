@@ -1,7 +1,7 @@
 """Pieces that the networks share: channel scaling, geometry, layers, initialisation, the head."""
 
 from collections.abc import Iterable
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 from torch import Tensor, nn
 
@@ -104,6 +104,11 @@ class Head(nn.Module):
         self.scores: nn.Module = nn.Sequential(nn.Dropout(dropout), scores)
         initialise(hidden)
         initialise_scores(scores)
+
+    @property
+    def score_layer(self) -> nn.Conv2d:
+        """FC3, the 1x1 convolution from FC2's features to class scores."""
+        return cast(nn.Conv2d, cast(nn.Sequential, self.scores)[-1])
 
     def forward(self, x: Tensor, level: Level = "fc3") -> Tensor:
         """Map trunk features (B, D, M, N) to FC2 features or to class scores before softmax."""

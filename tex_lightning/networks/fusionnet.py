@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from copy import deepcopy
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -55,7 +56,10 @@ class FusionNet(nn.Module):
         Raises:
             ValueError: ``pairs`` is None but the inputs have more than one pair of positions.
         """
-        haptic, visual = self.parts(spectrogram, image)
+        return self.join(*self.parts(spectrogram, image), pairs)
+
+    def join(self, haptic: Tensor, visual: Tensor, pairs: Tensor | None = None) -> Tensor:
+        """Return class scores (B, classes, P) of ``pairs`` of the two :meth:`parts`."""
         if pairs is not None:
             return haptic[..., pairs[:, 0]] + visual[..., pairs[:, 1]]
         if haptic.shape[-1] != 1 or visual.shape[-1] != 1:
@@ -73,10 +77,34 @@ class FusionNet(nn.Module):
             the bias, with the positions row by row.
         """
         haptic = self.haptic.features(spectrogram, self.level)
-        visual = self.visual.features(image, self.level).flatten(2)
+        return self.project(haptic, self.visual.features(image, self.level).flatten(2))
+
+    def project(self, haptic: Tensor, visual: Tensor) -> tuple[Tensor, Tensor]:
+        """Return :meth:`parts` of haptic features (B, D, L) and visual ones (B, D, M * N)."""
         haptic_weight, visual_weight = self.head.weight.tensor_split([self.haptic_size], dim=1)
         bias = self.head.bias[:, None]
         return torch.matmul(haptic_weight, haptic), torch.matmul(visual_weight, visual) + bias
+
+    @torch.no_grad()
+    def start_from_scores(self, haptic: HapticNet, visual: VisualNet) -> None:
+        """Set the head to the sum of the class scores of two trained networks.
+
+        Given the class, trace and photo say nothing more of each other, so that their
+        probabilities multiply and their scores add. Fusion then begins with what both networks
+        know, weighted by how sure they are, and need not learn it anew from samples that both have
+        seen and find equally easy.
+
+        Args:
+            haptic: The network whose copy is in here, with its score layer.
+            visual: Likewise.
+        """
+        if self.level == "fc3":
+            self.head.weight.copy_(torch.eye(self.classes).repeat(1, 2))
+            self.head.bias.zero_()
+            return
+        left, right = haptic.head.score_layer, visual.head.score_layer
+        self.head.weight.copy_(torch.cat([left.weight, right.weight], dim=1).flatten(1))
+        self.head.bias.copy_(cast(Tensor, left.bias) + cast(Tensor, right.bias))
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:
         """Iterate over the parameters of both networks."""

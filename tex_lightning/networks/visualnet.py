@@ -1,5 +1,7 @@
 """VisualNet: the fully convolutional network on photos of surfaces."""
 
+from typing import cast
+
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
@@ -88,6 +90,11 @@ class VisualNet(nn.Module):
         """
         features: Tensor = self.head(self.trunk(x), level)
         return features
+
+    @property
+    def fc1(self) -> nn.Conv2d:
+        """FC1, the first convolution on the trunk's features."""
+        return cast(nn.Conv2d, cast(nn.Sequential, self.head.hidden[0])[0])
 
     def feature_size(self, level: Level) -> int:
         """Return the channel count of ``features`` at ``level``."""

@@ -40,6 +40,18 @@ def log_test(
         writer.add_hparams(_hyper_parameters(config, name), metrics, run_name=".")
 
 
+def log_profile(
+    directory: Path, name: str, result: dict[str, Any], figures: dict[str, Any]
+) -> None:
+    """Add a network's profile: every single figure as a scalar, and its charts."""
+    with SummaryWriter(str(directory / "tensorboard" / name)) as writer:
+        for title, figure in figures.items():
+            writer.add_figure(f"profile/{title}", figure)
+        for key, value in result.items():
+            if isinstance(value, int | float):
+                writer.add_scalar(f"profile/{key}", value)
+
+
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
     """Flat plain values of what this network was trained with."""
     chosen = {"seed": config["seed"], "data": config["data"], name: config["model"][name]}

@@ -73,6 +73,8 @@ def _rows(job: Path, root: Path) -> list[Row]:
 
 
 def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:
+    if "fcn_ms" in network:  # a profile, which knows no truth
+        return {"network": name, "latency_ms": network["fcn_ms"]}
     return {
         "network": name,
         "vote_accuracy": network["vote_accuracy"],
@@ -90,7 +92,7 @@ def _pooled(rows: list[Row]) -> list[Row]:
     """Counts over jobs that differ in nothing but the tested fold."""
     groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
     for row in rows:
-        if row["status"] == "done" and "network" in row:
+        if "vote_accuracy" in row:
             kept = tuple(item for item in row["overrides"] if not item.startswith(FOLD_KEYS))
             if len(kept) < len(row["overrides"]):
                 groups.setdefault((kept, row["network"]), []).append(row)
@@ -130,8 +132,9 @@ def _print(rows: list[Row], directory: Path) -> None:
     for heading in ("job", "overrides", "network", "votes", "95 % interval", "fit s"):
         table.add_column(heading)
     for row in rows:
-        if "network" not in row:
-            table.add_row(row["job"], _varying(row, rows), "", row["status"])
+        if "vote_accuracy" not in row:
+            name, status = row.get("network", ""), row["status"]
+            table.add_row(row["job"], _varying(row, rows), name, status)
             continue
         table.add_row(
             row["job"],

@@ -9,7 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
-from tex_lightning.tasks import crossval, evaluate, fit, generate, predict
+from tex_lightning.tasks import crossval, evaluate, fit, generate, predict, profile
 from tex_lightning.validation import check_config, check_known, check_missing
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
@@ -18,6 +18,7 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "evaluate": evaluate.run,
     "predict": predict.run,
     "generate": generate.run,
+    "profile": profile.run,
 }
 
 

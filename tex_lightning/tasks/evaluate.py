@@ -41,7 +41,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
             f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
             "data.test_fold=null for everything."
         )
-    network, _ = report_network(classifier, checkpoint, samples, store, directory)
+    network, _ = report_network(classifier, checkpoint, samples, store, directory, config.engine)
     results = {
         "task": config.task,
         "model": kind,

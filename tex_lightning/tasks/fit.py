@@ -92,7 +92,9 @@ def _fit_network(
     classifier = SurfaceClassifier.from_checkpoint(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
     samples = make_samples(parts.test, kind)
-    result, figures = report_network(classifier, checkpoint, samples, workspace.store, directory)
+    result, figures = report_network(
+        classifier, checkpoint, samples, workspace.store, directory, workspace.config.engine
+    )
     if workspace.config.logger.tensorboard:
         log_test(directory, kind, asdict(workspace.config), result, figures)
     log.info("%s: %d of %d votes right.", kind, result["correct"], result["test_samples"])

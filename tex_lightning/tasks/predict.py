@@ -14,6 +14,7 @@ from tex_lightning.data.folds import NEEDS
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.schema import Config
 
 
@@ -23,8 +24,8 @@ def run(config: Config, directory: Path) -> None:
     Several traces and photos are paired in the order given. Decoding is part of the latency.
     """
     classifier = SurfaceClassifier.from_checkpoint(cast(str, config.checkpoint))
-    classifier.to(pick_device(config.trainer.accelerator))
     _refuse_unused(classifier, config)
+    classifier = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
     for haptic, image in _pairs(_files("haptic", config.haptic), _files("image", config.image)):
         print(json.dumps(_predict(classifier, config, haptic, image)), flush=True)
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import load_sample
@@ -15,6 +14,8 @@ from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import synchronise
 from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.profiling.roofline import count_macs
 from tex_lightning.progress import track
 from tex_lightning.report.figures import (
     class_accuracy_figure,
@@ -23,6 +24,7 @@ from tex_lightning.report.figures import (
     save_figure,
 )
 from tex_lightning.report.results import Outcome, summarise, write_outcomes
+from tex_lightning.schema import EngineConfig
 
 WARM_UP = 2
 
@@ -80,14 +82,15 @@ def report_network(
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
+    engine: EngineConfig,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Test a network; write its predictions and figures into the run folder.
+    """Test a network as prediction runs it; write its predictions and figures into the run folder.
 
     Returns:
         Its entry of ``results.json``, and the figures by title.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
-    outcomes = run_test(classifier, samples, store)
+    outcomes = run_test(accelerate(classifier, engine), samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     entry = {
@@ -100,17 +103,11 @@ def report_network(
 
 
 def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -> dict[str, Any]:
-    """Parameters, and multiply-accumulates of the network for one whole sample.
-
-    PyTorch counts two operations for each multiply-accumulate of convolutions and matrix
-    products; normalisation, pooling and features are not counted.
-    """
+    """Parameters, and multiply-accumulates of the network for one whole sample."""
     trace, photo = load_sample(sample, store)
-    with FlopCounterMode(display=False) as counter, torch.no_grad():
-        classifier.logits(trace, photo)
     return {
         "parameters": sum(parameter.numel() for parameter in classifier.network.parameters()),
-        "macs_per_sample": counter.get_total_flops() // 2,
+        "macs_per_sample": count_macs(lambda: classifier.logits(trace, photo)),
     }
 
 

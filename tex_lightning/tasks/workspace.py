@@ -136,15 +136,8 @@ def decode_settings(data: DataConfig) -> DecodeSettings:
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
     """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
     config = workspace.config
-    card = Card(
-        kind=kind,
-        classes=workspace.classes,
-        decode=decode_settings(config.data).to_dict(),
-        decision=asdict(config.decision),
-        haptic_features=_haptic_features(config) if kind == "haptic" else {},
-        haptic_network=_network(config.model.haptic, *HAPTIC_KEYS) if kind == "haptic" else {},
-        visual_network=_network(config.model.visual, *VISUAL_KEYS) if kind == "visual" else {},
-        trained_on=trained_on(workspace),
+    card = replace(
+        configured_card(config, kind, workspace.classes), trained_on=trained_on(workspace)
     )
     if kind != "fusion":
         return card
@@ -156,6 +149,19 @@ def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> C
         haptic_network=haptic.haptic_network,
         visual_network=visual.visual_network,
         fusion={"level": config.model.fusion.level},
+    )
+
+
+def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
+    """Describe a unimodal classifier by the configuration alone, as if nothing had trained it."""
+    return Card(
+        kind=kind,
+        classes=classes,
+        decode=decode_settings(config.data).to_dict(),
+        decision=asdict(config.decision),
+        haptic_features=_haptic_features(config) if kind == "haptic" else {},
+        haptic_network=_network(config.model.haptic, *HAPTIC_KEYS) if kind == "haptic" else {},
+        visual_network=_network(config.model.visual, *VISUAL_KEYS) if kind == "visual" else {},
     )
 
 

@@ -94,7 +94,8 @@ def _band(
 
     def gain(_: Field, __: Field, k: Field) -> Field:
         distance = np.log(np.maximum(k, 1e-6) * wavelength) / width
-        return (np.exp(-0.5 * distance**2) / np.maximum(k, 1e-6)).astype(np.float32)
+        shaped: Field = (np.exp(-0.5 * distance**2) / np.maximum(k, 1e-6)).astype(np.float32)
+        return shaped
 
     return shaped_noise(rng, points, pitch, gain)
 
@@ -174,7 +175,8 @@ def _rough(rng: np.random.Generator, wavelength: float) -> Field:
 def _creased(rng: np.random.Generator, wavelength: float) -> Field:
     # Zero crossings of a band of noise lie half a wavelength apart and meander like creases.
     noise = _band(rng, TILE, PITCH, 2 * wavelength, width=0.3)
-    return np.sqrt(np.abs(noise))
+    crests: Field = np.sqrt(np.abs(noise))
+    return crests
 
 
 _SHAPES: dict[str, Callable[[np.random.Generator, float], Field]] = {

@@ -26,13 +26,19 @@ class FusionStart(Callback):
         haptic_checkpoint: Of a HapticNet.
         visual_checkpoint: Of a VisualNet.
         head_factor: Learning rate of the fusion layer over that of the networks, 10 to 50.
+        head_start: ``scores`` begins with the sum of both networks' class scores, ``random`` with
+            small random weights.
 
     Raises:
         UserError: If the factor is outside the paper's range.
     """
 
     def __init__(
-        self, haptic_checkpoint: Path, visual_checkpoint: Path, head_factor: float
+        self,
+        haptic_checkpoint: Path,
+        visual_checkpoint: Path,
+        head_factor: float,
+        head_start: str = "scores",
     ) -> None:
         if not LEAST_FACTOR <= head_factor <= MOST_FACTOR:
             raise UserError(
@@ -42,6 +48,7 @@ class FusionStart(Callback):
         self.haptic_checkpoint = haptic_checkpoint
         self.visual_checkpoint = visual_checkpoint
         self.head_factor = head_factor
+        self.head_start = head_start
 
     def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Fill in weights and features; a resumed run overwrites them with its own later."""
@@ -52,13 +59,13 @@ class FusionStart(Callback):
         visual = SurfaceClassifier.from_checkpoint(self.visual_checkpoint, "visual")
         target.adopt_haptic_features(haptic)
         head = pl_module.network.head
-        target.network = FusionNet(
-            cast(HapticNet, haptic.network),
-            cast(VisualNet, visual.network),
-            classes=len(target.card.classes),
-            level=pl_module.network.level,
-        )
-        target.network.head.load_state_dict(head.state_dict())  # drawn from the run's own seed
+        parts = cast(HapticNet, haptic.network), cast(VisualNet, visual.network)
+        network = FusionNet(*parts, classes=len(target.card.classes), level=pl_module.network.level)
+        if self.head_start == "scores":
+            network.start_from_scores(*parts)
+        else:
+            network.head.load_state_dict(head.state_dict())  # drawn from the run's own seed
+        target.network = network
         pl_module.head_factor = self.head_factor
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:

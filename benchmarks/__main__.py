@@ -1,0 +1,68 @@
+"""Run benchmarks, each in a process of its own, keep their figures and print one table."""
+
+import pkgutil
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+from rich.table import Table
+
+import benchmarks
+from benchmarks._run import RESULTS, run_one
+from tex_lightning.progress import console
+from tex_lightning.schema import flatten
+
+FOREMOST = "ratio"
+
+
+def names() -> list[str]:
+    """Every benchmark of the folder."""
+    return [found.name for found in pkgutil.iter_modules(benchmarks.__path__) if _is_public(found)]
+
+
+def _is_public(found: pkgutil.ModuleInfo) -> bool:
+    return not found.name.startswith("_")
+
+
+def rows(result: dict[str, Any]) -> list[tuple[str, str]]:
+    """Names and values of a result's figures, ratios first."""
+    if "not_run" in result:
+        return [("not run", result["not_run"])]
+    flat = {
+        key: value
+        for key, value in flatten(result["figures"]).items()
+        if isinstance(value, bool | int | float | str)
+    }
+    ordered = sorted(flat, key=lambda key: not key.endswith(FOREMOST))
+    return [(key, _shown(flat[key])) for key in ordered]
+
+
+def _shown(value: float | str) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def main(chosen: list[str]) -> int:
+    """Run the benchmarks named, or all; the exit status is 2 for a name that there is not."""
+    unknown = [name for name in chosen if name not in names()]
+    if unknown:
+        print(
+            f"Error: There is no benchmark {', '.join(unknown)}; choose from {', '.join(names())}."
+        )
+        return 2
+    table = Table(title="benchmarks")
+    for heading in ("benchmark", "figure"):
+        table.add_column(heading)
+    table.add_column("value", justify="right")
+    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
+        for name in chosen or names():
+            for place, (key, value) in enumerate(rows(pool.submit(run_one, name).result())):
+                table.add_row(name if place == 0 else "", key, value)
+            table.add_section()
+    console.print(table)
+    console.print(f"Results in {RESULTS}", soft_wrap=True, highlight=False)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,102 @@
+"""The accelerated classifier against the plain one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.schema import EngineConfig
+
+OFF = EngineConfig(
+    fold_batch_norm=False,
+    fast_response_norm=False,
+    channels_last=False,
+    low_band=False,
+    precision="fp32",
+    compile=False,
+    tile=None,
+)
+DEFAULT = replace(
+    OFF, fold_batch_norm=True, fast_response_norm=True, channels_last=True, low_band=True
+)
+KINDS = ("haptic", "visual", "fusion")
+
+
+def classifier(kind: str, norm: str = "batch", level: str = "fc2") -> SurfaceClassifier:
+    """A classifier with statistics as training leaves them, some scales negative."""
+    torch.manual_seed(0)
+    network = {"width": 0.1, "norm": norm, "dropout": 0.5}
+    card = Card(
+        kind=kind,
+        classes=["a", "b", "c", "d"],
+        decode=DecodeSettings().to_dict(),
+        decision={"pairs": 200, "seed": 0},
+        haptic_features={} if kind == "visual" else {"normalisation": "standard"},
+        haptic_network={} if kind == "visual" else network,
+        visual_network={} if kind == "haptic" else {**network, "trunk": "alexnet_caffe"},
+        fusion={"level": level} if kind == "fusion" else {},
+    )
+    model = SurfaceClassifier(card)
+    for module in model.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            nn.init.uniform_(module.weight, -0.2, 1.5)
+            nn.init.normal_(module.bias, std=0.2)
+            nn.init.normal_(module.running_mean, std=0.5)
+            nn.init.uniform_(module.running_var, 0.3, 3.0)
+    for module in model.modules():
+        if isinstance(module, nn.Conv2d) and module.out_channels == 4:
+            nn.init.normal_(module.weight, std=0.5)
+    # torch.matmul takes another way for weights that ask for gradients
+    return model.eval().requires_grad_(False)
+
+
+def inputs() -> dict[str, torch.Tensor]:
+    rng = np.random.default_rng(0)
+    trace = rng.standard_normal((1, 60_000)).astype(np.float32)
+    photo = rng.integers(0, 256, (300, 420, 3)).astype(np.uint8)
+    return {"trace": torch.from_numpy(trace), "photo": torch.from_numpy(photo)}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_a_switch_nothing_changes_in_a_single_bit(kind):
+    model = classifier(kind)
+    engine = accelerate(model, OFF)
+    assert torch.equal(engine.logits(**inputs()), model.logits(**inputs()))
+
+
+@pytest.mark.parametrize("norm", ["batch", "lrn"])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "config",
+    [
+        replace(OFF, fold_batch_norm=True),
+        replace(OFF, fast_response_norm=True),
+        replace(OFF, channels_last=True),
+        DEFAULT,
+    ],
+    ids=["fold_batch_norm", "fast_response_norm", "channels_last", "default"],
+)
+def test_every_switch_keeps_class_scores_and_fragments(kind, norm, config):
+    model = classifier(kind, norm)
+    expected = model.logits(**inputs())
+    found = accelerate(model, config).logits(**inputs())
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
+    assert torch.equal(found.argmax(0), expected.argmax(0))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_original_is_left_alone_and_the_type_is_kept(kind):
+    model = classifier(kind).requires_grad_(True)
+    before = {key: value.clone() for key, value in model.state_dict().items()}
+    engine = accelerate(model, DEFAULT)
+    assert type(engine.network) is type(model.network)
+    assert engine.card == model.card
+    assert not engine.logits(**inputs()).requires_grad
+    for parameter in engine.parameters():
+        parameter.zero_()
+    assert all(torch.equal(before[key], value) for key, value in model.state_dict().items())

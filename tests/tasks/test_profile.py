@@ -1,0 +1,166 @@
+"""``task=profile`` through the command line: both networks at random, and trained parts."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import pytest
+import torch
+
+from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.tasks.subjects import unimodal_parts
+
+CONTRACT = {
+    "fcn_ms",
+    "sliding_window_ms",
+    "speedup",
+    "speedup_same_engine",
+    "arithmetic_ratio",
+    "windows",
+    "label_agreement",
+    "macs",
+    "gemm_gflops",
+    "roofline_fraction",
+}
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("profile")
+
+
+def results(directory: Path) -> dict:
+    return json.loads((directory / "results.json").read_text())
+
+
+def test_profile_of_both_networks(cli, directory):
+    outcome = cli(
+        "task=profile",
+        "model=fusion",
+        "debug=tiny",
+        "profile.growth=true",
+        f"hydra.run.dir={directory}",
+    )
+    assert outcome.status == 0, outcome.err
+    assert outcome.out == ""
+    for words in ("speedup over windows", "195.4", "7,903.4", "GTX 860M"):
+        assert words in outcome.err
+
+
+def test_every_figure_of_the_contract_is_there_and_sane(directory):
+    found = results(directory)
+    assert {"task", "model", "seed", "wall_seconds", "environment", "engine"} <= set(found)
+    assert found["weights"] == "random weights"
+    assert set(found["networks"]) == {"haptic", "visual"}
+    for network in found["networks"].values():
+        assert set(network) >= CONTRACT
+        assert all(math.isfinite(network[key]) and network[key] > 0 for key in CONTRACT)
+        assert network["label_agreement"] == 1
+        assert network["flips_engine"] == 0
+        assert network["speedup"] == network["sliding_window_ms"] / network["fcn_ms"]
+        assert network["sliding_window_ms"] <= network["sliding_window_p95_ms"]
+        windows = network["windows"]
+        assert network["arithmetic_ratio"] == windows * network["window_macs"] / network["macs"]
+        assert 1 < network["arithmetic_ratio"] <= windows
+        assert sum(layer["macs"] for layer in network["layers"]) == network["macs"]
+        rate = 2 * network["macs"] / network["fcn_ms"] / 1e6
+        assert network["roofline_fraction"] == pytest.approx(rate / network["gemm_gflops"])
+    assert found["networks"]["visual"]["windows"] == 4 * 2  # 320x256 pixels, 224 every 32
+
+
+def test_figures_growth_and_events_are_left_in_the_run_folder(directory):
+    for name in ("haptic", "visual"):
+        for title in ("ways", "layers"):
+            assert (directory / "figures" / f"{name}_{title}.png").stat().st_size > 1000
+        assert list((directory / "tensorboard" / name).glob("events*"))
+    assert (directory / "growth.png").stat().st_size > 1000
+    with (directory / "growth.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    axes = {row["axis"] for row in rows}
+    assert axes == {
+        "trace, s",
+        "photo, megapixels",
+        "classes",
+        "pairs K",
+        "windows in a batch",
+        "threads",
+    }
+    assert all(bool(row["median_ms"]) != bool(row["note"]) for row in rows)
+
+
+def card(level: str) -> Card:
+    return Card(
+        kind="fusion",
+        classes=["a", "b", "c"],
+        decode={"sampling_rate": 10_000.0, "file_rate": 10_000.0, "half_scale": False},
+        decision={"pairs": 10, "seed": 0},
+        haptic_features={"sampling_rate": 10_000.0},
+        haptic_network={"width": 0.1},
+        visual_network={"width": 0.1, "trunk": "tcnn"},
+        fusion={"level": level},
+    )
+
+
+@pytest.fixture(params=["fc2", "fc3"])
+def fusion(request) -> SurfaceClassifier:
+    torch.manual_seed(0)
+    classifier = SurfaceClassifier(card(request.param)).eval()
+    torch.nn.init.normal_(classifier.network.head.weight)
+    torch.nn.init.normal_(classifier.network.head.bias)
+    classifier.haptic_features.channel_mean.fill_(0.5)
+    return classifier
+
+
+def test_the_parts_of_a_fusion_are_its_halves(fusion):
+    haptic, visual = (part.eval() for part in unimodal_parts(fusion))
+    assert (haptic.card.kind, visual.card.kind) == ("haptic", "visual")
+    assert haptic.haptic_features.channel_mean[0] == 0.5
+    spectrogram, image = torch.randn(1, 1, 50, 210), torch.randn(1, 3, 224, 240)
+    with torch.no_grad():
+        whole = fusion.network.parts(spectrogram, image)
+        parts = haptic.network(spectrogram), visual.network(image).flatten(2)
+        if fusion.network.level == "fc3":
+            weights = fusion.network.head.weight.tensor_split(2, dim=1)
+            parts = weights[0] @ parts[0], weights[1] @ parts[1] + fusion.network.head.bias[:, None]
+    for half, part in zip(whole, parts, strict=True):
+        torch.testing.assert_close(half, part, rtol=1e-4, atol=1e-5)
+
+
+def test_a_trained_network_is_profiled_on_a_real_file(cli, surfaces, tmp_path):
+    fit = ["model=haptic", "data=folder", f"data.root={surfaces}", "debug=tiny"]
+    assert cli(*fit, f"hydra.run.dir={tmp_path}/fit").status == 0
+    checkpoint = f"checkpoint={tmp_path}/fit/checkpoints/haptic.ckpt"
+    wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
+    common = ["task=profile", checkpoint, "debug=tiny"]
+    outcome = cli(*common, f"haptic={wav}", f"hydra.run.dir={tmp_path}/profile")
+    assert outcome.status == 0, outcome.err
+    found = results(tmp_path / "profile")
+    assert found["weights"].endswith("haptic.ckpt")
+    (network,) = found["networks"].values()
+    assert network["input"] == [1, 1, 50, 236]  # 2.4 s
+    assert network["windows"] == 3
+    assert network["label_agreement"] == 1
+    for arguments, message in (
+        ([f"image={wav}"], "for a network that is not profiled"),
+        ([f"haptic=[{wav},{wav}]"], "takes one file"),
+    ):
+        refused = cli(*common, *arguments, f"hydra.run.dir={tmp_path}/no")
+        assert refused.status == 2
+        assert message in refused.err
+
+
+def test_a_sweep_of_profiles_ends_with_its_summary(cli, tmp_path):
+    outcome = cli(
+        "-m",
+        "task=profile",
+        "model=haptic",
+        "debug=tiny",
+        "seed=0",
+        f"hydra.sweep.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    with (tmp_path / "sweep.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["status"] for row in rows] == ["done"]
+    assert all(float(row["latency_ms"]) > 0 for row in rows)

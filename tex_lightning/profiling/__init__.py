@@ -1,0 +1,1 @@
+"""What a network costs: time, arithmetic and memory, measured on this machine."""

@@ -1,0 +1,203 @@
+"""One network against its sliding-window twin: arithmetic, time and memory, in one run."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import partial
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.devices import synchronise
+from tex_lightning.inference.engine import accelerate, has_bf16
+from tex_lightning.networks.windows import WindowNet, batches, cut_windows
+from tex_lightning.profiling.labels import agreement, flips
+from tex_lightning.profiling.memory import forward_peak_mib
+from tex_lightning.profiling.roofline import count_macs, gemm_gflops, gflops, layers, products
+from tex_lightning.profiling.subject import Network, Subject, dense_pass, network_of
+from tex_lightning.profiling.timing import Timing, interleaved
+from tex_lightning.schema import EngineConfig, ProfileConfig
+
+log = logging.getLogger(__name__)
+
+BATCHES = (8, 32, 128)  # sizes that batched windows are tried in
+SLICES = 100  # a quick function gets this fraction of the budget in each round
+LAYER_PASSES = 9
+
+
+def compare(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> dict[str, Any]:
+    """Measure one network; the keys are those of ``networks.NAME`` in ``results.json``.
+
+    Args:
+        subject: The network and its recording.
+        engine: How the network is accelerated.
+        profile: Budgets.
+    """
+    measured = _measure(subject, engine, profile)
+    plain = replace(engine, compile=False)
+    card, shape = subject.classifier.card, tuple(measured["input"])
+    device = next(subject.network.parameters()).device
+    return {**measured, "peak_memory_mib": forward_peak_mib(card, plain, shape, device)}
+
+
+@torch.inference_mode()
+def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> dict[str, Any]:
+    network = subject.network
+    fast, bf16 = accelerate(subject.classifier, engine), _half(subject, engine)
+    twin = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
+    x = subject.features(subject.classifier).contiguous()
+    grid = cut_windows(network, x)
+    exact = network(x)
+    dense = _dense(subject, fast, engine)
+    ways, sizes = _ways(subject, fast, twin, x, grid)
+    ways["fcn"] = dense
+    facts = {
+        **_arithmetic(network, twin, x, grid),
+        **agreement(network, twin, x, grid),
+        **flips(exact, dense(), "engine"),
+    }
+    if bf16 is not None:
+        ways["fcn_bf16"] = _dense(subject, bf16, engine)
+        facts |= flips(exact, ways["fcn_bf16"](), "bf16")
+    speed = _speed(_time(ways, x.device, profile), facts)
+    plain = accelerate(subject.classifier, replace(engine, compile=False))
+    own = subject.features(plain)
+    table = layers(network_of(plain), network, x, own, speed["gemm_gflops"], LAYER_PASSES)
+    return {
+        **speed,
+        **facts,
+        "batches": sizes,
+        "input": list(x.shape),
+        "layers": [asdict(layer) for layer in table],
+    }
+
+
+def _dense(
+    subject: Subject, classifier: SurfaceClassifier, engine: EngineConfig
+) -> Callable[[], Tensor]:
+    """The pass over the whole input, as the engine makes it."""
+    x = subject.features(classifier)
+    return partial(dense_pass(network_of(classifier), engine.tile), x)
+
+
+def _arithmetic(network: Network, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, Any]:
+    """Multiply-accumulates of both ways."""
+    windows = grid.shape[0] * grid.shape[1]
+    dense = count_macs(lambda: network(x))
+    one = count_macs(lambda: twin(grid[0, 0][None]))
+    return {
+        "windows": windows,
+        "macs": dense,
+        "window_macs": one,
+        "arithmetic_ratio": windows * one / dense,
+        "parameters": sum(parameter.numel() for parameter in network.parameters()),
+    }
+
+
+def _ways(
+    subject: Subject, fast: SurfaceClassifier, twin: WindowNet, x: Tensor, grid: Tensor
+) -> tuple[dict[str, Callable[[], Any]], dict[str, int]]:
+    """What is timed, by the name of its key, and the batch sizes chosen for windows."""
+    own = subject.features(fast)
+    own_grid = cut_windows(subject.network, own)
+    plain = _best_batch(twin, grid)
+    same = _best_batch(fast.network, own_grid)
+
+    def one_by_one() -> None:
+        for row in grid:
+            for window in row:
+                twin(window[None])
+
+    ways: dict[str, Callable[[], Any]] = {
+        "reference": partial(subject.network, x),
+        "features": partial(subject.features, fast),
+        "sliding_window": one_by_one,
+        "batched_window": partial(_all_windows, twin, grid, plain),
+        "same_engine_window": partial(_all_windows, fast.network, own_grid, same),
+    }
+    return ways, {"batched_window": plain, "same_engine_window": same}
+
+
+def _all_windows(network: nn.Module, grid: Tensor, size: int) -> None:
+    for batch in batches(grid, size):
+        network(batch)
+
+
+def _best_batch(network: nn.Module, grid: Tensor) -> int:
+    """The batch size with the least time for a window, tried on the first windows."""
+    count = grid.shape[0] * grid.shape[1]
+    sizes = sorted({min(size, count) for size in BATCHES})
+    tried = {size: next(batches(grid, size)) for size in sizes}
+    timings = interleaved(
+        {
+            str(size): _waiting(partial(network, batch), grid.device)
+            for size, batch in tried.items()
+        },
+        repeats=2,
+    )
+    return min(sizes, key=lambda size: timings[str(size)].median / size)
+
+
+def _time(
+    ways: dict[str, Callable[[], Any]], device: torch.device, profile: ProfileConfig
+) -> dict[str, Timing]:
+    """Time everything by turns, matrix products included."""
+    functions = {
+        name: _waiting(function, device) for name, function in {**ways, **products(device)}.items()
+    }
+    quick = {name: function for name, function in functions.items() if "window" not in name}
+    for function in [*quick.values()] * 2:  # windows have been warmed by the choice of the batch
+        function()
+    return interleaved(
+        functions,
+        profile.rounds,
+        warm_up=0,
+        slice_s=profile.budget_s / SLICES,
+        budget_s=profile.budget_s,
+    )
+
+
+def _waiting(function: Callable[[], object], device: torch.device) -> Callable[[], object]:
+    """The function, waiting for the device before it returns."""
+    if device.type == "cpu":
+        return function
+
+    def wait() -> None:
+        function()
+        synchronise(device)
+
+    return wait
+
+
+def _speed(timings: dict[str, Timing], facts: dict[str, Any]) -> dict[str, Any]:
+    """Times and what follows from them."""
+    shapes = {name: timing for name, timing in timings.items() if name[0].isdigit()}
+    ways = {name: timing for name, timing in timings.items() if name not in shapes}
+    fcn = ways["fcn"].median
+    rate = gemm_gflops(shapes)
+    speed = {
+        "speedup": ways["sliding_window"].median / fcn,
+        "speedup_batched": ways["batched_window"].median / fcn,
+        "speedup_same_engine": ways["same_engine_window"].median / fcn,
+        "engine_gain": ways["reference"].median / fcn,
+        "gemm_gflops": rate,
+        "roofline_fraction": gflops(facts["macs"], fcn) / rate,
+    }
+    if "fcn_bf16" in ways:
+        speed["speedup_bf16"] = ways["sliding_window"].median / ways["fcn_bf16"].median
+    return {
+        **{f"{name}_ms": timing.median for name, timing in ways.items()},
+        **{f"{name}_p95_ms": timing.p95 for name, timing in ways.items()},
+        "repeats": {name: timing.repeats for name, timing in ways.items()},
+        **speed,
+    }
+
+
+def _half(subject: Subject, engine: EngineConfig) -> SurfaceClassifier | None:
+    """The engine at bf16, where the device computes in it and it is not what runs anyway."""
+    device = next(subject.network.parameters()).device
+    if engine.precision == "bf16" or not has_bf16(device):
+        return None
+    return accelerate(subject.classifier, replace(engine, precision="bf16"))

@@ -1,0 +1,103 @@
+"""How much memory one forward pass takes, in a process of its own.
+
+Memory that a process has freed and kept hides what is taken next, and scratch space of the
+libraries escapes PyTorch's own count, so the resident size of a fresh process is what is compared.
+"""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+
+import torch
+
+from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.windows import window_size
+from tex_lightning.profiling.subject import dense_pass, like_weights, network_of
+from tex_lightning.schema import EngineConfig
+
+STATUS = Path("/proc/self/status")
+RESET = Path("/proc/self/clear_refs")
+RESET_PEAK = "5"  # proc(5): set the peak resident size to the present one
+# mallopt(3): glibc then gives every freed block of this size back, and keeps none to hide the next
+RETURNED = {"MALLOC_MMAP_THRESHOLD_": "65536"}
+
+
+def forward_peak_mib(
+    card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
+) -> float | None:
+    """Largest memory in MiB that one forward pass holds beyond weights and input.
+
+    The weights are random and nothing is compiled; neither changes the figure of what runs.
+
+    Args:
+        card: Of a unimodal classifier.
+        engine: How it is accelerated.
+        shape: Of the input (1, C, H, W).
+        device: Where it runs.
+
+    Returns:
+        None where the system cannot tell (it takes Linux or a CUDA device).
+    """
+    if device.type == "cuda":
+        return _cuda_peak(card, engine, shape, device)
+    if device.type != "cpu" or not RESET.exists():
+        return None
+    with _environment(RETURNED), ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(_resident_peak, card, engine, shape, torch.get_num_threads()).result()
+
+
+@contextmanager
+def _environment(extra: dict[str, str]) -> Iterator[None]:
+    """Environment variables for the processes that are started meanwhile."""
+    before = os.environ.copy()
+    os.environ.update(extra)
+    try:
+        yield
+    finally:
+        for key in extra:
+            os.environ.pop(key)
+        os.environ.update(before)
+
+
+def _resident_peak(
+    card: Card, engine: EngineConfig, shape: tuple[int, ...], threads: int
+) -> float | None:
+    torch.set_num_threads(threads)
+    classifier = accelerate(SurfaceClassifier(card).eval(), engine)
+    network = network_of(classifier)
+    x = like_weights(network, torch.randn(shape))
+    height, width = window_size(network)
+    with torch.inference_mode():
+        # the libraries' own beginnings are no part of the figure
+        network(x[..., :height, :width])
+        try:
+            RESET.write_text(RESET_PEAK)
+        except OSError:
+            return None
+        before = _kib("VmRSS")
+        dense_pass(network, engine.tile)(x)
+    return (_kib("VmHWM") - before) / 1024
+
+
+def _kib(key: str) -> int:
+    for line in STATUS.read_text(encoding="ascii").splitlines():
+        if line.startswith(f"{key}:"):
+            return int(line.split()[1])
+    raise RuntimeError(f"{STATUS} has no {key}")
+
+
+def _cuda_peak(
+    card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
+) -> float:
+    classifier = accelerate(SurfaceClassifier(card).eval().to(device), engine)
+    network = network_of(classifier)
+    x = like_weights(network, torch.randn(shape))
+    with torch.inference_mode():
+        torch.cuda.reset_peak_memory_stats(device)
+        before = torch.cuda.memory_allocated(device)
+        dense_pass(network, engine.tile)(x)
+    return (torch.cuda.max_memory_allocated(device) - before) / 2**20

@@ -1,0 +1,80 @@
+"""Timing by turns, so that a machine that speeds up or slows down does so for everything alike."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long a function took, in ms.
+
+    Attributes:
+        median: Of all timed calls.
+        p95: Their 95th percentile.
+        repeats: Number of timed calls.
+    """
+
+    median: float
+    p95: float
+    repeats: int
+
+
+def interleaved(
+    functions: Mapping[str, Callable[[], object]],
+    repeats: int,
+    warm_up: int = 1,
+    *,
+    slice_s: float = 0.0,
+    budget_s: float = float("inf"),
+    least: int = 3,
+) -> dict[str, Timing]:
+    """Time functions by turns: every round calls each of them, in the order given.
+
+    A function that hands work to an accelerator has to wait for it before it returns.
+
+    Args:
+        functions: What to time, by name; their results are thrown away.
+        repeats: Number of rounds.
+        warm_up: Calls of each function before the first round, not timed.
+        slice_s: A function is called again in the same round until it has had this many seconds,
+            so that a quick one beside a slow one gets a sample worth its name; 0 calls it once.
+        budget_s: No new round begins when the rounds have taken this many seconds.
+        least: Rounds that are run whatever the budget, ``repeats`` permitting.
+
+    Returns:
+        Timings by the same names.
+
+    Raises:
+        ValueError: If ``repeats`` is not positive.
+    """
+    if repeats < 1:
+        raise ValueError(f"repeats is {repeats}, and a median needs at least one call")
+    for function in functions.values():
+        for _ in range(warm_up):
+            function()
+    spent: dict[str, list[float]] = {name: [] for name in functions}
+    begin = time.perf_counter()
+    for done in range(repeats):
+        if done >= least and time.perf_counter() - begin > budget_s:
+            break
+        for name, function in functions.items():
+            spent[name] += _turn(function, slice_s)
+    return {name: _summary(times) for name, times in spent.items()}
+
+
+def _turn(function: Callable[[], object], slice_s: float) -> list[float]:
+    """Seconds of each call in one turn of a function."""
+    times: list[float] = []
+    while not times or sum(times) < slice_s:
+        begin = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - begin)
+    return times
+
+
+def _summary(seconds: list[float]) -> Timing:
+    median, p95 = np.percentile(seconds, (50, 95)) * 1000
+    return Timing(float(median), float(p95), len(seconds))

@@ -1,0 +1,88 @@
+"""Time, arithmetic and memory of each unimodal network, beside its sliding-window twin."""
+
+import logging
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.classifier import Card
+from tex_lightning.devices import pick_device
+from tex_lightning.profiling.comparison import compare
+from tex_lightning.profiling.growth import growth
+from tex_lightning.profiling.subject import Subject
+from tex_lightning.report.events import log_profile
+from tex_lightning.report.figures import save_figure
+from tex_lightning.report.profile import (
+    growth_figure,
+    layers_figure,
+    left_out,
+    print_profile,
+    ways_figure,
+    write_growth,
+)
+from tex_lightning.report.results import environment, write_results
+from tex_lightning.schema import Config
+from tex_lightning.tasks.subjects import make_subjects
+
+log = logging.getLogger(__name__)
+
+
+def run(config: Config, directory: Path) -> dict[str, Any]:
+    """Measure ``model`` or ``checkpoint``; write ``results.json`` and figures, return the results.
+
+    A fusion is measured as the two networks that it consists of.
+    """
+    begin = time.perf_counter()
+    device = pick_device(config.trainer.accelerator)
+    subjects = make_subjects(config, device)
+    networks: dict[str, Any] = {}
+    for subject in subjects:
+        name = subject.classifier.card.kind
+        log.info("Profiling the %s network.", name)
+        networks[name] = compare(subject, config.engine, config.profile)
+        figures = {
+            "ways": ways_figure(name, networks[name]),
+            "layers": layers_figure(name, networks[name]),
+        }
+        for title, figure in figures.items():
+            save_figure(figure, directory / "figures" / f"{name}_{title}.png")
+        if config.logger.tensorboard:
+            log_profile(directory, name, networks[name], figures)
+    if config.profile.growth:
+        _measure_growth(config, subjects, directory)
+    results = {
+        "task": config.task,
+        "model": config.model.name,
+        "weights": "random weights" if config.checkpoint is None else config.checkpoint,
+        "seed": config.seed,
+        "wall_seconds": time.perf_counter() - begin,
+        "environment": environment(device),
+        "engine": asdict(config.engine),
+        "networks": networks,
+    }
+    write_results(directory / "results.json", results)
+    print_profile(results, directory)
+    return results
+
+
+def _measure_growth(config: Config, subjects: list[Subject], directory: Path) -> None:
+    log.info("Measuring how the cost grows.")
+    points = list(growth(subjects, _fusion_card(config, subjects), config.engine, config.profile))
+    write_growth(points, directory / "growth.csv")
+    save_figure(growth_figure(points), directory / "growth.png")
+    for line in left_out(points):
+        log.info("%s", line)
+
+
+def _fusion_card(config: Config, subjects: list[Subject]) -> Card | None:
+    """Of a FusionNet made of both networks, if both are profiled."""
+    if len(subjects) < 2:
+        return None
+    haptic, visual = (subject.classifier.card for subject in subjects)
+    return replace(
+        haptic,
+        kind="fusion",
+        visual_network=visual.visual_network,
+        fusion={"level": config.model.fusion.level},
+    )
