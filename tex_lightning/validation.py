@@ -91,11 +91,11 @@ def _task(config: Config) -> Iterator[str]:
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
             "task=predict, task=profile or model.fusion.haptic_checkpoint"
         )
-    if config.predict.fast_decode and config.task != "predict":
-        yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     files = config.haptic is not None or config.image is not None
     if files and config.task not in ("predict", "profile"):
         yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
+    if config.predict.fast_decode and config.task != "predict":
+        yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     if config.weights is not None and not training:
         yield f"weights are read when training, not by task={config.task}: leave it null"
     fusion = config.model.fusion

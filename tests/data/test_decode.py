@@ -6,7 +6,7 @@ import pytest
 import soundfile
 from PIL import Image
 
-from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace, halve
+from tex_lightning.data.decode import STRIP, DecodeSettings, decode_image, decode_trace, halve
 from tex_lightning.errors import UserError
 
 SETTINGS = DecodeSettings()
@@ -105,6 +105,15 @@ def test_halving_is_opencvs_area_mean():
     theirs = cv2.resize(photo, (40, 30), interpolation=cv2.INTER_AREA)
     assert np.abs(halve(photo).astype(int) - theirs).max() <= 1  # they round halves to even
     assert halve(photo[:59, :79]).shape == (29, 39, 3)
+
+
+def test_photos_taller_than_a_strip_are_whole(tmp_path):
+    photo = np.random.default_rng(0).integers(0, 256, (2 * STRIP + 7, 31, 3)).astype(np.uint8)
+    Image.fromarray(photo).save(tmp_path / "tall.png")
+    whole = decode_image(tmp_path / "tall.png", DecodeSettings(half_scale=False))
+    np.testing.assert_array_equal(whole, photo)
+    blocks = photo[:-1, :-1].reshape(STRIP + 3, 2, 15, 2, 3).astype(int)
+    np.testing.assert_array_equal(halve(photo), (blocks.sum((1, 3)) + 2) // 4)
 
 
 def test_photos_come_upright_in_rgb(tmp_path):

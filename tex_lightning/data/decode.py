@@ -22,6 +22,7 @@ TRACE_SUFFIXES = (".wav", ".npy", ".txt", ".csv")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
+STRIP = 256  # rows of a photo converted at once; even, for halving
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 
 Trace = npt.NDArray[np.float32]
@@ -104,7 +105,7 @@ def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) ->
             if image.mode.startswith(("I", "F")):
                 raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
             halved = fast and settings.half_scale and _decodes_halved(image)
-            photo = np.asarray(ImageOps.exif_transpose(image).convert("RGB"))
+            photo = _pixels(image)
     except UnidentifiedImageError as error:
         raise UserError(f"Image {path} is in no known image format; use JPEG or PNG.") from error
     except Image.DecompressionBombError as error:
@@ -126,15 +127,31 @@ def _decodes_halved(image: Image.Image) -> bool:
     return image.size != (width, height)
 
 
+def _pixels(image: Image.Image) -> Photo:
+    """Upright RGB pixels, copied once and strip by strip: a large photo has no room for more."""
+    ImageOps.exif_transpose(image, in_place=True)
+    upright = image if image.mode == "RGB" else image.convert("RGB")
+    upright.load()
+    photo = np.empty((upright.height, upright.width, 3), np.uint8)
+    for top in range(0, upright.height, STRIP):
+        bottom = min(top + STRIP, upright.height)
+        photo[top:bottom] = np.asarray(upright.crop((0, top, upright.width, bottom)))
+    return photo
+
+
 def halve(photo: Photo) -> Photo:
     """Half-scale an RGB photo: each pixel is the rounded mean of a 2x2 block.
 
-    Kornia's ``rescale`` by 0.5 without anti-aliasing is exactly that mean on even sizes.
+    Kornia's ``rescale`` by 0.5 without anti-aliasing is exactly that mean on even sizes. It is
+    done in strips, because its pixels are float32.
     """
     height, width = photo.shape[0] // 2 * 2, photo.shape[1] // 2 * 2
-    pixels = torch.from_numpy(photo[:height, :width].copy()).permute(2, 0, 1)[None].float()
-    small = kornia.geometry.transform.rescale(pixels, 0.5, antialias=False)
-    half: Photo = small[0].add_(0.5).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
+    half = np.empty((height // 2, width // 2, 3), np.uint8)
+    for top in range(0, height, STRIP):
+        strip = torch.from_numpy(photo[top : min(top + STRIP, height), :width])
+        pixels = strip.permute(2, 0, 1)[None].float()
+        small = kornia.geometry.transform.rescale(pixels, 0.5, antialias=False)
+        half[top // 2 : top // 2 + small.shape[2]] = small[0].add_(0.5).byte().permute(1, 2, 0)
     return half
 
 

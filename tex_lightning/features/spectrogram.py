@@ -102,11 +102,19 @@ class HapticFeatures(nn.Module):
         movement = self._movement(trace)
         if self.low_band:
             return self._from_products(movement)
-        frames = movement.unfold(-1, self.window_length, self.hop_length)
+        spectrum = torch.stft(
+            movement,
+            self.window_length,
+            self.hop_length,
+            window=self.window,
+            center=False,
+            return_complex=True,
+        )[:, : self.bands]
         if self.axes == "frame":
-            frames = frames - frames.mean(dim=-1, keepdim=True)
-        spectrum = torch.fft.rfft(frames * self.window)[..., : self.bands]
-        return torch.view_as_real(spectrum).square().sum(dim=(0, -1)).sqrt().T.contiguous()
+            means = movement.unfold(-1, self.window_length, self.hop_length).mean(dim=-1)
+            spectrum = spectrum - means[:, None] * torch.fft.rfft(self.window)[: self.bands, None]
+        magnitudes: Tensor = torch.view_as_real(spectrum).square().sum(dim=(0, -1)).sqrt()
+        return magnitudes
 
     def _from_products(self, movement: Tensor) -> Tensor:
         hops = movement.unfold(-1, self.hop_length, self.hop_length)
@@ -115,7 +123,8 @@ class HapticFeatures(nn.Module):
         power = self.products(hops.flatten(0, 1))
         frames = count - self.products.span + 1
         parts = [power[:, start : start + frames] for start in range(0, axes * count, count)]
-        return torch.sqrt(reduce(torch.add, parts))
+        magnitudes: Tensor = reduce(torch.add, parts).sqrt()
+        return magnitudes
 
     def _movement(self, trace: Tensor) -> Tensor:
         """The samples that frames are cut from: (3 or 1, samples) of the movement."""

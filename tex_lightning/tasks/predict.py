@@ -66,7 +66,7 @@ def _predict(
 
 
 def _photo(path: Path, settings: DecodeSettings, fast: bool) -> Tensor:
-    return torch.from_numpy(decode_image(path, settings, fast=fast).copy())
+    return torch.from_numpy(decode_image(path, settings, fast=fast))
 
 
 def _report(vote: Vote, classes: list[str], top_k: int) -> dict[str, Any]:
