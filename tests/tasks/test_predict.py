@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+import torch
 from conftest import make_trace
+from PIL import Image
 
 from tex_lightning.report.results import read_outcomes
 
@@ -89,6 +91,21 @@ def test_what_a_prediction_holds(cli, surfaces, trained, tmp_path, monkeypatch):
         "share": prediction["confidence"],
     }
     assert prediction["fragments"] == 4  # 2.4 s are 236 frames
+
+
+def test_photos_may_be_halved_by_the_jpeg_decoder(cli, surfaces, trained, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with Image.open(surfaces / "beta" / "image" / "beta_0.png") as photo:
+        photo.resize((480, 480)).save("large.jpg", quality=95)
+    content = torch.load(trained / "checkpoints" / "visual.ckpt", weights_only=True)
+    content["hyper_parameters"]["card"]["decode"]["half_scale"] = True
+    torch.save(content, "halved.ckpt")
+    exact, fast = (
+        json.loads(cli("task=predict", "checkpoint=halved.ckpt", "image=large.jpg", *more).out)
+        for more in ((), ("predict.fast_decode=true",))
+    )
+    assert fast["fragments"] == exact["fragments"]
+    assert fast["label"] == exact["label"]
 
 
 def test_a_recording_at_another_rate_gives_the_same_label(cli, surfaces, trained, tmp_path):

@@ -44,6 +44,8 @@ class Accelerated(SurfaceClassifier):
         self.load_state_dict(classifier.state_dict())
         device = next(classifier.parameters()).device
         self.to(device).eval().requires_grad_(False)
+        if self.haptic_features is not None:
+            self.haptic_features.low_band = config.low_band
         for network in (self.haptic_network, self.visual_network):
             if network is not None:
                 _rewrite(network, config)

@@ -78,15 +78,25 @@ def split_axis(windows: Sequence[Window], size: int, pieces: int) -> list[Span]:
     margin = 0  # positions from the left edge that padding reaches
     for window in windows:
         margin = -(-(margin + window.padding) // window.stride)
-    spans = []
-    for piece in range(pieces):
-        first, last = count * piece // pieces, count * (piece + 1) // pieces
-        start = max(0, first - margin)
-        end = last
-        for window in reversed(windows):
-            end = (end - 1) * window.stride - window.padding + window.kernel
-        spans.append(Span(start * stride, min(size, end), first, last, first - start))
-    return spans
+    kept = [(count * piece // pieces, count * (piece + 1) // pieces) for piece in range(pieces)]
+    begins = [max(0, first - margin) * stride for first, _ in kept]
+    ends = [min(size, _reach(windows, last)) for _, last in kept]
+    # pieces of the same size, the last up to a stride longer: every new size costs buffers anew
+    length = max(end - begin for begin, end in zip(begins, ends, strict=True))
+    latest = (size - length) // stride * stride
+    begins = [min(begin, latest) for begin in begins]
+    ends = [max(end, min(size, begin + length)) for begin, end in zip(begins, ends, strict=True)]
+    return [
+        Span(begin, end, first, last, first - begin // stride)
+        for begin, end, (first, last) in zip(begins, ends, kept, strict=True)
+    ]
+
+
+def _reach(windows: Sequence[Window], last: int) -> int:
+    """One past the last input that the first ``last`` positions depend on, were there no end."""
+    for window in reversed(windows):
+        last = (last - 1) * window.stride - window.padding + window.kernel
+    return last
 
 
 def _positions(windows: Sequence[Window], size: int) -> int:
