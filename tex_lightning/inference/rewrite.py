@@ -37,7 +37,7 @@ def speed_up_response_norm(network: nn.Module) -> None:
     for layers in _sequences(network):
         for place, layer in enumerate(layers):
             if isinstance(layer, nn.LocalResponseNorm):
-                layers[place] = FastResponseNorm(layer.size, layer.alpha, layer.beta, layer.k)
+                layers[place] = FastResponseNorm(layer)
 
 
 def _sequences(network: nn.Module) -> Iterator[nn.Sequential]:
