@@ -71,3 +71,21 @@ def test_fusion_beats_both_networks_on_synthetic_surfaces(cli, tmp_path):
     found = {name: network["vote_accuracy"] for name, network in networks(tmp_path).items()}
     assert found["fusion"] >= 0.97
     assert found["fusion"] > max(found["haptic"], found["visual"])
+
+
+@pytest.mark.slow
+def test_fusion_stands_by_hapticnet_where_visualnet_errs(cli, shared, tmp_path):
+    outcome = cli(
+        "model=fusion_squeezenet",
+        "data=manifest",
+        f"data.manifest={shared}/data/surfaces10.csv",
+        "data.half_scale=false",
+        f"weights={shared}/weights/squeezenet_v1.0_imagenet.npz",
+        "task=crossval",
+        "crossval.only=[3]",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    found = {name: network["vote_accuracy"] for name, network in networks(tmp_path).items()}
+    assert found["visual"] < found["fusion"]
+    assert found["fusion"] >= found["haptic"]
