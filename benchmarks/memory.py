@@ -10,6 +10,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,20 +22,29 @@ from PIL import Image
 from benchmarks.engine import DEFAULT, make_classifier
 from tex_lightning.data.decode import decode_image
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.blocks import Norm
 from tex_lightning.networks.trunks import TRUNKS
 
 SIZE = (8000, 6000)
-LIMIT = 1024  # MiB
+COMPARED = "alexnet_caffe"  # also run on the photo as a whole, for its labels
 
 
 def measure() -> dict[str, Any]:
     """Added peak in MiB for every trunk of VisualNet at width 1, in tiles."""
     with tempfile.TemporaryDirectory() as folder:
         photo = write_photo(Path(folder) / "photo.jpg", SIZE)
-        figures = {trunk: in_process(photo, trunk) for trunk in TRUNKS}
+        figures = {trunk: in_process(photo, trunk, DEFAULT.tile) for trunk in TRUNKS}
+        whole = in_process(photo, COMPARED, None)
+    labels = {trunk: figure.pop("labels") for trunk, figure in figures.items()}
     return {
-        trunk: {**figure, "share_of_limit_ratio": figure["added_mib"] / LIMIT}
-        for trunk, figure in figures.items()
+        **figures,
+        "most_added_to_1_gib_ratio": max(f["added_mib"] for f in figures.values()) / 1024,
+        "not_divided": {
+            "trunk": COMPARED,
+            "added_mib": whole["added_mib"],
+            "seconds": whole["seconds"],
+            "same_labels": whole["labels"] == labels[COMPARED],
+        },
     }
 
 
@@ -50,7 +60,7 @@ def write_photo(path: Path, size: tuple[int, int]) -> Path:
     return path
 
 
-def in_process(photo: Path, trunk: str, tile: int | None = DEFAULT.tile) -> dict[str, Any]:
+def in_process(photo: Path, trunk: str, tile: int | None) -> dict[str, Any]:
     """Run :func:`classify` in a fresh interpreter."""
     command = [sys.executable, "-m", "benchmarks.memory", str(photo), trunk, json.dumps(tile)]
     finished = subprocess.run(command, check=True, capture_output=True, text=True)
@@ -59,16 +69,22 @@ def in_process(photo: Path, trunk: str, tile: int | None = DEFAULT.tile) -> dict
 
 
 def classify(photo: Path, trunk: str, tile: int | None) -> dict[str, Any]:
-    """Added peak in MiB, and the fragments' labels as text."""
-    plain = make_classifier("visual", "none", trunk=trunk)
-    classifier = accelerate(plain, replace(DEFAULT, tile=tile))
-    del plain
+    """Added peak in MiB, seconds with decoding, and the fragments' labels as text."""
+    norm: Norm = "lrn" if "lrn" in TRUNKS[trunk].norms else "batch"
+    classifier = accelerate(
+        make_classifier("visual", norm, trunk=trunk), replace(DEFAULT, tile=tile)
+    )
     settings = replace(classifier.card.settings, half_scale=False)
     classifier.classify(photo=torch.zeros(400, 400, 3, dtype=torch.uint8))
-    before = peak()
+    before, begin = peak(), time.perf_counter()
     vote = classifier.classify(photo=torch.from_numpy(decode_image(photo, settings)))
     labels = "".join(map(chr, (vote.fragments + ord("a")).tolist()))
-    return {"before_mib": before, "added_mib": peak() - before, "labels": labels}
+    return {
+        "before_mib": before,
+        "added_mib": peak() - before,
+        "seconds": time.perf_counter() - begin,
+        "labels": labels,
+    }
 
 
 def peak() -> float:

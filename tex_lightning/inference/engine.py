@@ -48,12 +48,13 @@ class Accelerated(SurfaceClassifier):
         self.tile = config.tile
         self.load_state_dict(classifier.state_dict())
         device = next(classifier.parameters()).device
-        self.to(device).eval().requires_grad_(False)
+        self.eval().requires_grad_(False)
         if self.haptic_features is not None:
             self.haptic_features.low_band = config.low_band and device.type == "cpu"
         for network in (self.haptic_network, self.visual_network):
             if network is not None:
-                _rewrite(network, config)
+                _rewrite(network, config)  # on the CPU: not every device computes in float64
+        self.to(device)
         if config.precision == "bf16":
             _warn_of_slow_bf16(device)
         if config.compile:
