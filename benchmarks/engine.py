@@ -5,19 +5,21 @@ whole forward pass as a share of the rate of matrix products on the same machine
 noise and the weights random; neither decides over the time.
 """
 
+import json
 import sys
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import Kind
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.blocks import Norm
+from tex_lightning.profiling.roofline import count_macs, gemm_gflops, gflops, products
 from tex_lightning.profiling.timing import interleaved
 from tex_lightning.schema import EngineConfig
 
@@ -36,7 +38,6 @@ SWITCHES = {
     "default": DEFAULT,
     "bf16": replace(DEFAULT, precision="bf16"),
 }
-SIDES = (1024, 1536, 2048)
 REPEATS = 9
 
 
@@ -57,25 +58,18 @@ def _case(kind: Kind, norm: Norm) -> dict[str, Any]:
     networks = {"reference": accelerate(plain, OFF).network}
     networks |= {name: accelerate(plain, switch).network for name, switch in SWITCHES.items()}
     inputs = {name: x.to(next(net.parameters()).dtype) for name, net in networks.items()}
-    functions = {name: _call(net, inputs[name]) for name, net in networks.items()}
-    for side in SIDES:
-        matrix = torch.randn(side, side)
-        functions[f"mm{side}"] = _call(matrix.mm, matrix)
-    timings = {name: timing.median for name, timing in interleaved(functions, REPEATS).items()}
-    rate = max(2 * side**3 / timings[f"mm{side}"] for side in SIDES) / 1e6
-    with FlopCounterMode(display=False) as counter:
-        plain.network(x)
-    reached = counter.get_total_flops() / timings["default"] / 1e6
+    passes = {name: partial(net, inputs[name]) for name, net in networks.items()}
+    matrices = products(x.device)
+    timings = interleaved({**passes, **matrices}, REPEATS)
+    rate = gemm_gflops({name: timings[name] for name in matrices})
+    ms = {name: timings[name].median for name in networks}
+    reached = gflops(count_macs(partial(plain.network, x)), ms["default"])
     return {
-        **{f"{name}_ratio": timings["reference"] / timings[name] for name in SWITCHES},
+        **{f"{name}_ratio": ms["reference"] / ms[name] for name in SWITCHES},
         "roofline_ratio": reached / rate,
         "gemm_gflops": rate,
-        "ms": {name: timings[name] for name in networks},
+        "ms": ms,
     }
-
-
-def _call(function: Any, argument: Tensor) -> Any:  # noqa: ANN401  (a module or a method)
-    return lambda: function(argument)
 
 
 def make_input(kind: Kind) -> Tensor:
@@ -109,6 +103,4 @@ def make_classifier(
 
 
 if __name__ == "__main__":
-    import json
-
     print(json.dumps(measure(*map(int, sys.argv[1:])), indent=1))

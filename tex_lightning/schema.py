@@ -166,10 +166,10 @@ class EngineConfig:
     Attributes:
         fold_batch_norm: Batch normalisation becomes part of the convolution before it.
         fast_response_norm: Local response normalisation in a form that stays in the cache.
-        channels_last: Weights with the channels innermost.
-        low_band: Only the spectrogram's low channels are computed, as one matrix product.
+        channels_last: Weights with the channels innermost, as decoded photos have them.
+        low_band: On the CPU, the spectrogram's low channels alone, by matrix products.
         precision: Of convolutions, fp32 or bf16; class scores are float32 with either.
-        compile: Whether ``torch.compile`` fuses the layers.
+        compile: Whether ``torch.compile`` fuses layers.
         tile: Most pixels, or frames times 50 channels, that go through a network at once; larger
             inputs go in pieces. None never divides.
     """

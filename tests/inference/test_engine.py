@@ -9,6 +9,7 @@ from torch import nn
 
 from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.schema import EngineConfig
 
@@ -87,6 +88,63 @@ def test_every_switch_keeps_class_scores_and_fragments(kind, norm, config):
     found = accelerate(model, config).logits(**inputs())
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
     assert torch.equal(found.argmax(0), expected.argmax(0))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_large_inputs_in_pieces_keep_class_scores_and_fragments(kind):
+    model = classifier(kind)
+    expected = model.logits(**inputs())
+    engine = accelerate(model, replace(DEFAULT, tile=25_000 if kind == "haptic" else 60_000))
+    sizes = []
+    network = engine.haptic_network if kind == "haptic" else engine.visual_network
+    network.trunk.register_forward_pre_hook(lambda _, given: sizes.append(given[0].shape[2:]))
+    found = engine.logits(**inputs())
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
+    assert torch.equal(found.argmax(0), expected.argmax(0))
+    assert len(sizes) > 1
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_bf16_gives_float32_scores_near_those_of_fp32(kind, level):
+    model = classifier(kind, level=level)
+    engine = accelerate(model, replace(DEFAULT, precision="bf16"))
+    expected, found = model.logits(**inputs()), engine.logits(**inputs())
+    assert found.dtype == torch.float32
+    assert not torch.equal(found, found.bfloat16().float())  # the last layer is not rounded
+    torch.testing.assert_close(found, expected, rtol=0.1, atol=0.1)
+    assert (found.argmax(0) == expected.argmax(0)).float().mean() > 0.9
+
+
+@pytest.mark.parametrize(
+    ("told", "warned"), [({"avx2": True}, True), ({"avx512_bf16": True}, False)]
+)
+def test_a_processor_without_bf16_is_warned_of(monkeypatch, caplog, told, warned):
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: told, raising=False)
+    accelerate(classifier("haptic"), replace(DEFAULT, precision="bf16"))
+    assert ("no bfloat16 arithmetic" in caplog.text) == warned
+
+
+def test_a_compiler_that_fails_is_said_in_one_sentence(monkeypatch):
+    def fail(*arguments, **options):
+        raise RuntimeError("g++: not found")
+
+    monkeypatch.setattr(nn.Module, "compile", fail)
+    with pytest.raises(UserError, match=r"install a C\+\+ compiler .* or set engine.compile=false"):
+        accelerate(classifier("visual"), replace(DEFAULT, compile=True))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # of the compiler's own
+@pytest.mark.parametrize("norm", ["batch", "lrn"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_compiled_networks_keep_class_scores_and_say_how_long_it_took(caplog, kind, norm):
+    caplog.set_level("INFO")
+    model = classifier(kind, norm)
+    engine = accelerate(model, replace(DEFAULT, compile=True))
+    assert "Compiled in" in caplog.text
+    expected, found = model.logits(**inputs()), engine.logits(**inputs())
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("kind", KINDS)

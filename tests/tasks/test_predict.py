@@ -108,6 +108,23 @@ def test_photos_may_be_halved_by_the_jpeg_decoder(cli, surfaces, trained, tmp_pa
     assert fast["label"] == exact["label"]
 
 
+def test_every_engine_gives_the_same_label(cli, surfaces, trained):
+    wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
+    png = surfaces / "alpha" / "image" / "alpha_0.png"
+    labels = set()
+    for switches in ([], ["engine=reference"], ["engine.precision=bf16"]):
+        outcome = cli(
+            "task=predict",
+            checkpoint(trained, "fusion"),
+            f"haptic={wav}",
+            f"image={png}",
+            *switches,
+        )
+        assert outcome.status == 0, outcome.err
+        labels.add(json.loads(outcome.out)["label"])
+    assert len(labels) == 1
+
+
 def test_a_recording_at_another_rate_gives_the_same_label(cli, surfaces, trained, tmp_path):
     trace, rate = soundfile.read(surfaces / "beta" / "haptic" / "beta_0.wav")
     time = np.arange(int(len(trace) * 4.41)) / 44_100

@@ -1,12 +1,14 @@
 """One place where a trained classifier becomes the one that tests and predicts."""
 
 import logging
+import time
 from typing import cast
 
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier import SurfaceClassifier, check_side
+from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.inference.rewrite import fold_batch_norm, speed_up_response_norm
 from tex_lightning.inference.tiles import in_tiles, layer_windows
@@ -31,6 +33,9 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
     Returns:
         An independent classifier on the same device, in evaluation mode and without gradients.
         Its ``logits`` are float32 and, but for rounding, those of the original.
+
+    Raises:
+        UserError: If the network is to be compiled and cannot be.
     """
     return Accelerated(classifier, config)
 
@@ -45,12 +50,34 @@ class Accelerated(SurfaceClassifier):
         device = next(classifier.parameters()).device
         self.to(device).eval().requires_grad_(False)
         if self.haptic_features is not None:
-            self.haptic_features.low_band = config.low_band
+            self.haptic_features.low_band = config.low_band and device.type == "cpu"
         for network in (self.haptic_network, self.visual_network):
             if network is not None:
                 _rewrite(network, config)
         if config.precision == "bf16":
             _warn_of_slow_bf16(device)
+        if config.compile:
+            self._compile(device)
+
+    @torch.inference_mode()
+    def _compile(self, device: torch.device) -> None:
+        """Compile for inputs of any size, and run once so that this is not part of a latency."""
+        begin = time.perf_counter()
+        try:
+            for network in (self.haptic_network, self.visual_network):
+                if network is not None:
+                    network.trunk.compile(dynamic=True)
+                    network.head.compile(dynamic=True)
+                    network(_like(_blank(network), network).to(device))
+        except Exception as error:  # of PyTorch's compiler or of the one it calls, in many ways
+            raise UserError(
+                f"engine.compile=true: torch.compile failed ({type(error).__name__}); install a "
+                "C++ compiler (g++ or clang++) or set engine.compile=false."
+            ) from error
+        log.info(
+            "Compiled in %.1f s; the first recording of another size may take as long.",
+            time.perf_counter() - begin,
+        )
 
     @property
     def haptic_network(self) -> HapticNet | None:
@@ -106,9 +133,15 @@ def _rewrite(network: HapticNet | VisualNet, config: EngineConfig) -> None:
         scores = network.head.scores
         network.to(torch.bfloat16)
         network.head.scores = nn.Sequential(Widen(), scores.float())
-    if config.compile:
-        network.trunk.compile(dynamic=True)
-        network.head.compile(dynamic=True)
+
+
+def _blank(network: HapticNet | VisualNet) -> Tensor:
+    """An input of a few positions."""
+    if isinstance(network, HapticNet):
+        return torch.zeros(1, 1, network.bands, 2 * network.window)
+    sides = network.min_side + 3 * network.stride, network.min_side + 5 * network.stride
+    blank = torch.zeros(1, 3, *sides)
+    return blank.contiguous(memory_format=torch.channels_last)  # as decoded photos are
 
 
 def _like(x: Tensor, network: nn.Module) -> Tensor:
