@@ -10,25 +10,16 @@ from typing import Any
 import numpy as np
 import torch
 
+from benchmarks.engine import DEFAULT
 from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.blocks import Norm
-from tex_lightning.schema import EngineConfig
 from tex_lightning.streaming.classifier import StreamingClassifier
 
 RATE = 10_000
 SECONDS = 60
 CHUNKS = (0.01, 0.1, 1.0)
-ENGINE = EngineConfig(
-    fold_batch_norm=True,
-    fast_response_norm=True,
-    channels_last=True,
-    low_band=True,
-    precision="fp32",
-    compile=False,
-    tile=None,
-)
 
 
 def measure() -> dict[str, Any]:
@@ -55,7 +46,7 @@ def _classifier(norm: Norm) -> SurfaceClassifier:
         haptic_features={"axes": "frame"},
         haptic_network={"width": 1.0, "norm": norm},
     )
-    return accelerate(SurfaceClassifier(card).eval(), ENGINE)
+    return accelerate(SurfaceClassifier(card).eval(), DEFAULT)
 
 
 def _replay(classifier: SurfaceClassifier, seconds: float) -> dict[str, float]:
