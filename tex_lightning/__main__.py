@@ -77,7 +77,9 @@ def main() -> int:
             UserError(f"The run folder cannot be made ({error}); choose another hydra.run.dir.")
         )
     except KeyboardInterrupt:
-        if STARTED:
+        from tex_lightning.runfolder import holds_work
+
+        if STARTED and holds_work(STARTED[-1]):
             again = f"the same command with hydra.run.dir={STARTED[-1]}"
             print(f"Interrupted; {again} goes on after the last finished epoch.", file=sys.stderr)
         return INTERRUPTED

@@ -25,6 +25,11 @@ FREE_KEYS = (
 )  # fmt: skip
 
 
+def holds_work(directory: Path) -> bool:
+    """Whether a run has left something there that a later one goes on from, or could spoil."""
+    return any((directory / name).exists() for name in WORK)
+
+
 def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
     """Note settings and overrides in the run folder, unless the work of another run lies there.
 
@@ -36,7 +41,7 @@ def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
     """
     note = directory / SETTINGS
     wanted = _binding_settings(config)
-    if note.is_file() and any((directory / name).exists() for name in WORK):
+    if note.is_file() and holds_work(directory):
         found = _read(note)
         differing = sorted(key for key in {*wanted, *found} if wanted.get(key) != found.get(key))
         if differing:

@@ -205,6 +205,14 @@ class PredictConfig:
 
 
 @dataclass
+class StreamConfig:
+    """Seconds of signal that task=stream takes at once, and the axes of standard input."""
+
+    chunk: float = MISSING
+    axes: int = MISSING
+
+
+@dataclass
 class GenerateConfig:
     """Where synthetic surfaces are written out and in which layout (folder or tum)."""
 
@@ -256,6 +264,7 @@ class Config:
     logger: LoggerConfig = field(default_factory=LoggerConfig)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     predict: PredictConfig = field(default_factory=PredictConfig)
+    stream: StreamConfig = field(default_factory=StreamConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
 

@@ -26,6 +26,7 @@ CHOICES = {
     "engine": ("fp32", "bf16"),
 }
 
+READ_CHECKPOINTS = ("evaluate", "predict", "profile", "stream")
 LEAST_TILE = 100_000  # smaller pieces are nearly all margin
 LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
 LEAST_SIDE, MOST_SIDE = 224, 8192  # one patch; what the renderer makes
@@ -71,6 +72,8 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_least("decision.pairs", config.decision.pairs, 1),
         *_least("decision.seed", config.decision.seed, 0),
         *_profile(config),
+        *_positive("stream.chunk", config.stream.chunk),
+        *_stream_axes(config.stream.axes),
         *_least("top_k", config.top_k, 1),
         *_least("seed", config.seed, 0),
         *_most("seed", config.seed, 2**32 - 1),
@@ -86,13 +89,15 @@ def _task(config: Config) -> Iterator[str]:
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
     training = config.task in ("fit", "crossval")
-    if config.checkpoint is not None and config.task not in ("evaluate", "predict", "profile"):
+    if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
         yield (
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
-            "task=predict, task=profile or model.fusion.haptic_checkpoint"
+            "task=predict, task=profile, task=stream or model.fusion.haptic_checkpoint"
         )
+    if config.task == "stream" and (config.haptic is None or config.image is not None):
+        yield "task=stream reads one trace and no image: give haptic=FILE, or haptic=- for a pipe"
     files = config.haptic is not None or config.image is not None
-    if files and config.task not in ("predict", "profile"):
+    if files and config.task not in ("predict", "profile", "stream"):
         yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
     if config.predict.fast_decode and config.task != "predict":
         yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
@@ -113,6 +118,11 @@ def _task(config: Config) -> Iterator[str]:
         yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
     if config.weights is not None and config.model.fusion.visual_checkpoint is not None:
         yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
+
+
+def _stream_axes(axes: int) -> Iterator[str]:
+    if axes not in (1, 3):
+        yield f"stream.axes is {axes}: choose 1 or 3"
 
 
 def _profile(config: Config) -> Iterator[str]:

@@ -1,6 +1,8 @@
 """Max voting over fragments and the random pairs of FusionNet (paper, section III-B)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -35,13 +37,28 @@ def max_vote(logits: Tensor) -> Vote:
         raise ValueError("a vote needs at least one fragment")
     fragments = logits.argmax(dim=0)
     votes = torch.bincount(fragments, minlength=classes)
-    tied = votes == votes.max()
-    if int(tied.sum()) == 1:
-        label = int(votes.argmax())
-    else:
-        mean = logits.double().softmax(dim=0).mean(dim=1)
-        label = int(torch.where(tied, mean, -torch.ones_like(mean)).argmax())
-    return Vote(label, votes / count, fragments)
+    return Vote(winner(votes, partial(probabilities, logits)), votes / count, fragments)
+
+
+def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:
+    """The class with most votes, under the rule for ties of :func:`max_vote`.
+
+    Args:
+        votes: (classes,) number of fragments.
+        probability: Gives (classes,) the sums of probabilities; asked for ties only.
+    """
+    counts: list[int] = votes.tolist()
+    most = max(counts)
+    tied = [label for label, count in enumerate(counts) if count == most]
+    if len(tied) == 1:
+        return tied[0]
+    sums = probability().tolist()
+    return max(tied, key=lambda label: (sums[label], -label))
+
+
+def probabilities(logits: Tensor) -> Tensor:
+    """Sums (classes,), in float64, of the class probabilities of all fragments."""
+    return logits.double().softmax(dim=0).sum(dim=1)
 
 
 def random_pairs(haptic: int, visual: int, count: int, seed: int) -> Tensor:

@@ -18,6 +18,7 @@ QUIET_SECONDS = 0.1  # the level before the touch is taken over this time
 IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before it
 SETTLING_SECONDS = 0.2  # from the touch to steady movement
 SEARCH_SECONDS = 2.0  # later bursts are part of the movement
+FEW = 3000  # samples, below which Fourier transforms are done before the products have begun
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
 
 
@@ -99,8 +100,20 @@ class HapticFeatures(nn.Module):
         Raises:
             UserError: If the trace is shorter than one window.
         """
-        movement = self._movement(trace)
-        if self.low_band:
+        if self.skip_impact:
+            trace = trace[:, movement_start(trace, self.sampling_rate) :]
+        samples = trace.shape[-1]
+        if samples < self.window_length:
+            raise UserError(
+                f"The trace has {samples / self.sampling_rate:.2f} s of movement, less than one "
+                f"window of {self.window_length} samples; record a longer stroke."
+            )
+        return self.spectra(trace)
+
+    def spectra(self, movement: Tensor) -> Tensor:
+        """:meth:`magnitudes` of samples that are all of them movement, at least one window."""
+        movement = self._levelled(movement)
+        if self.low_band and movement.numel() > FEW:
             return self._from_products(movement)
         spectrum = torch.stft(
             movement,
@@ -126,20 +139,12 @@ class HapticFeatures(nn.Module):
         magnitudes: Tensor = reduce(torch.add, parts).sqrt()
         return magnitudes
 
-    def _movement(self, trace: Tensor) -> Tensor:
-        """The samples that frames are cut from: (3 or 1, samples) of the movement."""
-        if self.skip_impact:
-            trace = trace[:, movement_start(trace, self.sampling_rate) :]
-        samples = trace.shape[-1]
-        if samples < self.window_length:
-            raise UserError(
-                f"The trace has {samples / self.sampling_rate:.2f} s of movement, less than one "
-                f"window of {self.window_length} samples; record a longer stroke."
-            )
-        if self.axes == "frame":
-            # every frame loses its mean anyway, and gravity would cost precision until then
-            return trace - trace.mean(dim=-1, keepdim=True)
-        return dft321(trace)[None] if len(trace) == 3 else trace - trace.mean()
+    def _levelled(self, movement: Tensor) -> Tensor:
+        """The samples that frames are cut from: (3 or 1, samples) without their mean."""
+        if self.axes == "trace" and len(movement) == 3:
+            return dft321(movement)[None]
+        # with axes=frame every frame loses its mean anyway: this keeps gravity from costing digits
+        return movement - movement.mean(dim=-1, keepdim=True)
 
     def fit(self, magnitudes: Sequence[Tensor]) -> None:
         """Learn level, mean and deviation from the training set's magnitudes (bands, frames)."""

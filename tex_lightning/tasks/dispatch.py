@@ -9,7 +9,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
-from tex_lightning.tasks import crossval, evaluate, fit, generate, predict, profile
+from tex_lightning.tasks import crossval, evaluate, fit, generate, predict, profile, stream
 from tex_lightning.validation import check_config, check_known, check_missing
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
@@ -17,6 +17,7 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "crossval": crossval.run,
     "evaluate": evaluate.run,
     "predict": predict.run,
+    "stream": stream.run,
     "generate": generate.run,
     "profile": profile.run,
 }

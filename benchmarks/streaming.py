@@ -1,0 +1,67 @@
+"""Load and delay of a live stream: HapticNet at the paper's width, on one core.
+
+``python -m benchmarks streaming``. Load is processing time over signal time; every push ends with
+a vote over all samples so far.
+"""
+
+import time
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.engine import DEFAULT
+from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.blocks import Norm
+from tex_lightning.streaming.classifier import StreamingClassifier
+
+RATE = 10_000
+SECONDS = 60
+CHUNKS = (0.01, 0.1, 1.0)
+
+
+def measure() -> dict[str, Any]:
+    """By normalisation and seconds of a chunk: load in % of a core, and delay in ms."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        return {
+            f"{norm}, chunks of {chunk:g} s": _replay(_classifier(norm), chunk)
+            for norm in ("batch", "lrn")
+            for chunk in CHUNKS
+        }
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _classifier(norm: Norm) -> SurfaceClassifier:
+    torch.manual_seed(0)
+    card = Card(
+        kind="haptic",
+        classes=[str(number) for number in range(69)],
+        decode=DecodeSettings().to_dict(),
+        decision={"pairs": 1, "seed": 0},
+        haptic_features={"axes": "frame"},
+        haptic_network={"width": 1.0, "norm": norm},
+    )
+    return accelerate(SurfaceClassifier(card).eval(), DEFAULT)
+
+
+def _replay(classifier: SurfaceClassifier, seconds: float) -> dict[str, float]:
+    trace = torch.randn(1, SECONDS * RATE, generator=torch.Generator().manual_seed(0))
+    size = round(seconds * RATE)
+    warm = StreamingClassifier(classifier)
+    for chunk in trace[:, : 5 * RATE].split(size, dim=1):
+        warm.push(chunk)
+    stream, spent = StreamingClassifier(classifier), []
+    for chunk in trace.split(size, dim=1):
+        begin = time.perf_counter()
+        stream.push(chunk)
+        spent.append(time.perf_counter() - begin)
+    return {
+        "load_percent": 100 * sum(spent) / SECONDS,
+        "delay_median_ms": 1000 * float(np.median(spent)),
+        "delay_worst_ms": 1000 * max(spent),
+    }

@@ -1,0 +1,132 @@
+"""The stream against the whole recording, after every push."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.streaming.classifier import StreamingClassifier
+
+RATE = 10_000
+CARD = Card(
+    kind="haptic",
+    classes=["a", "b", "c"],
+    decode=DecodeSettings().to_dict(),
+    decision={"pairs": 10, "seed": 0},
+    haptic_features={"axes": "frame"},
+    haptic_network={"width": 0.1, "norm": "batch"},
+)
+
+
+def make_classifier(norm: str = "batch", **features: object) -> SurfaceClassifier:
+    """With random weights and statistics, so that labels differ from fragment to fragment."""
+    torch.manual_seed(1)
+    card = replace(
+        CARD,
+        haptic_network={"width": 0.1, "norm": norm},
+        haptic_features={**CARD.haptic_features, **features},
+    )
+    classifier = SurfaceClassifier(card)
+    for module in classifier.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            torch.nn.init.normal_(module.running_mean)
+            torch.nn.init.uniform_(module.running_var, 0.5, 2)
+            torch.nn.init.normal_(module.weight)
+    scores = classifier.eval().network.head.score_layer
+    torch.nn.init.normal_(scores.weight)
+    with torch.no_grad():  # no class wins every fragment
+        scores.bias.sub_(classifier.logits(recording(4.3, None, 1, 0)).mean(dim=1))
+    return classifier
+
+
+def recording(seconds: float, touch: float | None, axes: int, seed: int) -> torch.Tensor:
+    """Quiet up to the touch, then movement whose colour changes; None moves from the start."""
+    rng = np.random.default_rng(seed)
+    samples = int(seconds * RATE)
+    time = np.arange(samples) / RATE
+    moving = rng.standard_normal((axes, samples)) * (1 + np.sin(9 * time))
+    moving += np.sin(2 * np.pi * (100 + 80 * time) * time)
+    if touch is not None:
+        moving *= np.where(time < touch, 1e-3, 1)
+    return torch.from_numpy(moving + 9.8).float()
+
+
+def whole(classifier: SurfaceClassifier, trace: torch.Tensor):
+    try:
+        return classifier.classify(trace)
+    except UserError:
+        return None
+
+
+@pytest.mark.parametrize("norm", ["batch", "lrn", "none"])
+@settings(max_examples=6)
+@given(
+    axes=st.sampled_from([1, 3]),
+    touch=st.sampled_from([None, 0.0504, 0.3, 1.99, 2.5]),
+    seed=st.integers(0, 99),
+    chunks=st.lists(st.sampled_from([0, 1, 99, 500, 1601, 7000, 20_000]), min_size=1, max_size=9),
+)
+def test_every_push_gives_the_vote_of_the_whole(norm, axes, touch, seed, chunks):
+    trace = recording(4.3, touch, axes, seed)
+    classifier = make_classifier(norm)
+    stream, place = StreamingClassifier(classifier), 0
+    for chunk in [*chunks, 9000, 9000, 43_000]:
+        voted = stream.push(trace[:, place : place + chunk])
+        place += chunk
+        expected = whole(classifier, trace[:, :place])
+        assert (voted is None) == (expected is None)
+        if voted is not None:
+            assert torch.equal(voted.fragments, expected.fragments)
+            assert voted.label == expected.label
+            torch.testing.assert_close(voted.shares, expected.shares)
+
+
+def test_chunks_do_not_matter():
+    classifier, trace = make_classifier(), recording(6.0, 0.4, 3, 0)
+    votes = []
+    for size in (250, 1000, 60_000):
+        stream = StreamingClassifier(classifier)
+        votes.append([stream.push(chunk) for chunk in trace.split(size, dim=1)][-1])
+    assert len({vote.label for vote in votes}) == 1
+    assert all(torch.equal(vote.fragments, votes[0].fragments) for vote in votes)
+    assert len(votes[0].fragments) == 23  # 5.4 s from the settled touch: 536 frames
+    assert len(set(votes[0].fragments.tolist())) > 1
+
+
+def test_every_frame_is_computed_once(monkeypatch):
+    frames = []
+    spectra = HapticFeatures.spectra
+
+    def counted(self, movement):
+        found = spectra(self, movement)
+        frames.append(found.shape[1])
+        return found
+
+    stream = StreamingClassifier(make_classifier(skip_impact=False))
+    monkeypatch.setattr(HapticFeatures, "spectra", counted)
+    for chunk in recording(5.0, None, 1, 0).split(333, dim=1):
+        stream.push(chunk)
+    assert sum(frames) == (50_000 - 500) // 100 + 1
+
+
+@pytest.mark.parametrize("features", [{"axes": "trace"}, {"normalisation": "paper"}])
+def test_features_of_the_whole_trace_are_refused(features):
+    with pytest.raises(UserError, match=r"axes=frame and .*normalisation=standard"):
+        StreamingClassifier(make_classifier(**features))
+
+
+def test_other_networks_are_refused():
+    card = replace(
+        CARD,
+        kind="visual",
+        visual_network={"trunk": "tcnn", "width": 0.1, "norm": "none"},
+    )
+    with pytest.raises(UserError, match="visual network"):
+        StreamingClassifier(SurfaceClassifier(card))

@@ -1,0 +1,1 @@
+"""Classification while a recording goes on."""

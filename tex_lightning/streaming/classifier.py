@@ -1,0 +1,146 @@
+"""A HapticNet that classifies while the tool is still moving."""
+
+import torch
+from torch import Tensor
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.decision.voting import Vote, probabilities, winner
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import SEARCH_SECONDS, HapticFeatures, movement_start
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.streaming.layers import Columns, streaming_layers
+
+PIECE_SECONDS = 1.0  # longer chunks are taken in pieces, so that memory stays bounded
+
+
+class StreamingClassifier:
+    """Take samples as they come; the vote is always that of the whole recording so far.
+
+    Each frame, and each column of every layer that cannot change any more, is computed once. What
+    the right edge decides is computed after every push from the few columns that reach it.
+
+    Args:
+        classifier: A HapticNet classifier in evaluation mode whose features are local in time:
+            ``axes=frame`` and ``normalisation=standard``.
+
+    Attributes:
+        frames: Spectrogram frames of the movement so far.
+
+    Raises:
+        UserError: If the classifier is of another kind, or its features need the whole trace.
+    """
+
+    def __init__(self, classifier: SurfaceClassifier) -> None:
+        network, features = classifier.network, classifier.haptic_features
+        if not isinstance(network, HapticNet) or features is None:
+            raise UserError(
+                f"This checkpoint holds a {classifier.card.kind} network, and a live stream is "
+                "classified by HapticNet; give the checkpoint of a run with model=haptic."
+            )
+        _check_local(features, network)
+        self.features = features
+        self.layers = streaming_layers([network.trunk, network.head.hidden, network.head.scores])
+        self.search = int(SEARCH_SECONDS * features.sampling_rate)
+        self.piece = int(PIECE_SECONDS * features.sampling_rate)
+        self.start_known = not features.skip_impact
+        self.beginning: Tensor | None = None  # all samples, until it is known where to start
+        self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
+        self._start(0)
+
+    @torch.inference_mode()
+    def push(self, chunk: Tensor) -> Vote | None:
+        """Take more samples and vote over everything so far.
+
+        Args:
+            chunk: (axes, samples) of any length, 0 included, at the checkpoint's sampling rate;
+                as many axes as before.
+
+        Returns:
+            The vote of all samples so far; None while they do not give one fragment.
+        """
+        samples = chunk.to(self.features.window)
+        if not self.start_known:
+            samples = self._from_touch(samples)
+        skipped = min(self.ahead, samples.shape[1])
+        self.ahead -= skipped
+        for piece in torch.split(samples[:, skipped:], self.piece, dim=1):
+            self._take(piece)
+        return self.vote
+
+    def _from_touch(self, samples: Tensor) -> Tensor:
+        """Start anew when a touch shows that all before was not yet movement."""
+        so_far = _joined(self.beginning, samples)
+        start = movement_start(so_far, self.features.sampling_rate)
+        self.start_known = start > 0 or so_far.shape[1] >= self.search
+        self.beginning = None if self.start_known else so_far
+        if start == 0:
+            return samples
+        self._start(start)
+        return so_far
+
+    def _start(self, ahead: int) -> None:
+        """Forget everything; leave out the next ``ahead`` samples."""
+        self.ahead = ahead
+        self.rest: Tensor | None = None  # samples that later frames need
+        self.frames = 0
+        for layer in self.layers:
+            layer.restart()
+        self.votes.zero_()
+        self.probabilities = torch.zeros_like(self.votes, dtype=torch.float64)
+        self.labels = self.votes[:0]
+        self.vote: Vote | None = None
+
+    def _take(self, piece: Tensor) -> None:
+        """Compute what the samples settle."""
+        features = self.features
+        samples = _joined(self.rest, piece)
+        count = max(0, (samples.shape[1] - features.window_length) // features.hop_length + 1)
+        self.rest = samples[:, count * features.hop_length :]
+        if not count:
+            return
+        self.frames += count
+        columns: Columns = features.normalise(features.spectra(samples)).T[None, None]
+        settled = count
+        for layer in self.layers:
+            columns, settled = layer.push(columns, settled)
+        if columns is not None:
+            self.vote = self._count(columns[0, :, :, 0], settled)
+
+    def _count(self, scores: Tensor, settled: int) -> Vote:
+        """Keep the votes of settled fragments, and vote with those at the edge.
+
+        Args:
+            scores: (classes, fragments), those settled before left out.
+            settled: The first so many of them are settled now.
+        """
+        labels = scores.argmax(dim=0)
+        fragments = torch.cat((self.labels, labels))
+        if settled:
+            self.labels = fragments[: len(self.labels) + settled]
+            self.votes += self._votes(labels[:settled])
+            self.probabilities += probabilities(scores[:, :settled])
+        votes = self.votes + self._votes(labels[settled:])
+        label = winner(votes, lambda: self.probabilities + probabilities(scores[:, settled:]))
+        return Vote(label, votes / len(fragments), fragments)
+
+    def _votes(self, labels: Tensor) -> Tensor:
+        return torch.bincount(labels, minlength=len(self.votes))
+
+
+def _check_local(features: HapticFeatures, network: HapticNet) -> None:
+    """Refuse what cannot be computed, or not to the same labels, before the end is known."""
+    if features.axes != "frame" or features.normalisation != "standard":
+        raise UserError(
+            f"This checkpoint was trained with model.haptic.axes={features.axes} and "
+            f"model.haptic.normalisation={features.normalisation}, which look at the whole trace; "
+            "for a live stream train with axes=frame and normalisation=standard."
+        )
+    if any(parameter.dtype != torch.float32 for parameter in network.parameters()):
+        raise UserError(
+            "A live stream is computed in float32, which alone gives the labels of the whole "
+            "recording; set engine.precision=fp32."
+        )
+
+
+def _joined(first: Tensor | None, second: Tensor) -> Tensor:
+    return second if first is None else torch.cat((first, second), dim=1)

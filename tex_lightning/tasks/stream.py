@@ -1,0 +1,85 @@
+"""Classify while a recording goes on: one JSON object per chunk on standard output."""
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tex_lightning.classifier import SurfaceClassifier, check_frames
+from tex_lightning.data.decode import decode_trace
+from tex_lightning.devices import pick_device, synchronise
+from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.schema import Config
+from tex_lightning.streaming.classifier import StreamingClassifier
+
+SAMPLE = np.dtype("<f4")  # of standard input
+
+
+def run(config: Config, directory: Path) -> None:
+    """Push the file, or standard input, chunk by chunk and print the vote after each.
+
+    Raises:
+        UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
+            before there is one fragment.
+    """
+    classifier = SurfaceClassifier.from_checkpoint(cast(str, config.checkpoint))
+    device = pick_device(config.trainer.accelerator)
+    stream = StreamingClassifier(accelerate(classifier.to(device), config.engine))
+    rate = stream.features.sampling_rate
+    size = max(1, round(config.stream.chunk * rate))
+    if config.haptic == "-":
+        chunks = _from_standard_input(config, rate, size)
+    else:
+        if not isinstance(config.haptic, str):
+            raise UserError(f"haptic={config.haptic} is several; give one file, or - for a pipe.")
+        path = Path(config.haptic).expanduser()
+        trace = decode_trace(path, classifier.card.settings_for(config.data.file_rate))
+        chunks = iter(torch.split(torch.from_numpy(trace), size, dim=1))
+    samples = 0
+    for chunk in chunks:
+        begin = time.perf_counter()
+        vote = stream.push(chunk)
+        synchronise(device)
+        latency = (time.perf_counter() - begin) * 1000
+        samples += chunk.shape[1]
+        line = {
+            "time": round(samples / rate, 6),
+            "label": None if vote is None else classifier.card.classes[vote.label],
+            "confidence": None if vote is None else float(vote.shares[vote.label]),
+            "fragments": 0 if vote is None else len(vote.fragments),
+            "latency_ms": round(latency, 3),
+        }
+        print(json.dumps(line), flush=True)
+    check_frames(stream.frames, stream.features)
+
+
+def _from_standard_input(config: Config, rate: float, size: int) -> Iterator[Tensor]:
+    """Chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
+    if config.data.file_rate not in (None, rate):
+        raise UserError(
+            f"data.file_rate is {config.data.file_rate:g}, but standard input is read at the "
+            f"checkpoint's {rate:g} Hz; bring the samples to that rate."
+        )
+    axes, place = config.stream.axes, 0
+    while content := sys.stdin.buffer.read(size * axes * SAMPLE.itemsize):
+        if len(content) % (axes * SAMPLE.itemsize):
+            raise UserError(
+                f"Standard input ends within a sample; send {axes} float32 numbers for each "
+                "(stream.axes)."
+            )
+        samples = np.frombuffer(content, SAMPLE).reshape(-1, axes)
+        if not np.isfinite(samples).all():
+            first = place + int(np.flatnonzero(~np.isfinite(samples).all(axis=1))[0])
+            raise UserError(
+                f"Standard input holds NaN or infinity at sample {first}; send little-endian "
+                "float32 numbers."
+            )
+        place += len(samples)
+        yield torch.from_numpy(samples.T.astype(np.float32))
