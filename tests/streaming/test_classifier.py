@@ -12,9 +12,12 @@ from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.schema import EngineConfig
 from tex_lightning.streaming.classifier import StreamingClassifier
 
 RATE = 10_000
+ENGINE = EngineConfig(True, True, True, True, "fp32", False, None)
 CARD = Card(
     kind="haptic",
     classes=["a", "b", "c"],
@@ -98,6 +101,45 @@ def test_chunks_do_not_matter():
     assert all(torch.equal(vote.fragments, votes[0].fragments) for vote in votes)
     assert len(votes[0].fragments) == 23  # 5.4 s from the settled touch: 536 frames
     assert len(set(votes[0].fragments.tolist())) > 1
+
+
+def test_a_classifier_prepared_by_the_engine_gives_the_same_votes():
+    trace = recording(6.0, 0.4, 1, 0)
+    for norm in ("batch", "lrn"):
+        classifier = make_classifier(norm)
+        stream = StreamingClassifier(accelerate(classifier, ENGINE))
+        vote = [stream.push(chunk) for chunk in trace.split(1000, dim=1)][-1]
+        assert torch.equal(vote.fragments, classifier.classify(trace).fragments)
+
+
+def test_ties_are_decided_as_in_the_whole():
+    classifier, trace, ties = make_classifier("none"), recording(12.0, None, 1, 1), 0
+    with torch.no_grad():  # the first two classes share the fragments, about evenly
+        scores = classifier.network.head.score_layer
+        scores.weight[1] = -scores.weight[0]
+        scores.bias[:2] = 0
+        scores.bias[2] = -1e3
+        scores.bias[0] -= classifier.logits(trace)[0].median()
+        scores.bias[1] = -scores.bias[0]
+    stream = StreamingClassifier(classifier)
+    for end in range(1200, 120_001, 1200):
+        vote = stream.push(trace[:, end - 1200 : end])
+        if vote is not None:
+            assert vote.label == classifier.classify(trace[:, :end]).label
+            ties += int((vote.shares == vote.shares.max()).sum()) == 2
+    assert ties > 0
+
+
+def test_what_a_stream_keeps_of_signal_and_layers_does_not_grow():
+    stream, kept = StreamingClassifier(make_classifier("lrn")), []
+    trace = recording(30.0, None, 1, 0)
+    for part in (trace[:, :40_000], trace[:, 40_000:]):
+        for chunk in part.split(1600, dim=1):
+            stream.push(chunk)
+        held = [vars(layer).get(name) for layer in stream.layers for name in ("sums", "rest")]
+        tensors = [item for item in (stream.rest, stream.beginning, *held) if item is not None]
+        kept.append(sum(item.untyped_storage().nbytes() for item in tensors))
+    assert kept[1] <= 1.1 * kept[0]
 
 
 def test_every_frame_is_computed_once(monkeypatch):

@@ -10,6 +10,8 @@ import pytest
 import soundfile
 from conftest import RATE, make_trace
 
+from tex_lightning.streaming.classifier import StreamingClassifier
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -86,6 +88,22 @@ def test_mistakes_are_told(cli, checkpoint, tmp_path, monkeypatch, arguments, sa
     assert outcome.status == 2
     assert said in outcome.err
     assert "Traceback" not in outcome.err
+
+
+def test_ctrl_c_ends_it_as_elsewhere(cli, checkpoint, surfaces, tmp_path, monkeypatch):
+    push = StreamingClassifier.push
+
+    def interrupted(self, chunk):
+        if self.frames > 100:
+            raise KeyboardInterrupt
+        return push(self, chunk)
+
+    monkeypatch.setattr(StreamingClassifier, "push", interrupted)
+    wav, run = surfaces / "alpha" / "haptic" / "alpha_0.wav", f"hydra.run.dir={tmp_path / 'run'}"
+    outcome = cli("task=stream", f"checkpoint={checkpoint}", f"haptic={wav}", run)
+    assert outcome.status == 130
+    assert len(outcome.out.splitlines()) == 11
+    assert "epoch" not in outcome.err
 
 
 def test_not_a_number_on_standard_input_is_refused(cli, checkpoint, tmp_path, monkeypatch):

@@ -152,7 +152,8 @@ class StreamingConv:
         number = columns.shape[2]
         count = number + self.padding
         near = min(self.taps, count - settled)  # places that are asked for of open columns
-        together = number if self.taps - near < 2 else settled
+        # one product for all where the open columns need most of the places anyway
+        together = number if settled and self.taps - near < 2 else settled
         x = self._stacked(columns)
         sums = self._next_sums(max(count, settled + self.taps - 1), x.shape[1])
         if together:
@@ -172,7 +173,10 @@ class StreamingConv:
         """Every position with the rows around it: (count, bands, rows x inputs)."""
         x = columns[0].permute(1, 2, 0)
         if self.row_padding:
-            x = functional.pad(x, (0, 0, self.row_padding, self.row_padding))
+            count, bands, inputs = x.shape
+            inner = x
+            x = x.new_zeros(count, bands + 2 * self.row_padding, inputs)
+            x[:, self.row_padding : self.row_padding + bands] = inner
         return x.unfold(1, self.rows, 1).transpose(2, 3).flatten(2)
 
     def _products(self, x: Tensor, places: int) -> Tensor:
@@ -182,9 +186,11 @@ class StreamingConv:
         return products.view(*x.shape[:2], places, self.outputs).transpose(1, 2)
 
     def _next_sums(self, count: int, bands: int) -> Tensor:
-        if self.sums is None:
-            return self.weight.new_zeros(count, bands, self.outputs)
-        return functional.pad(self.sums, (0, 0, 0, 0, 0, count + 1 - self.taps))
+        sums = self.weight.new_zeros(count, bands, self.outputs)
+        if self.sums is not None:
+            known = min(count, self.taps - 1)
+            sums[:known] = self.sums[:known]
+        return sums
 
 
 def _add(sums: Tensor, products: Tensor) -> None:
@@ -200,19 +206,19 @@ def _add(sums: Tensor, products: Tensor) -> None:
             target += products[: len(target), place]
 
 
-def _pooled(x: Tensor) -> Tensor:
+def _pooled(columns: Tensor) -> Tensor:
     """The larger of two neighbours along both axes; an odd one out stays as it is.
 
-    Slices and maxima, as PyTorch's pooling takes ten times as long for a few columns.
+    Slices and maxima, as PyTorch's pooling takes several times as long for a few columns.
     """
-    for axis in (2, 3):
-        length = x.shape[axis]
-        if length > 1:
-            pairs = torch.unflatten(x.narrow(axis, 0, length // 2 * 2), axis, (-1, 2))
-            larger = torch.maximum(pairs.select(axis + 1, 0), pairs.select(axis + 1, 1))
-            odd = x.narrow(axis, length - 1, length % 2)
-            x = torch.cat((larger, odd), dim=axis) if length % 2 else larger
-    return x
+    x = columns[0].permute(1, 2, 0)
+    if len(x) > 1:
+        larger = torch.maximum(x[:-1:2], x[1::2])
+        x = torch.cat((larger, x[-1:])) if len(x) % 2 else larger
+    if x.shape[1] > 1:
+        larger = torch.maximum(x[:, :-1:2], x[:, 1::2])
+        x = torch.cat((larger, x[:, -1:]), dim=1) if x.shape[1] % 2 else larger
+    return x.permute(2, 0, 1)[None]
 
 
 def _check_plain(conv: nn.Conv2d) -> None:
