@@ -100,7 +100,10 @@ class SurfaceClassifier(nn.Module):
             content = torch.load(path, map_location="cpu", weights_only=True)
             known = {entry.name for entry in fields(Card)}
             stored = content["hyper_parameters"]["card"]
-            classifier = cls(Card(**{key: stored[key] for key in known}))
+            card = Card(**{key: stored[key] for key in known})
+            if card.haptic_features:  # before there was a choice, the whole trace was transformed
+                card.haptic_features.setdefault("axes", "trace")
+            classifier = cls(card)
             prefix = "classifier."
             state = {
                 key.removeprefix(prefix): value
