@@ -99,7 +99,7 @@ def _minirocket(labels: list[str], traces: list[Trace], threads: int) -> Any:  #
     try:
         from aeon.classification.convolution_based import MiniRocketClassifier
     except ImportError as error:
-        raise UserError('MiniRocket needs aeon; pip install ".[peers]".') from error
+        raise UserError('MiniRocket needs aeon; pip install ".[baselines]".') from error
     rocket = MiniRocketClassifier(n_jobs=threads, random_state=0)
     rocket.fit(np.stack([_standardised(trace) for trace in traces]), np.array(labels))
     return rocket

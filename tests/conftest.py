@@ -92,3 +92,18 @@ def cli(cache, monkeypatch, capfd) -> Callable[..., Outcome]:
         return Outcome(status, captured.out, captured.err)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def run_once(cache, tmp_path_factory) -> Callable[..., Path]:
+    """Run the command line for a fixture that several tests share; gives its run folder."""
+
+    def run(*arguments: object) -> Path:
+        directory = tmp_path_factory.mktemp("shared") / "run"
+        common = [f"data.cache_dir={cache}", f"hydra.run.dir={directory}"]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", ["tex_lightning", *map(str, arguments), *common])
+            assert main() == 0
+        return directory
+
+    return run

@@ -7,7 +7,7 @@ that prediction from raw files does exactly what testing did.
 import zlib
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import torch
 from torch import Tensor, nn
@@ -23,6 +23,8 @@ from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 
+LATER: dict[str, Any] = {"baseline": {}}  # values that cards of older checkpoints lack
+
 
 @dataclass(frozen=True)
 class Card:
@@ -36,6 +38,7 @@ class Card:
         haptic_network: Arguments of :class:`HapticNet` but the classes.
         visual_network: Arguments of :class:`VisualNet` but the classes.
         fusion: ``level`` of FusionNet; empty for the others.
+        baseline: ``name`` and ``settings`` of a baseline; empty for our networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and ``folds`` and ``test_fold`` of the training.
@@ -49,11 +52,30 @@ class Card:
     haptic_network: dict[str, Any] = field(default_factory=dict)
     visual_network: dict[str, Any] = field(default_factory=dict)
     fusion: dict[str, Any] = field(default_factory=dict)
+    baseline: dict[str, Any] = field(default_factory=dict)
     trained_on: dict[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for a checkpoint."""
         return asdict(self)
+
+    @classmethod
+    def from_dict(cls, stored: dict[str, Any]) -> Self:
+        """Read the plain values back, also those of older checkpoints.
+
+        Raises:
+            KeyError: If a value is missing that has always been there.
+        """
+        values = {**LATER, **stored}
+        card = cls(**{entry.name: values[entry.name] for entry in fields(cls)})
+        if card.haptic_features:  # before there was a choice, the whole trace was transformed
+            card.haptic_features.setdefault("axes", "trace")
+        return card
+
+    @property
+    def title(self) -> str:
+        """What it is called in messages."""
+        return str(self.baseline.get("name", f"{self.kind} network"))
 
     @property
     def settings(self) -> DecodeSettings:
@@ -91,18 +113,17 @@ class SurfaceClassifier(nn.Module):
             kind: What kind of network it has to be; None takes any.
 
         Raises:
-            UserError: If the file is missing, damaged, from elsewhere or of another kind.
+            UserError: If the file is missing, damaged, from elsewhere, a baseline's or of another
+                kind.
         """
-        path = Path(path).expanduser()
-        if not path.is_file():
-            raise UserError(f"Checkpoint {path} does not exist; check the path.")
+        path, content = Path(path).expanduser(), read_checkpoint(path)
         try:
-            content = torch.load(path, map_location="cpu", weights_only=True)
-            known = {entry.name for entry in fields(Card)}
-            stored = content["hyper_parameters"]["card"]
-            card = Card(**{key: stored[key] for key in known})
-            if card.haptic_features:  # before there was a choice, the whole trace was transformed
-                card.haptic_features.setdefault("axes", "trace")
+            card = Card.from_dict(content["hyper_parameters"]["card"])
+            if card.baseline:
+                raise UserError(
+                    f"Checkpoint {path} holds {card.title}, and this needs a network of ours; "
+                    "give another file."
+                )
             classifier = cls(card)
             prefix = "classifier."
             state = {
@@ -111,17 +132,25 @@ class SurfaceClassifier(nn.Module):
                 if key.startswith(prefix)
             }
             classifier.load_state_dict(state)
+        except UserError:
+            raise
         except Exception as error:  # damage shows in as many ways as there are formats
-            raise UserError(
-                f"Checkpoint {path} is damaged or was not written by tex_lightning "
-                f"({type(error).__name__}); give a file from a run's checkpoints folder."
-            ) from error
+            raise damaged(path, error) from error
         if kind is not None and classifier.card.kind != kind:
             raise UserError(
                 f"Checkpoint {path} holds a {classifier.card.kind} network where a {kind} network "
                 "is needed; give another file."
             )
         return classifier.eval()
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+        return next(self.parameters()).device
+
+    def count_parameters(self) -> int:
+        """How many numbers were trained."""
+        return sum(parameter.numel() for parameter in self.network.parameters())
 
     def adopt_haptic_features(self, other: "SurfaceClassifier") -> None:
         """Take over the normalisation that another classifier was fitted with."""
@@ -208,6 +237,30 @@ class SurfaceClassifier(nn.Module):
                 f"This {self.card.kind} network needs {' and '.join(NEEDS[self.card.kind])}; "
                 f"give {' and '.join(f'{key}=FILE' for key in absent)} too."
             )
+
+
+def read_checkpoint(path: str | Path) -> dict[str, Any]:
+    """The tensors and plain values of a checkpoint.
+
+    Raises:
+        UserError: If the file is missing or no checkpoint.
+    """
+    path = Path(path).expanduser()
+    if not path.is_file():
+        raise UserError(f"Checkpoint {path} does not exist; check the path.")
+    try:
+        content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # damage shows in as many ways as there are formats
+        raise damaged(path, error) from error
+    return content
+
+
+def damaged(path: Path, error: Exception) -> UserError:
+    """What to say of a checkpoint that cannot be read."""
+    return UserError(
+        f"Checkpoint {path} is damaged or was not written by tex_lightning "
+        f"({type(error).__name__}); give a file from a run's checkpoints folder."
+    )
 
 
 def check_frames(frames: int, features: HapticFeatures) -> None:

@@ -133,10 +133,17 @@ class FusionConfig:
 
 @dataclass
 class ModelConfig:
-    """What is trained; ``kind`` is haptic, visual or fusion."""
+    """What is trained; ``kind`` is haptic, visual or fusion.
+
+    ``baseline`` names a system of ``tex_lightning.baselines`` that is fitted instead of a network,
+    with ``settings`` of its own, whose budgets are multiplied by ``budget``.
+    """
 
     name: str = MISSING
     kind: str = MISSING
+    baseline: str | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+    budget: float = MISSING
     haptic: HapticConfig = field(default_factory=HapticConfig)
     visual: VisualConfig = field(default_factory=VisualConfig)
     fusion: FusionConfig = field(default_factory=FusionConfig)

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from omegaconf import DictConfig, OmegaConf
 
+from tex_lightning.baselines.registry import BASELINES
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.fusion import LEAST_FACTOR, MOST_FACTOR
 from tex_lightning.schema import Config, DataConfig, FitConfig, ModelConfig
@@ -53,6 +54,8 @@ def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]
     for key in map(str, given):
         if key not in known.keys():  # noqa: SIM118  (`in known` is false for open values)
             yield f"{prefix}{key}"
+        elif OmegaConf.get_type(known, key) is dict:
+            continue  # a baseline's settings, which it checks itself
         elif OmegaConf.is_dict(known._get_node(key)) and not OmegaConf.is_missing(given, key):
             yield from _unknown(given[key], known[key], f"{prefix}{key}.")
 
@@ -169,6 +172,12 @@ def _data(data: DataConfig) -> Iterator[str]:
 
 def _model(model: ModelConfig) -> Iterator[str]:
     yield from _choice("model.kind", model.kind, ("haptic", "visual", "fusion"))
+    yield from _positive("model.budget", model.budget)
+    if model.baseline is None:
+        if model.settings:
+            yield "model.settings belong to a baseline, and this model has none: leave them out"
+    else:
+        yield from _choice("model.baseline", model.baseline, tuple(BASELINES))
     yield from _choice("model.haptic.norm", model.haptic.norm, CHOICES["norm"])
     yield from _choice("model.visual.norm", model.visual.norm, CHOICES["norm"])
     known = CHOICES["normalisation"]

@@ -24,7 +24,7 @@ BFLOAT16 = ("avx512_bf16", "amx_bf16", "bf16")  # what processors call it
 
 
 def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceClassifier:
-    """Copy a classifier for inference, with the switches of ``config``.
+    """Copy a classifier for inference, with the switches of ``config``; a baseline has none.
 
     Args:
         classifier: A trained classifier on any device; it is left as it is.
@@ -37,6 +37,8 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
     Raises:
         UserError: If the network is to be compiled and cannot be.
     """
+    if classifier.card.baseline:
+        return classifier
     return Accelerated(classifier, config)
 
 

@@ -25,7 +25,11 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
             f"{network['latency_ms']['median']:.1f}",
             f"{network['fit_seconds']:.0f}",
             f"{network['parameters']:,}",
-            f"{network['macs_per_sample'] / 1e6:,.0f}",
+            _millions(network["macs_per_sample"]),
         )
     console.print(table)
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
+
+
+def _millions(macs: int | None) -> str:
+    return "not counted" if macs is None else f"{macs / 1e6:,.0f}"

@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 from typing import Any, cast
 
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import NEEDS, make_samples, split
 from tex_lightning.data.readers import read_recordings
@@ -26,7 +27,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     """
     begin = time.perf_counter()
     checkpoint = Path(cast(str, config.checkpoint)).expanduser()
-    classifier = SurfaceClassifier.from_checkpoint(checkpoint)
+    classifier = load_classifier(checkpoint)
     device = pick_device(config.trainer.accelerator)
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes

@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.learning.train import train_network
@@ -88,8 +89,8 @@ def _fit_network(
     directory = workspace.directory
     card = make_card(workspace, kind, unimodal)
     training = Training(workspace.config, card, parts, workspace.store, directory, unimodal)
-    checkpoint = train_network(training)
-    classifier = SurfaceClassifier.from_checkpoint(checkpoint)
+    checkpoint = fit_baseline(training) if card.baseline else train_network(training)
+    classifier = load_classifier(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
     samples = make_samples(parts.test, kind)
     result, figures = report_network(
@@ -97,5 +98,5 @@ def _fit_network(
     )
     if workspace.config.logger.tensorboard:
         log_test(directory, kind, asdict(workspace.config), result, figures)
-    log.info("%s: %d of %d votes right.", kind, result["correct"], result["test_samples"])
+    log.info("%s: %d of %d votes right.", card.title, result["correct"], result["test_samples"])
     return result

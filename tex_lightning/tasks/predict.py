@@ -8,6 +8,7 @@ from typing import Any, cast
 import torch
 from torch import Tensor
 
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace
 from tex_lightning.data.folds import NEEDS
@@ -23,7 +24,7 @@ def run(config: Config, directory: Path) -> None:
 
     Several traces and photos are paired in the order given. Decoding is part of the latency.
     """
-    classifier = SurfaceClassifier.from_checkpoint(cast(str, config.checkpoint))
+    classifier = load_classifier(cast(str, config.checkpoint))
     _refuse_unused(classifier, config)
     classifier = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
     for haptic, image in _pairs(_files("haptic", config.haptic), _files("image", config.image)):
@@ -36,7 +37,7 @@ def _refuse_unused(classifier: SurfaceClassifier, config: Config) -> None:
     unused = [key for key, value in given.items() if value is not None and key not in needs]
     if unused:
         raise UserError(
-            f"This {classifier.card.kind} network does not look at {unused[0]}; leave {unused[0]}= "
+            f"This {classifier.card.title} does not look at {unused[0]}; leave {unused[0]}= "
             "out or give another checkpoint."
         )
 
@@ -55,7 +56,7 @@ def _predict(
         files = [str(file) for file in (haptic, image) if file is not None]
         named = any(file in str(error) for file in files)
         raise UserError(str(error) if named else f"{' and '.join(files)}: {error}") from error
-    synchronise(next(classifier.parameters()).device)
+    synchronise(classifier.device)
     latency = (time.perf_counter() - begin) * 1000
     given = {"haptic": haptic, "image": image}
     return {

@@ -38,7 +38,7 @@ def classify_sample(
         UserError: Naming the file, if a recording cannot be used.
     """
     trace, photo = load_sample(sample, store)
-    device = next(classifier.parameters()).device
+    device = classifier.device
     synchronise(device)
     begin = time.perf_counter()
     try:
@@ -58,7 +58,7 @@ def run_test(
     for sample in samples[:WARM_UP]:
         classify_sample(classifier, sample, store)
     outcomes = []
-    for sample in track(samples, f"Testing {classifier.card.kind}"):
+    for sample in track(samples, f"Testing {classifier.card.title}"):
         vote, latency = classify_sample(classifier, sample, store)
         truth = classes.index(sample.label)
         outcomes.append(
@@ -103,11 +103,14 @@ def report_network(
 
 
 def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -> dict[str, Any]:
-    """Parameters, and multiply-accumulates of the network for one whole sample."""
+    """Parameters, and multiply-accumulates for one whole sample.
+
+    The latter is None for a baseline whose arithmetic is outside PyTorch and not counted.
+    """
     trace, photo = load_sample(sample, store)
     return {
-        "parameters": sum(parameter.numel() for parameter in classifier.network.parameters()),
-        "macs_per_sample": count_macs(lambda: classifier.logits(trace, photo)),
+        "parameters": classifier.count_parameters(),
+        "macs_per_sample": count_macs(lambda: classifier.logits(trace, photo)) or None,
     }
 
 

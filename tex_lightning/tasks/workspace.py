@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
+from tex_lightning.baselines.registry import make_baseline
 from tex_lightning.classifier import Card, SurfaceClassifier, check_frames, check_side
 from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.decode import DecodeSettings
@@ -15,7 +16,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
-from tex_lightning.schema import Config, DataConfig
+from tex_lightning.schema import Config, DataConfig, ModelConfig
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
 VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel")
@@ -99,12 +100,14 @@ def check_networks(config: Config) -> int:
     """Build what will be trained, so that settings and weights that do not fit are said at once.
 
     Returns:
-        The smallest side in pixels that a photo may have; 0 for HapticNet.
+        The smallest side in pixels that a photo may have; 0 for traces.
 
     Raises:
         UserError: Naming the key that does not fit.
     """
     model = config.model
+    if model.baseline is not None:
+        return make_baseline(model.baseline, model.settings, model.budget).least_side
     if model.kind == "haptic":
         return 0
     given = given_checkpoints(config) if model.kind == "fusion" else {}
@@ -154,15 +157,23 @@ def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> C
 
 def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
     """Describe a unimodal classifier by the configuration alone, as if nothing had trained it."""
+    model, network = config.model, config.model.baseline is None
     return Card(
         kind=kind,
         classes=classes,
         decode=decode_settings(config.data).to_dict(),
         decision=asdict(config.decision),
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
-        haptic_network=_network(config.model.haptic, *HAPTIC_KEYS) if kind == "haptic" else {},
-        visual_network=_network(config.model.visual, *VISUAL_KEYS) if kind == "visual" else {},
+        haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
+        visual_network=_network(model.visual, *VISUAL_KEYS) if network and kind == "visual" else {},
+        baseline={} if network else _baseline(model),
     )
+
+
+def _baseline(model: ModelConfig) -> dict[str, Any]:
+    """Name and settings, its budget applied."""
+    name = cast(str, model.baseline)
+    return {"name": name, "settings": asdict(make_baseline(name, model.settings, model.budget))}
 
 
 def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:

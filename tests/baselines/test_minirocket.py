@@ -1,0 +1,62 @@
+"""Fitting a baseline, and what its checkpoint is good for, on MiniRocket."""
+
+import json
+
+import pytest
+import torch
+
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.errors import UserError
+
+
+@pytest.fixture(scope="module")
+def checkpoint(run_once, surfaces):
+    return run_once("model=minirocket", "data=folder", f"data.root={surfaces}") / (
+        "checkpoints/haptic.ckpt"
+    )
+
+
+def test_results_name_the_modality(checkpoint):
+    results = json.loads((checkpoint.parents[1] / "results.json").read_text())
+    network = results["networks"]["haptic"]
+    assert results["model"] == "minirocket"
+    assert network["correct"] == network["test_samples"] == 3
+    assert network["macs_per_sample"] is None
+
+
+def test_checkpoint_is_tensors_and_plain_values_only(checkpoint):
+    content = torch.load(checkpoint, weights_only=True)
+    assert content["baseline"]["estimator"].dtype == torch.uint8
+
+
+def test_predict_and_evaluate_read_the_checkpoint(checkpoint, surfaces, cli, tmp_path):
+    trace = surfaces / "beta/haptic/beta_0.wav"
+    out = cli("task=predict", f"checkpoint={checkpoint}", f"haptic={trace}").out
+    assert json.loads(out)["label"] == "beta"
+    outcome = cli(
+        "task=evaluate", f"checkpoint={checkpoint}", "data=folder", f"data.root={surfaces}",
+        "data.test_fold=0",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+
+
+def test_training_recordings_are_refused_as_test(checkpoint, surfaces, cli):
+    outcome = cli(
+        "task=evaluate", f"checkpoint={checkpoint}", "data=folder", f"data.root={surfaces}",
+        "data.test_fold=3",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "has trained on" in outcome.err
+
+
+def test_networks_only_tasks_say_what_they_were_given(checkpoint, cli):
+    with pytest.raises(UserError, match="holds minirocket"):
+        SurfaceClassifier.from_checkpoint(checkpoint)
+    assert load_classifier(checkpoint).card.title == "minirocket"
+
+
+def test_wrong_setting_is_named(cli):
+    outcome = cli("model=minirocket", "+model.settings.kernel=5")
+    assert outcome.status == 2
+    assert "kernel" in outcome.err

@@ -1,0 +1,130 @@
+"""What a baseline is: settings, a way to fit whole recordings, and class scores of one of them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from tex_lightning.baselines.estimators import dump_estimator, load_estimator
+
+Array = npt.NDArray[Any]
+State = dict[str, Tensor]
+
+
+@dataclass
+class Baseline(ABC):
+    """A system that is fitted to all training recordings at once.
+
+    A baseline is one dataclass in one file; its fields are its settings, whose values stand in
+    ``conf/model/NAME.yaml``. Traces come as one axis of movement (samples,) float32 at the
+    configured rate, photos as (height, width, 3) uint8 RGB.
+
+    Attributes:
+        kind: Which modality it reads.
+        least_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
+        sampling_rate: Of the traces in Hz; set by whoever makes it.
+    """
+
+    kind: ClassVar[Literal["haptic", "visual"]]
+    least_side: ClassVar[int] = 0
+    sampling_rate = 10_000.0  # no setting of its own: it follows data.sampling_rate
+
+    @abstractmethod
+    def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
+        """Fit to recordings with class indices (recordings,), every class present.
+
+        Args:
+            recordings: Traces or photos, loaded as they are asked for.
+            labels: Their class indices.
+            seed: Of everything random.
+        """
+
+    @abstractmethod
+    def logits(self, recording: Array) -> Tensor:
+        """Class scores (classes, fragments) of one recording, before softmax."""
+
+    @abstractmethod
+    def state(self) -> State:
+        """What was fitted, as tensors."""
+
+    @abstractmethod
+    def load_state(self, state: State) -> None:
+        """Take over what :meth:`state` gave."""
+
+    @abstractmethod
+    def count_parameters(self) -> int:
+        """How many numbers were fitted."""
+
+    def with_budget(self, budget: float) -> Self:
+        """The same with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""
+        return self
+
+
+@dataclass
+class EstimatorBaseline(Baseline):
+    """A baseline whose fitted part is a scikit-learn estimator on one feature vector a recording.
+
+    Attributes:
+        estimator: Fitted by :meth:`fit`; it has ``predict_log_proba``.
+    """
+
+    def __post_init__(self) -> None:
+        self.estimator: Any = None
+
+    @abstractmethod
+    def features(self, recording: Array) -> Array:
+        """Feature vector of one recording."""
+
+    @abstractmethod
+    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401  (scikit-learn has no types)
+        """An estimator that is not fitted yet."""
+
+    def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
+        """Fit the estimator to the features of all recordings."""
+        features = np.stack([self.features(recording) for recording in recordings])
+        self.estimator = self.make_estimator(seed).fit(features, labels)
+
+    def logits(self, recording: Array) -> Tensor:
+        """Logarithms of the class probabilities, one fragment."""
+        return log_probabilities(self.estimator, self.features(recording)[None])
+
+    def state(self) -> State:
+        """The estimator as bytes."""
+        return {"estimator": dump_estimator(self.estimator)}
+
+    def load_state(self, state: State) -> None:
+        """Read the estimator back."""
+        self.estimator = load_estimator(state["estimator"])
+
+    def count_parameters(self) -> int:
+        """All numbers in the estimator's fitted arrays."""
+        return count_fitted(self.estimator)
+
+
+def log_probabilities(estimator: Any, features: Array) -> Tensor:  # noqa: ANN401
+    """Log-probabilities (classes, rows) of feature vectors (rows, features)."""
+    scores = np.asarray(estimator.predict_log_proba(features), dtype=np.float64)
+    return torch.from_numpy(np.maximum(scores, np.log(np.finfo(np.float64).tiny)).T.copy())
+
+
+def count_fitted(estimator: Any) -> int:  # noqa: ANN401
+    """Numbers in the arrays of an estimator and of those inside it that end in an underscore."""
+    if isinstance(estimator, np.ndarray):
+        return estimator.size if estimator.dtype.kind == "f" else 0
+    if isinstance(estimator, dict):
+        return sum(count_fitted(value) for value in estimator.values())
+    if isinstance(estimator, list | tuple):
+        return sum(count_fitted(value) for value in estimator)
+    if hasattr(estimator, "get_params") and hasattr(estimator, "__dict__"):
+        fitted = {key: value for key, value in vars(estimator).items() if _is_fitted(key)}
+        return count_fitted(fitted)
+    return 0
+
+
+def _is_fitted(key: str) -> bool:
+    return key.endswith("_") or key in ("steps", "parameters")

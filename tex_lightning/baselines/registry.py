@@ -1,0 +1,44 @@
+"""Baselines by their name in ``conf/model``; a library is imported when one asks for it."""
+
+import importlib
+from typing import TYPE_CHECKING, Any, cast
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from tex_lightning.errors import UserError
+
+if TYPE_CHECKING:
+    from tex_lightning.baselines.base import Baseline
+
+BASELINES = {
+    "minirocket": "rocket:MiniRocket",
+}
+
+
+def make_baseline(name: str, settings: dict[str, Any], budget: float = 1.0) -> "Baseline":
+    """A baseline that is not fitted yet.
+
+    Args:
+        name: A key of ``BASELINES``.
+        settings: ``model.settings``.
+        budget: ``model.budget``.
+
+    Raises:
+        UserError: If a library is missing, or a setting is unknown or of the wrong type.
+    """
+    module, _, title = BASELINES[name].partition(":")
+    try:
+        cls = getattr(importlib.import_module(f"tex_lightning.baselines.{module}"), title)
+    except ModuleNotFoundError as error:
+        raise UserError(
+            f"model={name} needs {error.name}, which is not installed; "
+            "run: pip install 'tex_lightning[baselines]'"
+        ) from error
+    try:
+        typed = OmegaConf.merge(OmegaConf.structured(cls), settings)
+        baseline = cast("Baseline", OmegaConf.to_object(typed))
+    except OmegaConfBaseException as error:
+        reason = str(error).splitlines()[0]
+        raise UserError(f"model.settings of {name} cannot be used: {reason}.") from error
+    return baseline.with_budget(budget) if budget != 1.0 else baseline

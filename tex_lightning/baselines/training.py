@@ -1,0 +1,34 @@
+"""Fit a baseline to the training recordings, once."""
+
+import logging
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tex_lightning.baselines.classifier import BaselineClassifier, Loaded
+from tex_lightning.data.folds import NEEDS
+from tex_lightning.learning.training import Training
+
+log = logging.getLogger(__name__)
+
+
+def fit_baseline(training: Training) -> Path:
+    """Fit unless the checkpoint is there already; return its path.
+
+    Raises:
+        UserError: If a recording is too short.
+    """
+    if training.final.is_file():
+        log.info("%s is fitted already.", training.final)
+        return training.final
+    card = training.card
+    rows = training.parts.train.of(NEEDS[card.kind][0]).rows
+    labels = np.array([card.classes.index(row.label) for row in rows])
+    classifier = BaselineClassifier(card)
+    log.info("Fitting %s to %d recordings.", card.title, len(rows))
+    begin = time.perf_counter()
+    recordings = Loaded(rows, training.store, card)
+    classifier.baseline.fit(recordings, labels, training.config.seed)
+    classifier.save(training.final, time.perf_counter() - begin)
+    return training.final
