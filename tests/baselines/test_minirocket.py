@@ -36,15 +36,15 @@ def test_predict_and_evaluate_read_the_checkpoint(checkpoint, surfaces, cli, tmp
     assert json.loads(out)["label"] == "beta"
     outcome = cli(
         "task=evaluate", f"checkpoint={checkpoint}", "data=folder", f"data.root={surfaces}",
-        "data.test_fold=0",
+        "data.test_fold=0", f"hydra.run.dir={tmp_path}",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
 
 
-def test_training_recordings_are_refused_as_test(checkpoint, surfaces, cli):
+def test_training_recordings_are_refused_as_test(checkpoint, surfaces, cli, tmp_path):
     outcome = cli(
         "task=evaluate", f"checkpoint={checkpoint}", "data=folder", f"data.root={surfaces}",
-        "data.test_fold=3",
+        "data.test_fold=3", f"hydra.run.dir={tmp_path}",
     )  # fmt: skip
     assert outcome.status == 2
     assert "has trained on" in outcome.err
