@@ -199,9 +199,18 @@ class LoggerConfig:
 
 @dataclass
 class CrossvalConfig:
-    """Which folds are run; None means all."""
+    """Cross-validation.
+
+    Attributes:
+        only: Which folds are run; None means all.
+        profile: Whether the network's speed is profiled afterwards.
+        share: Folder in which runs side by side find each other's HapticNets and VisualNets, so
+            that each is trained once whatever it is fused into; None shares nothing.
+    """
 
     only: list[int] | None = None
+    profile: bool = MISSING
+    share: str | None = None
 
 
 @dataclass

@@ -44,8 +44,10 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     return figure
 
 
-def class_accuracy_figure(counts: Counts, classes: list[str], title: str) -> Figure:
-    """Vote accuracy of every class as bars."""
+def class_accuracy_figure(
+    counts: Counts, classes: list[str], title: str, what: str = "vote"
+) -> Figure:
+    """Accuracy of every class as bars, of votes or fragments."""
     figure = Figure(figsize=(7, min(2.0 + 0.22 * len(classes), 16)), layout="constrained")
     axes = figure.subplots()
     totals = counts.sum(axis=1)
@@ -53,7 +55,7 @@ def class_accuracy_figure(counts: Counts, classes: list[str], title: str) -> Fig
     names = [f"{name} ({total})" for name, total in zip(classes, totals, strict=True)]
     axes.set_yticks(np.arange(len(classes)), names, fontsize=7)
     axes.invert_yaxis()
-    axes.set(xlim=(0, 1), xlabel="vote accuracy (test samples in brackets)", title=title)
+    axes.set(xlim=(0, 1), xlabel=f"{what} accuracy (number in brackets)", title=title)
     return figure
 
 

@@ -33,6 +33,7 @@ class Outcome:
         fragments: Number of fragments.
         correct_fragments: Those that voted for the true class.
         latency_ms: Time from decoded recordings to the label.
+        votes: Number of fragments for each class that has any, as JSON.
     """
 
     haptic: str
@@ -43,6 +44,13 @@ class Outcome:
     fragments: int
     correct_fragments: int
     latency_ms: float
+    votes: str = "{}"
+
+    @property
+    def fragment_votes(self) -> dict[str, int]:
+        """Number of fragments for each class that has any."""
+        votes: dict[str, int] = json.loads(self.votes)
+        return votes
 
 
 def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:

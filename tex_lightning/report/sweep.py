@@ -15,13 +15,13 @@ from tex_lightning.data.recordings import natural_key
 from tex_lightning.files import write_text
 from tex_lightning.progress import console
 from tex_lightning.report.results import wilson_interval
+from tex_lightning.report.systems import FOLD_KEYS
 
 Row = dict[str, Any]
 
 log = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
-FOLD_KEYS = ("data.test_fold", "crossval.only")
 COLUMNS = (
     "job", "overrides", "status", "network", "vote_accuracy", "ci_low", "ci_high", "correct",
     "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
@@ -55,6 +55,9 @@ class SweepSummary(Callback):
             writer.writeheader()
             writer.writerows({**row, "overrides": " ".join(row["overrides"])} for row in rows)
         _print(rows, directory)
+        from tex_lightning.report.document import write_report  # heavy, and only now needed
+
+        write_report(directory, jobs)
 
 
 def _rows(job: Path, root: Path) -> list[Row]:

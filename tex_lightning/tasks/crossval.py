@@ -7,13 +7,21 @@ where the last one stopped, in the middle of a fold if need be.
 import json
 import logging
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.errors import UserError
-from tex_lightning.report.results import read_outcomes, summarise, write_results
+from tex_lightning.report.document import write_report
+from tex_lightning.report.results import (
+    read_outcomes,
+    summarise,
+    write_outcomes,
+    write_results,
+)
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
+from tex_lightning.tasks import profile
 from tex_lightning.tasks.fit import fit_fold, results_frame
 from tex_lightning.tasks.testing import draw_figures
 from tex_lightning.tasks.workspace import Workspace, open_workspace
@@ -32,9 +40,20 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     networks = {name: _pool(workspace, folds, name) for name in names}
     seconds = sum(results["wall_seconds"] for results in folds.values())
     results = results_frame(workspace, networks, seconds)
+    if config.crossval.profile:
+        _profile(config, networks[workspace.kind]["checkpoint"], directory / "profile")
     write_results(directory / "results.json", results)
+    write_report(directory, [directory])
     print_results(results, directory)
     return results
+
+
+def _profile(config: Config, checkpoint: str, directory: Path) -> None:
+    """Measure a unimodal network of ours as task=profile does; other models have no such twin."""
+    done = (directory / "results.json").is_file()
+    if done or config.model.baseline is not None or config.model.kind == "fusion":
+        return
+    profile.run(replace(config, task="profile", checkpoint=checkpoint), directory)
 
 
 def _chosen_folds(config: Config) -> list[int]:
@@ -78,6 +97,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
             _fold_directory(workspace, fold) / "predictions" / f"{name}.csv"
         )
     ]
+    write_outcomes(outcomes, workspace.directory / "predictions" / f"{name}.csv")
     draw_figures(outcomes, workspace.classes, name, workspace.directory)
     first = next(iter(entries.values()))
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")

@@ -11,6 +11,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
+from tex_lightning.learning.share import train_shared
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.report.events import log_test
@@ -89,7 +90,12 @@ def _fit_network(
     directory = workspace.directory
     card = make_card(workspace, kind, unimodal)
     training = Training(workspace.config, card, parts, workspace.store, directory, unimodal)
-    checkpoint = fit_baseline(training) if card.baseline else train_network(training)
+    if card.baseline:
+        checkpoint = fit_baseline(training)
+    elif workspace.config.crossval.share is not None and kind != "fusion":
+        checkpoint = train_shared(training, Path(workspace.config.crossval.share).expanduser())
+    else:
+        checkpoint = train_network(training)
     classifier = load_classifier(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
     samples = make_samples(parts.test, kind)

@@ -1,5 +1,6 @@
 """Test a checkpoint sample by sample, as prediction would classify it, and write what came out."""
 
+import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -71,9 +72,15 @@ def run_test(
                 fragments=len(vote.fragments),
                 correct_fragments=int((vote.fragments == truth).sum()),
                 latency_ms=latency,
+                votes=_votes(vote, classes),
             )
         )
     return outcomes
+
+
+def _votes(vote: Vote, classes: list[str]) -> str:
+    counts = vote.fragments.bincount(minlength=len(classes)).tolist()
+    return json.dumps({name: n for name, n in zip(classes, counts, strict=True) if n})
 
 
 def report_network(

@@ -1,0 +1,50 @@
+"""Runs side by side train a network that several of them need only once."""
+
+import hashlib
+import json
+import logging
+import shutil
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from filelock import FileLock
+
+from tex_lightning.files import write_atomically
+from tex_lightning.learning.train import train_network
+from tex_lightning.learning.training import Training
+
+log = logging.getLogger(__name__)
+
+
+def train_shared(training: Training, folder: Path) -> Path:
+    """Train in a shared folder, or wait for whoever does, and copy the checkpoint.
+
+    Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
+    so these name the place. A process that is stopped gives up its lock, and the next one goes on
+    from its last finished epoch.
+
+    Args:
+        training: What is trained.
+        folder: The shared folder; made if it does not exist.
+    """
+    if training.final.is_file():
+        return training.final
+    config = training.config
+    recipe = {
+        "card": training.card.to_dict(),
+        "fit": training.fit_values,
+        "seed": config.seed,
+        "weights": config.weights,
+        "trainer": asdict(config.trainer),
+    }
+    digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
+    place = folder / f"{training.card.kind}-{digest}"
+    place.mkdir(parents=True, exist_ok=True)
+    with FileLock(place / "lock"):
+        checkpoint = train_network(replace(training, directory=place))
+    write_atomically(training.final, lambda partial: _copy(checkpoint, partial))
+    return training.final
+
+
+def _copy(source: Path, target: Path) -> None:
+    shutil.copyfile(source, target)

@@ -1,0 +1,132 @@
+"""``report.md``: tables, confusion matrices and telling pairs of one run or of a whole sweep."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.files import write_text
+from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure
+from tex_lightning.report.fragments import confused_pairs, fragment_counts
+from tex_lightning.report.pairs import pairs_figure
+from tex_lightning.report.systems import System, read_systems
+from tex_lightning.report.tables import accuracy_tables, profiling_table
+
+NOTES = """\
+Every fold was tested once by systems fitted on the others. Votes are decisions on whole samples,
+fragments those at single positions. Intervals are Wilson's. p is the exact McNemar test of the row
+against the best one in bold on the same samples, with the samples that only the best row and only
+this row had right; a dash where the samples are not the same. Milliseconds run from decoded
+recordings to the label on this machine. Columns headed "paper" are the paper's figures on its own
+data, all others were measured here."""
+CHOICES = """\
+The paper leaves open: magnitude or power of the spectrogram (magnitude here), normalisation of each
+trace or of the data set (each trace in the paper's settings), the range of rotation (180 degrees),
+the dropout rate (0.5), the kernel of FC1 (6x6, which gives one prediction for 224 pixels), and
+which haptic and visual recording of a class form a sample (those of equal number). In its table of
+hyper-parameters FusionNet's step k = 4,000,000 exceeds the N = 100,000 iterations, so that its
+learning rate never drops. The row D8 names no method that public sources describe: rotation-
+invariant local binary patterns with 8 neighbours stand in for it. What the sources of the other
+rows leave unknown is said in their file in `conf/model`."""
+
+
+def write_report(directory: Path, runs: Sequence[Path]) -> None:
+    """Write ``report.md`` and its figures; nothing where no run tested anything.
+
+    Args:
+        directory: Where they go.
+        runs: Finished run folders.
+    """
+    systems = read_systems(runs)
+    if not systems:
+        return
+    complete = len({system.model for system in systems if not system.inside}) > 1
+    parts = ["# Which material is it?", NOTES]
+    parts.append(accuracy_tables(systems, complete=complete))
+    profiles = _profiles(runs)
+    if profiles:
+        parts.append(profiling_table(profiles))
+    parts += [_confusions(directory, systems), _pairs(directory, systems)]
+    parts += ["### Where the paper leaves a choice", CHOICES]
+    write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
+
+
+def _profiles(runs: Sequence[Path]) -> dict[str, dict[str, Any]]:
+    """Profiles by model that cross-validations left behind."""
+    found: dict[str, dict[str, Any]] = {}
+    for run in runs:
+        file = run / "profile" / "results.json"
+        if file.is_file():
+            results = json.loads(file.read_text(encoding="utf-8"))
+            for kind, network in results["networks"].items():
+                found[results["model"]] = {**network, "kind": kind}
+    return found
+
+
+def _networks(systems: Sequence[System]) -> list[System]:
+    """Our networks, each once: by itself if it was run so, else as a part of a FusionNet."""
+    chosen: dict[str, System] = {}
+    for system in sorted(systems, key=lambda item: bool(item.inside)):
+        if system.model in ("haptic", "visual") or system.kind == "fusion":
+            chosen.setdefault(system.model, system)
+    return list(chosen.values())
+
+
+def _confusions(directory: Path, systems: Sequence[System]) -> str:
+    """Fragments by class, as in the paper's figures of HapticNet, VisualNet and FusionNet."""
+    lines = []
+    for system in _networks(systems):
+        counts = fragment_counts(system.outcomes, system.classes)
+        name, total = system.model, f"{len(system.outcomes)} test samples"
+        figures = {
+            "fragment_confusion": confusion_figure(
+                counts, system.classes, f"{name}: fragments of {total}"
+            ),
+            "fragment_accuracy": class_accuracy_figure(
+                counts, system.classes, f"{name}: fragments of {total}", "fragment"
+            ),
+        }
+        for title, figure in figures.items():
+            file = Path("figures") / f"{name}_{title}.png"
+            save_figure(figure, directory / file)
+            lines.append(f"![{name}, {title.replace('_', ' ')}]({file})")
+    return "\n".join(["### Fragments by class", "", *lines]) if lines else ""
+
+
+def _pairs(directory: Path, systems: Sequence[System]) -> str:
+    """Pairs that one network confuses and the other tells apart, with their recordings."""
+    by_kind: dict[str, System] = {}
+    for system in _networks(systems):
+        by_kind.setdefault(system.kind, system)
+    if len(by_kind) < 3:
+        return ""
+    haptic, visual, fusion = (by_kind[kind] for kind in ("haptic", "visual", "fusion"))
+    if not haptic.classes == visual.classes == fusion.classes:
+        return ""
+    pairs = confused_pairs(
+        fragment_counts(haptic.outcomes, haptic.classes),
+        fragment_counts(visual.outcomes, visual.classes),
+        fusion.classes,
+    )
+    if not pairs:
+        return ""
+    file = Path("figures") / "confused_pairs.png"
+    settings = _decoding(fusion.directories[0])
+    save_figure(pairs_figure(pairs, fusion.outcomes, settings), directory / file)
+    lines = [
+        f"- {pair.classes[0]} and {pair.classes[1]}: confused by the {pair.confused_by} network "
+        f"({pair.confusion:.1%} of fragments), not by the other ({pair.other:.1%})"
+        for pair in pairs
+    ]
+    title = "### Pairs that one sense confuses and the other separates"
+    return "\n".join([title, "", *lines, "", f"![confused pairs]({file})"])
+
+
+def _decoding(run: Path) -> DecodeSettings:
+    data = OmegaConf.load(run / ".hydra" / "config.yaml").data
+    rate = data.sampling_rate
+    file_rate = rate if data.file_rate is None else data.file_rate
+    return DecodeSettings(rate, file_rate, data.half_scale)

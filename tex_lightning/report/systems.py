@@ -1,0 +1,109 @@
+"""Tested systems, read back from the run folders that they were tested in."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from tex_lightning.report.results import Outcome, read_outcomes
+
+FOLD_KEYS = ("data.test_fold", "crossval.only")
+SHARED_KEYS = ("model=", "data=", "data.", "hydra", "experiment=", "task=", "debug=", "crossval.")
+
+
+@dataclass(frozen=True)
+class System:
+    """One system and everything it was tested on.
+
+    Attributes:
+        model: Name of its configuration.
+        kind: haptic, visual or fusion.
+        inside: The FusionNet that trained it as its part; empty for a system of its own.
+        data: Name of the data set's configuration.
+        variant: What else was asked for, where one model was run in several ways.
+        classes: Class names in order.
+        entries: Its entries of ``results.json``, one for each run.
+        outcomes: Of all runs together.
+        directories: Run folders.
+    """
+
+    model: str
+    kind: str
+    inside: str
+    data: str
+    variant: str
+    classes: list[str]
+    entries: list[dict[str, Any]]
+    outcomes: list[Outcome]
+    directories: list[Path]
+
+    @property
+    def successes(self) -> dict[str, bool]:
+        """Whether it was right, by sample."""
+        return {_sample(outcome): outcome.label == outcome.predicted for outcome in self.outcomes}
+
+    def successes_beside(self, other: "System") -> dict[str, bool]:
+        """Whether it was right on the samples of another system, by those samples.
+
+        A FusionNet's sample is a pair of recordings, of which a unimodal system judges its own.
+        """
+        if self.kind == "fusion" or other.kind == self.kind:
+            return self.successes
+        mine = {_own(out, self.kind): out.label == out.predicted for out in self.outcomes}
+        theirs = {_sample(out): _own(out, self.kind) for out in other.outcomes}
+        return {key: mine[part] for key, part in theirs.items() if part in mine}
+
+
+def _sample(outcome: Outcome) -> str:
+    return f"{outcome.haptic}|{outcome.image}"
+
+
+def _own(outcome: Outcome, kind: str) -> str:
+    return outcome.haptic if kind == "haptic" else outcome.image
+
+
+def read_systems(runs: Iterable[Path]) -> list[System]:
+    """All systems that finished runs have tested, those with several runs pooled.
+
+    Args:
+        runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
+    """
+    groups: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
+    for run in runs:
+        results = _results(run)
+        networks = results.get("networks", {})
+        for kind, entry in networks.items():
+            if "vote_accuracy" in entry:
+                main = kind == list(networks)[-1]
+                names = (results["model"], "") if main else (kind, results["model"])
+                key = (names[0], kind, names[1], results["data"], _variant(run))
+                groups.setdefault(key, []).append((run, results))
+    return [_pool(key, members) for key, members in groups.items()]
+
+
+def _results(run: Path) -> dict[str, Any]:
+    path = run / "results.json"
+    if not path.is_file():
+        return {}
+    results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return results
+
+
+def _variant(run: Path) -> str:
+    """Overrides that change the system, not the data, the folds or where the run lands."""
+    path = run / ".hydra" / "overrides.yaml"
+    items = [str(item) for item in OmegaConf.load(path)] if path.is_file() else []
+    return " ".join(item for item in items if not item.startswith((*SHARED_KEYS, *FOLD_KEYS)))
+
+
+def _pool(key: tuple[str, ...], members: list[tuple[Path, dict[str, Any]]]) -> System:
+    model, kind, inside, data, variant = key
+    entries = [results["networks"][kind] for _, results in members]
+    directories = [run for run, _ in members]
+    files = [run / "predictions" / f"{kind}.csv" for run in directories]
+    outcomes = [outcome for file in files for outcome in read_outcomes(file)]
+    classes = members[0][1]["classes"]
+    return System(model, kind, inside, data, variant, classes, entries, outcomes, directories)

@@ -1,0 +1,161 @@
+"""The paper's tables with our figures beside its own, as Markdown."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from tex_lightning.report.paired import mcnemar
+from tex_lightning.report.paper import paper_table
+from tex_lightning.report.results import summarise
+from tex_lightning.report.systems import System
+
+KIND_TABLES = ("haptic", "visual", "fusion")
+DATA_TABLES = ("kylberg", "kth_tips2b")
+LABELS = {"haptic": "HapticNet", "visual": "VisualNet"}
+HEADINGS = (
+    "system", "votes, paper", "votes, ours", "95 % interval", "p against the best",
+    "fragments, paper", "fragments, ours", "ms a sample", "fit s", "parameters",
+)  # fmt: skip
+NOT_RUN = "not run"
+NONE = "-"
+
+
+def accuracy_tables(systems: Sequence[System], *, complete: bool) -> str:
+    """All tables that the systems have rows in.
+
+    Args:
+        systems: What was tested.
+        complete: Whether rows that were not run are listed too.
+    """
+    own = [system for system in systems if not system.inside]
+    parts = [_table(kind, _of_kind(kind, systems), complete=complete) for kind in KIND_TABLES]
+    for name in DATA_TABLES:
+        visual = [system for system in own if system.kind == "visual"]
+        rows = [system for system in visual if system.data == name] or visual
+        listed = {row["model"] for row in paper_table(name)["rows"]}
+        rows = [system for system in rows if system.model in listed]
+        if complete or any(system.data == name for system in rows):
+            parts.append(_table(name, rows, complete=complete))
+    return "\n\n".join(part for part in parts if part)
+
+
+def _of_kind(kind: str, systems: Sequence[System]) -> list[System]:
+    """Systems of one table; data sets with a table of their own stay out of the others."""
+    mine = [system for system in systems if system.kind == kind and system.data not in DATA_TABLES]
+    return [system for system in mine if not system.inside] or mine
+
+
+def _table(name: str, systems: list[System], *, complete: bool) -> str:
+    """One table; empty where nothing in it was run."""
+    if not systems:
+        return ""
+    paper = paper_table(name)
+    best = max(systems, key=lambda system: summarise(system.outcomes)["vote_accuracy"])
+    order = [row["model"] for row in paper["rows"]]
+    lines = []
+    for row in paper["rows"]:
+        found = [item for item in systems if item.model == row["model"] and not item.inside]
+        if not found and complete and ("vote" in row or "fragment" in row):
+            lines.append(_missing(row))
+        lines += [_line(row, item, best) for item in found]
+    for item in systems:
+        if item.inside or item.model not in order:
+            lines.append(_line({"label": _label(item)}, item, best))
+    data = sorted({item.data for item in systems})
+    count = max(len(item.outcomes) for item in systems)
+    classes = max(len(item.classes) for item in systems)
+    return "\n".join(
+        [
+            f"### {paper['title']}",
+            "",
+            f"Ours: {', '.join(data)}, {classes} classes, {count} test samples. "
+            f"The paper's: {paper['data']}.",
+            "",
+            *_markdown(HEADINGS, lines),
+        ]
+    )
+
+
+def _label(system: System) -> str:
+    if system.inside:
+        return f"{LABELS[system.kind]} inside {system.inside}"
+    return system.model
+
+
+def _line(row: dict[str, Any], system: System, best: System) -> list[str]:
+    ours = summarise(system.outcomes)
+    low, high = ours["vote_ci95"]
+    entries = system.entries
+    label = row["label"] + (f" ({system.variant})" if system.variant else "")
+    return [
+        f"**{label}**" if system is best else label,
+        _percent(row.get("vote")),
+        f"{ours['vote_accuracy']:.1%} ({ours['correct']}/{ours['test_samples']})",
+        f"{low:.1%} to {high:.1%}",
+        _against(best, system),
+        _percent(row.get("fragment")),
+        f"{ours['fragment_accuracy']:.1%}",
+        f"{ours['latency_ms']['median']:.1f}",
+        f"{sum(entry['fit_seconds'] for entry in entries) / _folds(entries):.1f}",
+        f"{entries[0]['parameters']:,}",
+    ]
+
+
+def _folds(entries: list[dict[str, Any]]) -> int:
+    return sum(len(entry.get("folds", [None])) for entry in entries)
+
+
+def _missing(row: dict[str, Any]) -> list[str]:
+    cells = [row["label"], _percent(row.get("vote")), NOT_RUN, NONE, NONE]
+    return [*cells, _percent(row.get("fragment")), NOT_RUN, NONE, NONE, NONE]
+
+
+def _percent(value: float | None) -> str:
+    return NONE if value is None else f"{value:g} %"
+
+
+def _against(best: System, system: System) -> str:
+    """Exact McNemar test against the best row, with both counts of samples only one had right."""
+    if system is best:
+        return "best"
+    test = mcnemar(best.successes, system.successes_beside(best))
+    return NONE if test is None else f"{test[2]:.2g} ({test[0]}:{test[1]})"
+
+
+def _markdown(headings: Sequence[str], lines: list[list[str]]) -> list[str]:
+    return [
+        f"| {' | '.join(headings)} |",
+        f"|{'---|' * len(headings)}",
+        *(f"| {' | '.join(cells)} |" for cells in lines),
+    ]
+
+
+def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
+    """The paper's profiling table beside ours, by name of the network."""
+    paper = paper_table("profiling")
+    lines = []
+    for name, ours in networks.items():
+        theirs = paper[ours["kind"]]
+        lines.append(
+            [
+                name,
+                f"{theirs['sliding_window_ms']} / {theirs['fcn_ms']}",
+                f"{theirs['sliding_window_ms'] / theirs['fcn_ms']:.1f}x",
+                f"{ours['sliding_window_ms']:.1f} / {ours['fcn_ms']:.1f}",
+                f"{ours['speedup']:.1f}x",
+                f"{ours['speedup_same_engine']:.1f}x",
+                f"{ours['label_agreement']:.1%}",
+            ]
+        )
+    headings = (
+        "network", "windows / dense, paper (ms)", "paper", "windows / dense, ours (ms)", "ours",
+        "ours, same engine", "labels equal",
+    )  # fmt: skip
+    return "\n".join(
+        [
+            "### Running time",
+            "",
+            f"The paper's: {paper['device']}. Ratios compare across machines, milliseconds do not.",
+            "",
+            *_markdown(headings, lines),
+        ]
+    )
