@@ -72,14 +72,17 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
         runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
     """
     groups: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
-    for run in runs:
+    asked = {run: _asked(run) for run in runs}
+    shared = set.intersection(*map(set, asked.values())) if asked else set()
+    for run in asked:
         results = _results(run)
         networks = results.get("networks", {})
         for kind, entry in networks.items():
             if "vote_accuracy" in entry:
                 main = kind == list(networks)[-1]
                 names = (results["model"], "") if main else (kind, results["model"])
-                key = (names[0], kind, names[1], results["data"], _variant(run))
+                variant = " ".join(item for item in asked[run] if item not in shared)
+                key = (names[0], kind, names[1], results["data"], variant)
                 groups.setdefault(key, []).append((run, results))
     return [_pool(key, members) for key, members in groups.items()]
 
@@ -92,11 +95,11 @@ def _results(run: Path) -> dict[str, Any]:
     return results
 
 
-def _variant(run: Path) -> str:
+def _asked(run: Path) -> list[str]:
     """Overrides that change the system, not the data, the folds or where the run lands."""
     path = run / ".hydra" / "overrides.yaml"
     items = [str(item) for item in OmegaConf.load(path)] if path.is_file() else []
-    return " ".join(item for item in items if not item.startswith((*SHARED_KEYS, *FOLD_KEYS)))
+    return [item for item in items if not item.startswith((*SHARED_KEYS, *FOLD_KEYS))]
 
 
 def _pool(key: tuple[str, ...], members: list[tuple[Path, dict[str, Any]]]) -> System:

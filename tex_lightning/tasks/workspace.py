@@ -140,7 +140,7 @@ def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> C
     """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
     config = workspace.config
     card = replace(
-        configured_card(config, kind, workspace.classes), trained_on=trained_on(workspace)
+        configured_card(config, kind, workspace.classes), trained_on=trained_on(workspace, kind)
     )
     if kind != "fusion":
         return card
@@ -225,13 +225,18 @@ def refuse_leak(test: Recordings, card: Card, who: str) -> None:
         )
 
 
-def trained_on(workspace: Workspace) -> dict[str, Any]:
-    """What the weights will have seen, and the fold that they will not."""
+def trained_on(workspace: Workspace, kind: Kind) -> dict[str, Any]:
+    """What the weights of one kind will have seen, and the fold that they will not."""
     parts, data = workspace.parts(), workspace.config.data
     return {
         "folds": data.folds,
         "test_fold": data.test_fold,
-        "seen": [fingerprint(row.path) for part in (parts.train, parts.val) for row in part],
+        "seen": [
+            fingerprint(row.path)
+            for part in (parts.train, parts.val)
+            for row in part
+            if row.modality in NEEDS[kind]
+        ],
     }
 
 

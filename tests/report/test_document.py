@@ -1,0 +1,53 @@
+"""Tables and figures of a sweep, from rows to report, through the command line."""
+
+import csv
+import re
+
+import pytest
+from PIL import Image
+
+from tex_lightning.report.systems import read_systems
+
+
+@pytest.fixture(scope="module")
+def swept(run_once, surfaces):
+    """A small table: one baseline, one network and two FusionNets, two folds."""
+    directory = run_once(
+        "experiment=paper/all", "debug=tiny", "data=folder", f"data.root={surfaces}",
+        "data.half_scale=false", "crossval.only=[0,1]", "model.visual.width=0.1",
+        "hydra.sweep.dir=${hydra.run.dir}",
+        "hydra.sweeper.params.model='haptic,visual,fusion,fusion_fc3,minirocket'",
+    )  # fmt: skip
+    return directory
+
+
+def test_report_holds_every_row_with_counts_and_the_papers_figure(swept):
+    report = (swept / "report.md").read_text().replace("**", "")
+    row = next(line for line in report.splitlines() if line.startswith("| FusionNet-FC3 |"))
+    assert "98.1 %" in row
+    assert re.search(r"\(\d/6\)", row)
+    assert "| MFCC + GMM | 80.23 % | not run |" in report
+    assert "| haptic | 195.4 / 20.5 | 9.5x |" in report
+
+
+def test_figures_named_in_the_report_are_images(swept):
+    names = re.findall(r"\]\((figures/[^)]+)\)", (swept / "report.md").read_text())
+    assert len(names) >= 8
+    for name in names:
+        with Image.open(swept / name) as image:
+            assert min(image.size) > 100
+
+
+def test_networks_are_trained_once_for_all_rows(swept):
+    assert len(list((swept / "networks").glob("haptic-*"))) == 2  # one for each fold
+    systems = read_systems([swept / str(job) for job in range(4)])
+    own = next(item for item in systems if item.model == "haptic" and not item.inside)
+    inside = [item for item in systems if item.model == "haptic" and item.inside]
+    assert len(inside) == 2
+    for system in inside:
+        assert system.outcomes[0].votes == own.outcomes[0].votes
+
+
+def test_sweep_lists_all_jobs(swept):
+    with (swept / "sweep.csv").open() as stream:
+        assert {line["job"] for line in csv.DictReader(stream)} == {"0", "1", "2", "3", "4"}
