@@ -57,6 +57,10 @@ def test_axes_in_three_files_are_one_trace(tmp_path):
         decode_trace(files[0], SETTINGS)
     files[2].unlink()
     assert decode_trace(files[0], SETTINGS).shape == (1, 700)
+    photos = [tmp_path / f"a_{axis}_1.png" for axis in "XYZ"]
+    for photo in photos:
+        photo.touch()
+    assert axis_files(photos[1]) == (photos[1],)
 
 
 def test_resized_photos_are_square_and_keep_their_mean(tmp_path):

@@ -61,13 +61,14 @@ def axis_files(path: Path) -> tuple[Path, ...]:
         UserError: If two of the three are there.
     """
     match = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name)
-    if match is None:
+    if match is None or path.suffix.lower() not in TRACE_SUFFIXES:
         return (path,)
     files = tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
     missing = [file for file in files if not file.is_file()]
     if len(missing) == 1:
         raise UserError(
-            f"Trace {path} is one axis of three, but {missing[0]} does not exist; add it."
+            f"Trace {path} is one axis of three, but {missing[0]} does not exist; add it "
+            "or, if it is no axis, rename the file."
         )
     return (path,) if missing else files
 
