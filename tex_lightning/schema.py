@@ -29,14 +29,18 @@ class DataConfig:
     name: str = MISSING
     root: str | None = MISSING
     manifest: str | None = MISSING
+    split: str | None = None
+    group_by: str | None = None
     classes: int | None = None
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float = MISSING
     file_rate: float | None = None
     half_scale: bool = MISSING
+    resize: int | None = None
     folds: int = MISSING
     test_fold: int | None = MISSING
     val_fold: int | None = None
+    inverted: bool = MISSING
     cache_dir: str | None = None
     num_workers: int = MISSING
 

@@ -22,6 +22,8 @@ CHOICES = {
     "level": ("fc2", "fc3"),
     "head_start": ("scores", "random"),
     "layout": ("folder", "tum"),
+    "split": ("training", "testing"),
+    "group_by": ("patch", "surface"),
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
     "engine": ("fp32", "bf16"),
@@ -146,16 +148,33 @@ READ_KEYS = {
     "folder": ("root",),
     "manifest": ("manifest",),
     "tum": ("root", "manifest"),
+    "lmt108": ("root", "split"),
+    "kylberg": ("root", "group_by"),
+    "kth_tips2b": ("root",),
 }
+SURFACES = 4  # from which Kylberg's patches of one class are cut
 
 
 def _data(data: DataConfig) -> Iterator[str]:
-    for key in ("root", "manifest"):
+    for key in ("root", "manifest", "split", "group_by"):
         if getattr(data, key) is not None and key not in READ_KEYS[data.name]:
             readers = [name for name, keys in READ_KEYS.items() if key in keys]
             yield (
                 f"data.{key} is given, but data={data.name} does not read it: use data={readers[0]}"
             )
+    for key in ("split", "group_by"):
+        if (value := getattr(data, key)) is not None:
+            yield from _choice(f"data.{key}", value, CHOICES[key])
+    if data.group_by == "surface" and data.folds != SURFACES:
+        yield (
+            f"data.group_by=surface makes a fold of each source surface, but data.folds is "
+            f"{data.folds}: give data.folds={SURFACES}"
+        )
+    if data.resize is not None and data.half_scale:
+        yield "data.half_scale and data.resize both decide the size of photos: turn one off"
+    yield from _least("data.resize", data.resize, 1)
+    if data.inverted and data.test_fold is None:
+        yield "data.inverted trains on data.test_fold, which is null: give its number"
     yield from _least("data.folds", data.folds, 2)
     for name in ("test_fold", "val_fold"):
         fold = getattr(data, name)

@@ -73,6 +73,7 @@ def _test_part(config: Config, classifier: SurfaceClassifier) -> Recordings:
             "data or train on it."
         )
     wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
-    test = split(wanted, config.data.folds, config.data.test_fold, None).test
+    data = config.data
+    test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
     refuse_leak(test, card, "The checkpoint")
     return test

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tex_lightning.data.decode import IMAGE_SUFFIXES, TRACE_SUFFIXES
+from tex_lightning.data.decode import IMAGE_SUFFIXES, TRACE_SUFFIXES, axis_files
 from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings, number_files
 from tex_lightning.errors import UserError
 from tex_lightning.schema import DataConfig
@@ -42,5 +42,7 @@ def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return [
         path
         for path in directory.iterdir()
-        if path.suffix.lower() in suffixes and not path.name.startswith(".")
+        if path.suffix.lower() in suffixes
+        and not path.name.startswith(".")
+        and path == axis_files(path)[0]
     ]
