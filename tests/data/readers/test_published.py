@@ -247,7 +247,14 @@ def test_kylberg_end_to_end(cli, tmp_path):
 def test_kth_tips2b_end_to_end_in_both_protocols(cli, tmp_path):
     root = write_kth(tmp_path / "data", 24, 24)
     given = ["model=visual", "model.visual.width=0.1", "data=kth_tips2b", f"data.root={root}"]
-    modern = run(cli, tmp_path / "modern", *given, "data.resize=224", "data.val_fold=2")
+    modern = run(
+        cli,
+        tmp_path / "modern",
+        *given,
+        "data.resize=224",
+        "data.val_fold=2",
+        "data.inverted=false",
+    )
     assert modern["visual"]["test_samples"] == 2 * 108
     paper = [*given, "data.resize=224", "task=crossval", "data.inverted=true", "crossval.only=[1]"]
     networks = run(cli, tmp_path / "paper", *paper)
@@ -257,7 +264,9 @@ def test_kth_tips2b_end_to_end_in_both_protocols(cli, tmp_path):
     assert all(f"sample_{sample}" in csv for sample in "acd")
     checkpoint = f"checkpoint={tmp_path}/paper/folds/1/checkpoints/visual.ckpt"
     again = ["task=evaluate", "data=kth_tips2b", f"data.root={root}", checkpoint]
-    refused = cli(*again, "data.test_fold=1", f"hydra.run.dir={tmp_path}/again")
+    refused = cli(
+        *again, "data.test_fold=1", "data.inverted=false", f"hydra.run.dir={tmp_path}/again"
+    )
     assert refused.status == 2
     assert (
         "data.test_fold=1 data.inverted=true data.val_fold=null as in its training" in refused.err

@@ -15,6 +15,16 @@ def read(config: DataConfig) -> Recordings:
     return read_folder(Path(str(config.root)).expanduser())
 
 
+def own_folder(config: DataConfig) -> Path:
+    """``data.root``, or the folder in it that is called like the data set.
+
+    So one ``data.root`` serves a sweep over several data sets.
+    """
+    root = Path(str(config.root)).expanduser()
+    inner = root / config.name
+    return inner if inner.is_dir() else root
+
+
 def read_folder(root: Path) -> Recordings:
     """Read a folder with one folder per class; other files and empty classes are passed over.
 

@@ -9,6 +9,7 @@ four folds are the four samples. The paper trains on one sample and tests on the
 import difflib
 from pathlib import Path
 
+from tex_lightning.data.readers.folder import own_folder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.schema import DataConfig
@@ -32,7 +33,7 @@ SCALES, IMAGES = range(2, 11), range(1, 13)
 
 def read(config: DataConfig) -> Recordings:
     """Read the data set under ``data.root``."""
-    return read_kth_tips2b(Path(str(config.root)).expanduser())
+    return read_kth_tips2b(own_folder(config))
 
 
 def read_kth_tips2b(root: Path) -> Recordings:

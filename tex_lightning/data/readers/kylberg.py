@@ -12,6 +12,7 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
+from tex_lightning.data.readers.folder import own_folder
 from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.schema import DataConfig
@@ -21,9 +22,7 @@ PATCHES = 160
 
 def read(config: DataConfig) -> Recordings:
     """Read the data set under ``data.root``, grouped by ``data.group_by``."""
-    return read_kylberg(
-        Path(str(config.root)).expanduser(), by_surface=config.group_by == "surface"
-    )
+    return read_kylberg(own_folder(config), by_surface=config.group_by == "surface")
 
 
 def read_kylberg(root: Path, *, by_surface: bool) -> Recordings:
