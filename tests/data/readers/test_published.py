@@ -161,8 +161,9 @@ def test_kylberg_counts_and_names_are_checked(copy):
     patch.unlink()
     with pytest.raises(UserError, match="canvas1 holds 159 patches, but a class has 160"):
         read(*given)
+    (copy / "empty").mkdir()
     with pytest.raises(UserError, match=r"holds no CLASS/CLASS-a-p001\.png"):
-        read("data=kylberg", f"data.root={copy}")
+        read("data=kylberg", f"data.root={copy}/empty")
     with pytest.raises(UserError, match="does not exist"):
         read("data=kylberg", f"data.root={copy}/nothing")
 
