@@ -9,8 +9,18 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
-from tex_lightning.tasks import crossval, evaluate, fit, generate, predict, profile, stream
-from tex_lightning.validation import check_config, check_known, check_missing
+from tex_lightning.tasks import (
+    crossval,
+    evaluate,
+    fit,
+    frontier,
+    generate,
+    predict,
+    profile,
+    stream,
+)
+from tex_lightning.tasks.auto import resolve_auto
+from tex_lightning.validation import AUTO, check_config, check_known, check_missing
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
     "fit": fit.run,
@@ -20,6 +30,7 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "stream": stream.run,
     "generate": generate.run,
     "profile": profile.run,
+    "frontier": frontier.run,
 }
 
 
@@ -36,4 +47,6 @@ def run_task(composed: DictConfig, directory: Path) -> None:
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
     claim_folder(composed, config, directory.resolve())
+    if config.model.name == AUTO:
+        config = resolve_auto(config, directory.resolve())
     TASKS[config.task](config, directory.resolve())
