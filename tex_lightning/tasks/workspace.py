@@ -19,7 +19,7 @@ from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.schema import Config, DataConfig, ModelConfig
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
-VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel")
+VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
 
 
 @dataclass(frozen=True)
