@@ -114,13 +114,14 @@ class HapticConfig:
 
 @dataclass
 class VisualConfig:
-    """VisualNet."""
+    """VisualNet; ``head`` holds the channel counts of FC1 and FC2."""
 
     trunk: str = MISSING
     width: float = MISSING
     norm: str = MISSING
     dropout: float = MISSING
     fc1_kernel: int | None = None
+    head: list[int] = MISSING
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
 

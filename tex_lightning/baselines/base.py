@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.baselines.estimators import dump_estimator, load_estimator
+from tex_lightning.errors import UserError
 
 Array = npt.NDArray[Any]
 State = dict[str, Tensor]
@@ -31,8 +32,8 @@ class Baseline(ABC):
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]
-    least_side: ClassVar[int] = 0
-    sampling_rate = 10_000.0  # no setting of its own: it follows data.sampling_rate
+    least_side = 0  # no settings of their own: it follows from the settings,
+    sampling_rate = 10_000.0  # and this from data.sampling_rate
 
     @abstractmethod
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
@@ -59,6 +60,22 @@ class Baseline(ABC):
     @abstractmethod
     def count_parameters(self) -> int:
         """How many numbers were fitted."""
+
+    def load_weights(self, source: str) -> str:
+        """Start from pretrained weights, before :meth:`fit`.
+
+        Args:
+            source: The key ``weights``: a file, an address or ``imagenet``.
+
+        Returns:
+            One line saying what was loaded.
+
+        Raises:
+            UserError: If there is nothing to load them into, or the file cannot be used.
+        """
+        raise UserError(
+            "weights belong to a visual trunk, which this model does not have: leave it null."
+        )
 
     def with_budget(self, budget: float) -> Self:
         """The same with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from tex_lightning.baselines.base import Baseline
 
 BASELINES = {
+    "fisher_vectors": "fisher:FisherVectors",
+    "frozen_linear": "frozen:FrozenLinear",
+    "local_binary_patterns": "patterns:LocalBinaryPatterns",
     "minirocket": "rocket:MiniRocket",
 }
 
