@@ -88,7 +88,7 @@ class FusionNet(nn.Module):
         return torch.matmul(self.head.weight[:, : self.haptic_size], haptic)
 
     def project_visual(self, visual: Tensor) -> Tensor:
-        """Return the visual summand (B, classes, M * N), with the bias, of features (B, D, M * N)."""
+        """Return the visual summand (B, classes, M * N), with bias, of features (B, D, M * N)."""
         weight, bias = self.head.weight[:, self.haptic_size :], self.head.bias[:, None]
         return torch.matmul(weight, visual) + bias
 

@@ -9,7 +9,16 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
-from tex_lightning.tasks import crossval, evaluate, fit, generate, predict, profile, stream
+from tex_lightning.tasks import (
+    crossval,
+    evaluate,
+    fit,
+    generate,
+    predict,
+    profile,
+    stability,
+    stream,
+)
 from tex_lightning.validation import check_config, check_known, check_missing
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
@@ -20,6 +29,7 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "stream": stream.run,
     "generate": generate.run,
     "profile": profile.run,
+    "stability": stability.run,
 }
 
 

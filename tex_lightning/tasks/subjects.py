@@ -21,6 +21,7 @@ from tex_lightning.profiling.subject import Subject
 from tex_lightning.schema import Config
 from tex_lightning.tasks.workspace import configured_card
 
+
 def make_subjects(config: Config, device: torch.device) -> list[Subject]:
     """Load or build the networks, and read or render a recording for each.
 
