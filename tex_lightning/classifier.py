@@ -43,7 +43,7 @@ class Card:
         baseline: ``name`` and ``settings`` of a baseline; empty for our networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
-            them, and ``folds`` and ``test_fold`` of the training.
+            them, and the keys of ``data`` that say on which fold they may be tested.
     """
 
     kind: Kind

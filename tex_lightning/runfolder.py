@@ -16,12 +16,12 @@ from tex_lightning.schema import Config, flatten
 log = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
-WORK = ("checkpoints", "folds", "predictions", "results.json")
+WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
 
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
-    "crossval.", "logger.", "data.cache_dir", "data.num_workers", "trainer.accelerator",
-    "trainer.threads",
+    "crossval.", "frontier.only", "frontier.max", "frontier.min", "logger.", "data.cache_dir",
+    "data.num_workers", "trainer.accelerator", "trainer.threads",
 )  # fmt: skip
 
 

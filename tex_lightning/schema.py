@@ -29,14 +29,18 @@ class DataConfig:
     name: str = MISSING
     root: str | None = MISSING
     manifest: str | None = MISSING
+    split: str | None = None
+    group_by: str | None = None
     classes: int | None = None
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float = MISSING
     file_rate: float | None = None
     half_scale: bool = MISSING
+    resize: int | None = None
     folds: int = MISSING
     test_fold: int | None = MISSING
     val_fold: int | None = None
+    inverted: bool = MISSING
     cache_dir: str | None = None
     num_workers: int = MISSING
 
@@ -262,6 +266,27 @@ class ProfileConfig:
 
 
 @dataclass
+class FrontierConfig:
+    """The family of systems that ``task=frontier`` trains and measures.
+
+    Attributes:
+        systems: Overrides, separated by blanks, by the system's name.
+        only: Some of them; None runs all.
+        rounds: Rounds of timing.
+        max_latency_ms: Latency that the system to use may have; None is no limit.
+        min_accuracy: Share of right votes on the validation folds that it must have.
+        run: Finished run folder that ``model=auto`` takes its choice from; None finds it first.
+    """
+
+    systems: dict[str, str] = field(default_factory=dict)
+    only: list[str] | None = None
+    rounds: int = MISSING
+    max_latency_ms: float | None = None
+    min_accuracy: float | None = None
+    run: str | None = None
+
+
+@dataclass
 class StabilityConfig:
     """What ``task=stability`` tests and how thoroughly.
 
@@ -306,6 +331,7 @@ class Config:
     stream: StreamConfig = field(default_factory=StreamConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
+    frontier: FrontierConfig = field(default_factory=FrontierConfig)
     stability: StabilityConfig = field(default_factory=StabilityConfig)
 
 

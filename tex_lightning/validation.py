@@ -23,11 +23,14 @@ CHOICES = {
     "level": ("fc2", "fc3"),
     "head_start": ("scores", "random"),
     "layout": ("folder", "tum"),
+    "split": ("training", "testing"),
+    "group_by": ("patch", "surface"),
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
     "engine": ("fp32", "bf16"),
 }
 
+AUTO = "auto"
 READ_CHECKPOINTS = ("evaluate", "predict", "profile", "stream")
 LEAST_TILE = 100_000  # smaller pieces are nearly all margin
 LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
@@ -93,7 +96,7 @@ def _task(config: Config) -> Iterator[str]:
     data = config.data
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
-    training = config.task in ("fit", "crossval")
+    training = config.task in ("fit", "crossval", "frontier")
     if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
         yield (
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
@@ -106,6 +109,7 @@ def _task(config: Config) -> Iterator[str]:
         yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
     if config.predict.fast_decode and config.task != "predict":
         yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
+    yield from _frontier(config)
     if config.weights is not None and not training:
         yield f"weights are read when training, not by task={config.task}: leave it null"
     fusion = config.model.fusion
@@ -119,10 +123,30 @@ def _task(config: Config) -> Iterator[str]:
             "data.val_fold is set, but task=crossval trains on all folds but the tested one: "
             "leave it null"
         )
-    if config.weights is not None and config.model.kind == "haptic":
+    if (
+        config.weights is not None
+        and config.model.kind == "haptic"
+        and config.task != "frontier"  # whose family may have networks on photos
+    ):
         yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
     if config.weights is not None and config.model.fusion.visual_checkpoint is not None:
         yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
+
+
+def _frontier(config: Config) -> Iterator[str]:
+    frontier = config.frontier
+    if config.model.name == AUTO and config.task not in ("fit", "frontier"):
+        yield f"model=auto trains one network, task={config.task} does not: use task=fit"
+    if frontier.run is not None and config.model.name != AUTO:
+        yield "frontier.run is read by model=auto alone: leave it out"
+    yield from _least("frontier.rounds", frontier.rounds, 1)
+    if frontier.max_latency_ms is not None:
+        yield from _positive("frontier.max_latency_ms", frontier.max_latency_ms)
+    if frontier.min_accuracy is not None:
+        yield from _within("frontier.min_accuracy", frontier.min_accuracy, 0, 1)
+    for key in ("only", "max_latency_ms", "min_accuracy"):
+        if getattr(frontier, key) is not None and config.task != "frontier":
+            yield f"frontier.{key} is read by task=frontier alone, not by task={config.task}"
 
 
 def _stream_axes(axes: int) -> Iterator[str]:
@@ -166,16 +190,33 @@ READ_KEYS = {
     "folder": ("root",),
     "manifest": ("manifest",),
     "tum": ("root", "manifest"),
+    "lmt108": ("root", "split"),
+    "kylberg": ("root", "group_by"),
+    "kth_tips2b": ("root",),
 }
+SURFACES = 4  # from which Kylberg's patches of one class are cut
 
 
 def _data(data: DataConfig) -> Iterator[str]:
-    for key in ("root", "manifest"):
+    for key in ("root", "manifest", "split", "group_by"):
         if getattr(data, key) is not None and key not in READ_KEYS[data.name]:
             readers = [name for name, keys in READ_KEYS.items() if key in keys]
             yield (
                 f"data.{key} is given, but data={data.name} does not read it: use data={readers[0]}"
             )
+    for key in ("split", "group_by"):
+        if (value := getattr(data, key)) is not None:
+            yield from _choice(f"data.{key}", value, CHOICES[key])
+    if data.group_by == "surface" and data.folds != SURFACES:
+        yield (
+            f"data.group_by=surface makes a fold of each source surface, but data.folds is "
+            f"{data.folds}: give data.folds={SURFACES}"
+        )
+    if data.resize is not None and data.half_scale:
+        yield "data.half_scale and data.resize both decide the size of photos: turn one off"
+    yield from _least("data.resize", data.resize, 1)
+    if data.inverted and data.test_fold is None:
+        yield "data.inverted trains on data.test_fold, which is null: give its number"
     yield from _least("data.folds", data.folds, 2)
     for name in ("test_fold", "val_fold"):
         fold = getattr(data, name)

@@ -6,7 +6,14 @@ import pytest
 import soundfile
 from PIL import Image
 
-from tex_lightning.data.decode import STRIP, DecodeSettings, decode_image, decode_trace, halve
+from tex_lightning.data.decode import (
+    STRIP,
+    DecodeSettings,
+    axis_files,
+    decode_image,
+    decode_trace,
+    halve,
+)
 from tex_lightning.errors import UserError
 
 SETTINGS = DecodeSettings()
@@ -33,6 +40,40 @@ def test_every_format_gives_the_same_trace(tmp_path, axes, suffix):
     decoded = decode_trace(path, SETTINGS)
     assert decoded.dtype == np.float32
     np.testing.assert_allclose(decoded, trace, rtol=1e-6)
+
+
+def test_axes_in_three_files_are_one_trace(tmp_path):
+    files = [tmp_path / f"G1_X_Mesh_Movement_{axis}_train1.txt" for axis in "XYZ"]
+    for path, axis in zip(files, AXES, strict=True):
+        np.savetxt(path, axis, fmt="%.9g")
+    for path in files:
+        assert axis_files(path) == tuple(files)
+        np.testing.assert_allclose(decode_trace(path, SETTINGS), AXES, rtol=1e-6)
+    np.savetxt(files[1], AXES[1, 1:])
+    with pytest.raises(UserError, match="have 1 x 700, 1 x 699, 1 x 700 samples; they must"):
+        decode_trace(files[0], SETTINGS)
+    files[1].unlink()
+    with pytest.raises(UserError, match=f"one axis of three, but {files[1]} does not exist"):
+        decode_trace(files[0], SETTINGS)
+    files[2].unlink()
+    assert decode_trace(files[0], SETTINGS).shape == (1, 700)
+    photos = [tmp_path / f"a_{axis}_1.png" for axis in "XYZ"]
+    for photo in photos:
+        photo.touch()
+    assert axis_files(photos[1]) == (photos[1],)
+
+
+def test_resized_photos_are_square_and_keep_their_mean(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 256, (6, 9, 3)).astype(np.uint8)
+    Image.fromarray(noise).save(tmp_path / "p.png")
+    settings = DecodeSettings(half_scale=False, resize=90)
+    found = decode_image(tmp_path / "p.png", settings)
+    theirs = cv2.resize(noise, (90, 90), interpolation=cv2.INTER_LINEAR)
+    assert found.shape == (90, 90, 3)
+    assert np.abs(found.astype(int) - theirs).max() <= 1
+    flat = np.full((40, 50, 3), 77, np.uint8)
+    Image.fromarray(flat).save(tmp_path / "flat.png")
+    assert np.unique(decode_image(tmp_path / "flat.png", settings)).tolist() == [77]
 
 
 def test_orientation_and_shape_of_arrays(tmp_path):

@@ -37,6 +37,14 @@ def test_every_recording_is_tested_once_and_never_with_its_group_in_training(fol
     assert tested == len(rows)
 
 
+def test_inverted_swaps_training_and_test_and_leaves_validation_out_of_both():
+    rows = table(a=(8, 0), b=(8, 0))
+    plain, turned = (split(rows, 4, 2, 1, inverted) for inverted in (False, True))
+    assert (turned.train, turned.val, turned.test) == (plain.test, plain.val, plain.train)
+    assert {row.group % 4 for row in turned.train} == {2}
+    assert {row.group % 4 for row in split(rows, 4, 2, None, True).test} == {0, 1, 3}
+
+
 def test_without_a_test_fold_everything_is_test():
     rows = table(a=(3, 0))
     assert split(rows, 10, None, None).test == rows

@@ -8,7 +8,7 @@ import pytest
 
 from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.store import Store, cache_root
+from tex_lightning.data.store import Store, cache_root, fingerprint
 from tex_lightning.errors import UserError
 
 
@@ -55,6 +55,22 @@ def test_a_changed_file_or_setting_is_decoded_anew(store, tmp_path):
     assert store.trace(row).max() == 2
     half_rate = Store(store.root.parent, DecodeSettings(sampling_rate=5000))
     assert half_rate.trace(row).shape == (1, 50)
+
+
+def test_a_change_of_any_axis_is_decoded_anew_and_seen(store, tmp_path):
+    folder = tmp_path / "data" / "a" / "haptic"
+    folder.mkdir(parents=True)
+    for axis in "XYZ":
+        np.save(folder / f"t_{axis}_1.npy", np.ones(100))
+    (row,) = read_folder(tmp_path / "data")
+    assert row.path.name == "t_X_1.npy"
+    assert store.trace(row).shape == (3, 100)
+    before = fingerprint(row.path)
+    assert fingerprint(folder / "t_Z_1.npy") == before
+    np.save(folder / "t_Z_1.npy", np.full(100, 2.0))
+    os.utime(folder / "t_Z_1.npy", ns=(1, 1))
+    assert store.trace(row)[:, 0].tolist() == [1, 1, 2]
+    assert fingerprint(row.path) != before
 
 
 def test_a_damaged_entry_is_replaced(store, surfaces):

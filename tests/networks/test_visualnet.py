@@ -14,12 +14,14 @@ RECEPTIVE_FIELDS = {
     "alexnet_torchvision": (-66, 355),
     "tcnn": (-32, 291),
     "squeezenet": (-60, 347),
+    "vgg_m": (-52, 331),
 }
 SINGLE_OUTPUT = {
     "alexnet_caffe": (199, 230),
     "alexnet_torchvision": (223, 254),
     "tcnn": (215, 230),
     "squeezenet": (213, 244),
+    "vgg_m": (201, 232),
 }
 
 
@@ -46,6 +48,8 @@ def test_paper_parameter_counts(trunk, norm, fc1_kernel, count):
         ("alexnet_caffe", 2_334_080),
         ("alexnet_torchvision", 2_469_696),
         ("squeezenet", 1_248_424 - 513_000),
+        # conv1 to conv5 of VGG-M: 7x7x3x96, 5x5x96x256, 3x3x256x512 and twice 3x3x512x512
+        ("vgg_m", 14_112 + 614_400 + 1_179_648 + 2 * 2_359_296 + 96 + 256 + 3 * 512),
     ],
 )
 def test_published_trunk_parameter_counts(trunk, count):

@@ -267,9 +267,9 @@ def test_missing_file(tmp_path):
 
 
 def test_wrong_suffix(tmp_path):
-    path = tmp_path / "weights.caffemodel"
+    path = tmp_path / "weights.h5"
     path.touch()
-    refused(visualnet(), path, str(path), ".npz, .pth or .pt")
+    refused(visualnet(), path, str(path), ".npz, .caffemodel, .mat, .pth or .pt")
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".pth"])
@@ -345,7 +345,10 @@ def test_numbers_must_be_finite(tmp_path, value):
 
 @pytest.mark.parametrize(
     ("trunk", "suffix", "use"),
-    [("alexnet_torchvision", ".npz", ".pth or .pt"), ("tcnn", ".pth", "use .npz")],
+    [
+        ("alexnet_torchvision", ".npz", ".pth or .pt"),
+        ("tcnn", ".pth", "use .npz, .caffemodel or .mat"),
+    ],
 )
 def test_layout_the_trunk_does_not_have(tmp_path, trunk, suffix, use):
     path = tmp_path / f"weights{suffix}"

@@ -175,7 +175,7 @@ def test_given_checkpoints_are_used_and_checked(cli, surfaces, fused, tmp_path):
     leak = cli("model=fusion", *given, "data.test_fold=3", *tiny(surfaces, tmp_path / "b"))
     assert leak.status == 2
     assert "has trained on 3 of the 3 test recordings" in leak.err
-    assert "set data.test_fold=0" in leak.err
+    assert "data.test_fold=0 as in its training" in leak.err
     other_folds = cli("model=fusion", *given, "data.folds=3", *tiny(surfaces, tmp_path / "d"))
     assert other_folds.status == 2
     assert "has trained on" in other_folds.err

@@ -227,7 +227,7 @@ def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, trained
     common = ["task=evaluate", checkpoint(trained, "haptic"), f"data.root={surfaces}"]
     leak = cli(*common, "data=folder", "data.test_fold=4", f"hydra.run.dir={tmp_path}/a")
     assert leak.status == 2
-    assert "set data.test_fold=0" in leak.err
+    assert "set data.folds=10 data.test_fold=0" in leak.err
     (tmp_path / "other" / "delta" / "haptic").mkdir(parents=True)
     (tmp_path / "other" / "alpha" / "haptic").mkdir(parents=True)
     for label in ("alpha", "delta"):

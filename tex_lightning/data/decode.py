@@ -4,6 +4,7 @@ A checkpoint carries the settings used here, so prediction decodes as training d
 """
 
 import csv
+import re
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -37,22 +38,47 @@ class DecodeSettings:
         sampling_rate: Rate in Hz that every trace is brought to.
         file_rate: Rate in Hz of traces whose file and reader give none.
         half_scale: Whether photos are halved (the paper's preprocessing, section III-B).
+        resize: Side in pixels of the square that photos are brought to; None leaves their size.
     """
 
     sampling_rate: float = 10_000.0
     file_rate: float = 10_000.0
     half_scale: bool = True
+    resize: int | None = None
 
-    def to_dict(self) -> dict[str, float | bool]:
+    def to_dict(self) -> dict[str, float | bool | None]:
         """Plain values for a checkpoint or a cache key."""
         return asdict(self)
+
+
+def axis_files(path: Path) -> tuple[Path, ...]:
+    """The files of one recording: three if its axes lie apart, as in LMT-108, else the file alone.
+
+    Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
+    last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all.
+
+    Raises:
+        UserError: If two of the three are there.
+    """
+    match = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name)
+    if match is None or path.suffix.lower() not in TRACE_SUFFIXES:
+        return (path,)
+    files = tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
+    missing = [file for file in files if not file.is_file()]
+    if len(missing) == 1:
+        raise UserError(
+            f"Trace {path} is one axis of three, but {missing[0]} does not exist; add it "
+            "or, if it is no axis, rename the file."
+        )
+    return (path,) if missing else files
 
 
 def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None) -> Trace:
     """Read a trace of one or three axes and bring it to the configured rate.
 
     Args:
-        path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a line.
+        path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a line;
+            one of three files with an axis each stands for all (:func:`axis_files`).
         settings: Target rate and the rate of files that carry none.
         rate: Rate of this file in Hz if it is known and the file carries none.
 
@@ -62,9 +88,7 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
     Raises:
         UserError: If the file is missing, empty, damaged, of another shape, or holds NaN.
     """
-    _require_file(path)
-    samples, file_rate = _read_samples(path)
-    trace = _as_axes(path, samples)
+    trace, file_rate = _read_axes(path)
     finite = np.isfinite(trace).all(axis=0) & (np.abs(trace) < LARGEST).all(axis=0)
     if not finite.all():
         first = int(np.flatnonzero(~finite)[0])
@@ -84,11 +108,11 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
 
 
 def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) -> Photo:
-    """Read a photo as RGB, upright, halved if so configured.
+    """Read a photo as RGB, upright, halved or resized if so configured.
 
     Args:
         path: An image file.
-        settings: Whether it is halved.
+        settings: Whether it is halved or resized.
         fast: Let the JPEG decoder do the halving: it leaves out the upper half of each block's
             frequencies, which takes half the time and is near the mean of 2x2 pixels, not equal
             to it. Other formats, and photos that are not halved, are decoded as ever.
@@ -112,6 +136,8 @@ def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) ->
         raise UserError(f"Image {path} is too large ({error}); scale it down.") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise UserError(f"Image {path} is damaged ({error}); replace the file.") from error
+    if settings.resize is not None:
+        return _resized(photo, settings.resize)
     if halved or not settings.half_scale:
         return photo
     if min(photo.shape[:2]) < 2:
@@ -139,6 +165,12 @@ def _pixels(image: Image.Image) -> Photo:
     return photo
 
 
+def _resized(photo: Photo, side: int) -> Photo:
+    """Bring a photo to ``side`` x ``side`` pixels, whatever its proportions; bilinear."""
+    image = Image.fromarray(photo).resize((side, side), Image.Resampling.BILINEAR)
+    return np.asarray(image).copy()
+
+
 def halve(photo: Photo) -> Photo:
     """Half-scale an RGB photo: each pixel is the rounded mean of a 2x2 block.
 
@@ -160,6 +192,22 @@ def _require_file(path: Path) -> None:
         raise UserError(f"File {path} does not exist; check the path.")
     if path.stat().st_size == 0:
         raise UserError(f"File {path} is empty; record or copy it again.")
+
+
+def _read_axes(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
+    """Samples (axes, samples) out of one file or three, and the rate if the file carries one."""
+    axes = []
+    for file in (files := axis_files(path)):
+        _require_file(file)
+        samples, rate = _read_samples(file)
+        axes.append(_as_axes(file, samples))
+    if len(files) > 1 and {axis.shape for axis in axes} != {(1, axes[0].shape[1])}:
+        shapes = ", ".join(f"{len(axis)} x {axis.shape[1]}" for axis in axes)
+        raise UserError(
+            f"The axes X, Y, Z of trace {path} have {shapes} samples; they must be single and of "
+            "one length."
+        )
+    return np.concatenate(axes), rate
 
 
 def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:

@@ -37,15 +37,29 @@ class Sample:
     image: Recording | None
 
 
-def split(recordings: Recordings, folds: int, test_fold: int | None, val_fold: int | None) -> Split:
-    """Divide by fold; with ``test_fold`` None everything is test."""
+def split(
+    recordings: Recordings,
+    folds: int,
+    test_fold: int | None,
+    val_fold: int | None,
+    inverted: bool = False,
+) -> Split:
+    """Divide by fold.
+
+    Args:
+        recordings: What is divided.
+        folds: Number of folds.
+        test_fold: The fold that is tested; with None everything is test.
+        val_fold: The fold that is validation and neither trained nor tested; None for none.
+        inverted: ``test_fold`` alone is trained on and the others are tested.
+    """
     if test_fold is None:
         return Split(Recordings(()), Recordings(()), recordings)
     parts: dict[str, list[Recording]] = {"train": [], "val": [], "test": []}
     for row in recordings:
         fold = row.group % folds
-        part = "test" if fold == test_fold else "val" if fold == val_fold else "train"
-        parts[part].append(row)
+        alone, others = ("train", "test") if inverted else ("test", "train")
+        parts[alone if fold == test_fold else "val" if fold == val_fold else others].append(row)
     return Split(*(Recordings(tuple(parts[name])) for name in ("train", "val", "test")))
 
 

@@ -1,8 +1,8 @@
 """Every file is decoded once, into memory-mapped arrays outside the package.
 
-One ``.npy`` per file, named by a digest of the file's identity (path, size, time of change) and
-the decode settings. Files are written under another name and moved into place, so a reader never
-sees half an array and two processes that decode the same file do no harm.
+One ``.npy`` per recording, named by a digest of its files' identity (path, size, time of change)
+and the decode settings. Files are written under another name and moved into place, so a reader
+never sees half an array and two processes that decode the same file do no harm.
 """
 
 import hashlib
@@ -18,7 +18,14 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
-from tex_lightning.data.decode import DecodeSettings, Photo, Trace, decode_image, decode_trace
+from tex_lightning.data.decode import (
+    DecodeSettings,
+    Photo,
+    Trace,
+    axis_files,
+    decode_image,
+    decode_trace,
+)
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
@@ -46,13 +53,19 @@ def cache_root(configured: str | None) -> Path:
 
 
 def fingerprint(path: Path) -> str:
-    """Digest of a file's size and ends: the same for a copy, another for another recording."""
-    size = path.stat().st_size
-    digest = hashlib.sha256(str(size).encode())
-    with path.open("rb") as stream:
-        digest.update(stream.read(FINGERPRINT_BYTES))
-        stream.seek(max(0, size - FINGERPRINT_BYTES))
-        digest.update(stream.read(FINGERPRINT_BYTES))
+    """Digest of a recording's size and ends: the same for a copy, another for another recording.
+
+    Args:
+        path: Its file, or that of any axis if they lie apart.
+    """
+    digest = hashlib.sha256()
+    for file in axis_files(path):
+        size = file.stat().st_size
+        digest.update(str(size).encode())
+        with file.open("rb") as stream:
+            digest.update(stream.read(FINGERPRINT_BYTES))
+            stream.seek(max(0, size - FINGERPRINT_BYTES))
+            digest.update(stream.read(FINGERPRINT_BYTES))
     return digest.hexdigest()[:16]
 
 
@@ -100,14 +113,15 @@ class Store:
         return array
 
     def _entry(self, recording: Recording) -> Path:
+        files = axis_files(recording.path)
         try:
-            status = recording.path.stat()
+            status = [file.stat() for file in files]
         except OSError as error:
             raise UserError(f"File {recording.path} does not exist; check the path.") from error
         identity = {
-            "path": str(recording.path.resolve()),
-            "size": status.st_size,
-            "changed": status.st_mtime_ns,
+            "path": str(files[0].resolve()),
+            "size": [entry.st_size for entry in status],
+            "changed": [entry.st_mtime_ns for entry in status],
             "modality": recording.modality,
             "rate": recording.sampling_rate,
             **self.settings.to_dict(),

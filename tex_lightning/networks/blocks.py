@@ -63,12 +63,13 @@ def conv_block(
     return nn.Sequential(conv, *normalisation, nn.ReLU(inplace=True))
 
 
-def response_norm(norm: Norm) -> list[nn.Module]:
+def response_norm(norm: Norm, alpha: float = 1e-4, k: float = 1.0) -> list[nn.Module]:
     """Return AlexNet's local response normalisation across channels, or nothing.
 
-    Caffe's values: b_i = a_i / (1 + (1e-4 / 5) sum_j a_j^2)^0.75 over the 5 channels around i.
+    Caffe's form: b_i = a_i / (k + (alpha / 5) sum_j a_j^2)^0.75 over the 5 channels around i; the
+    values given here are those of Caffe's AlexNet.
     """
-    return [nn.LocalResponseNorm(5, alpha=1e-4, beta=0.75, k=1.0)] if norm == "lrn" else []
+    return [nn.LocalResponseNorm(5, alpha=alpha, beta=0.75, k=k)] if norm == "lrn" else []
 
 
 def initialise(module: nn.Module) -> None:

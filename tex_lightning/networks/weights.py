@@ -1,16 +1,19 @@
-"""Reading ImageNet weights of VisualNet's trunks, from Caffe and torchvision layouts."""
+"""Reading ImageNet weights of VisualNet's trunks: files of Caffe, MatConvNet and torchvision."""
 
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
+from tex_lightning.networks.caffemodel import read_caffemodel
+from tex_lightning.networks.matconvnet import read_matconvnet
 from tex_lightning.networks.trunks import TRUNKS, Trunk
 from tex_lightning.networks.trunks.base import Layout
 from tex_lightning.networks.visualnet import VisualNet
@@ -19,9 +22,18 @@ CAFFE_MEAN = (123.0, 117.0, 104.0)  # RGB, subtracted from values in 0-255
 
 LAYOUT_OF_SUFFIX: dict[str, Layout] = {
     ".npz": "caffe",
+    ".caffemodel": "caffe",
+    ".mat": "caffe",
     ".pth": "torchvision",
     ".pt": "torchvision",
 }
+
+
+class CaffeInput(NamedTuple):
+    """What a network of the Caffe layout was trained on: values in 0-255 less a mean colour."""
+
+    mean: tuple[float, ...] = CAFFE_MEAN
+    bgr: bool = True
 
 
 def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
@@ -32,11 +44,12 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
 
     Args:
         visual: A network of width 1 without batch normalisation.
-        source: A .npz file in the Caffe layout (its input convention, BGR in 0-255 less the mean,
-            is folded into the first convolution, so that the network keeps the input it
-            documents), a .pth or .pt state dict with torchvision's names, "imagenet" for the
-            trunk's official weights, or their address. The official file is fetched once and
-            kept in the folder of torch.hub.
+        source: A .caffemodel file, a .mat file of MatConvNet or a .npz file with Caffe's names
+            (their input convention, BGR or RGB in 0-255 less the mean, is folded into the first
+            convolution, so that the network keeps the input it documents; of a mean image the
+            mean colour is taken), a .pth or .pt state dict with torchvision's names, "imagenet"
+            for the trunk's official weights, or their address. The official file is fetched once
+            and kept in the folder of torch.hub.
 
     Returns:
         One line saying what was loaded.
@@ -50,19 +63,24 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
     path = _find(trunk, str(source))
     layout = LAYOUT_OF_SUFFIX.get(path.suffix)
     if layout is None:
-        raise UserError(f"weights: {path} must end in .npz, .pth or .pt.")
+        raise UserError(f"weights: {path} must end in {_listed(list(LAYOUT_OF_SUFFIX))}.")
     if layout not in trunk.layouts:
+        usable = [suffix for suffix, known in LAYOUT_OF_SUFFIX.items() if known in trunk.layouts]
         raise UserError(
             f"weights: {path} is in the {layout} layout, which {_name(trunk)} does not have; use"
-            f" {' or '.join(s for s, known in LAYOUT_OF_SUFFIX.items() if known in trunk.layouts)}"
-            " or another model.visual.trunk."
+            f" {_listed(usable)}, or another model.visual.trunk."
         )
-    state = _select(trunk, _read(path), layout, path)
+    content, caffe_input = _read(path)
+    state = _select(trunk, content, layout, path)
     if layout == "caffe":
-        _fold_caffe_input(state, "layers.conv1.0")
+        _fold_caffe_input(state, "layers.conv1.0", caffe_input)
     trunk.load_state_dict(state)
     _scale_features(trunk)
     return f"{_name(trunk)} trunk from {path} ({layout} layout, {len(state)} tensors)"
+
+
+def _listed(suffixes: list[str]) -> str:
+    return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
 
 
 def _name(trunk: Trunk) -> str:
@@ -92,8 +110,8 @@ def _find(trunk: Trunk, source: str) -> Path:
     url = trunk.imagenet_url
     if url is None:
         raise UserError(
-            f"weights={source} is not available for {_name(trunk)}; give weights=PATH of a .npz"
-            " file in the Caffe layout."
+            f"weights={source} is not available for {_name(trunk)}; give weights=PATH of a"
+            " .caffemodel, .mat or .npz file."
         )
     if source not in ("imagenet", url):
         raise UserError(f"weights={source} is not an official file of this trunk; use {url}.")
@@ -119,12 +137,20 @@ def _fetch(url: str) -> Path:
     return path
 
 
-def _read(path: Path) -> Mapping[str, Tensor]:
+def _read(path: Path) -> tuple[Mapping[str, Tensor], CaffeInput]:
+    """Tensors by name, and the input they expect if they are of the Caffe layout."""
     try:
+        if path.suffix == ".caffemodel":
+            return _tensors(read_caffemodel(path)), CaffeInput()
+        if path.suffix == ".mat":
+            layers, mean = read_matconvnet(path)
+            colour = CAFFE_MEAN if mean is None else tuple(map(float, mean))
+            return _tensors(layers), CaffeInput(colour, bgr=False)
         if path.suffix == ".npz":
             # Opened here because NumPy leaves a damaged file open.
             with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                return {name: torch.from_numpy(arrays[name]) for name in arrays.files}
+                named = {name: arrays[name] for name in arrays.files}
+            return _tensors(named), CaffeInput()
         content: Any = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # zip, zlib, pickle and NumPy each raise their own kinds
         raise UserError(
@@ -134,7 +160,11 @@ def _read(path: Path) -> Mapping[str, Tensor]:
         isinstance(value, Tensor) for value in content.values()
     ):
         raise UserError(f"weights: {path} must hold a state dict, names with their tensors.")
-    return content
+    return content, CaffeInput()
+
+
+def _tensors(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, Tensor]:
+    return {name: torch.from_numpy(np.array(array)) for name, array in arrays.items()}
 
 
 def _select(
@@ -164,15 +194,17 @@ def _select(
     return state
 
 
-def _fold_caffe_input(state: dict[str, Tensor], conv1: str) -> None:
+def _fold_caffe_input(state: dict[str, Tensor], conv1: str, expected: CaffeInput) -> None:
     """Change the first convolution from Caffe's input to the normalised RGB of VisualNet.
 
     Caffe's input in channel c is 255 (SD_c x_c + mean_c) - m_c. Factor and constant move into the
     weights and the bias; this is exact because the first convolution has no padding.
     """
-    weight = state[f"{conv1}.weight"].flip(1).double()  # BGR to RGB
+    weight = state[f"{conv1}.weight"].double()
+    if expected.bgr:
+        weight = weight.flip(1)  # to RGB
     mean, sd, caffe_mean = (
-        torch.tensor(values, dtype=torch.float64) for values in (MEAN, STD, CAFFE_MEAN)
+        torch.tensor(values, dtype=torch.float64) for values in (MEAN, STD, expected.mean)
     )
     shift = (weight.sum(dim=(2, 3)) * (255 * mean - caffe_mean)).sum(dim=1)
     state[f"{conv1}.weight"] = (weight * (255 * sd)[:, None, None]).float()

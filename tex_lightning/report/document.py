@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
-
+from tex_lightning.classifier import Card, read_checkpoint
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.files import write_text
 from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure
@@ -114,7 +113,7 @@ def _pairs(directory: Path, systems: Sequence[System]) -> str:
     if not pairs:
         return ""
     file = Path("figures") / "confused_pairs.png"
-    settings = _decoding(fusion.directories[0])
+    settings = _decoding(fusion)
     save_figure(pairs_figure(pairs, fusion.outcomes, settings), directory / file)
     lines = [
         f"- {pair.classes[0]} and {pair.classes[1]}: confused by the {pair.confused_by} network "
@@ -125,8 +124,6 @@ def _pairs(directory: Path, systems: Sequence[System]) -> str:
     return "\n".join([title, "", *lines, "", f"![confused pairs]({file})"])
 
 
-def _decoding(run: Path) -> DecodeSettings:
-    data = OmegaConf.load(run / ".hydra" / "config.yaml").data
-    rate = data.sampling_rate
-    file_rate = rate if data.file_rate is None else data.file_rate
-    return DecodeSettings(rate, file_rate, data.half_scale)
+def _decoding(system: System) -> DecodeSettings:
+    content = read_checkpoint(system.entries[0]["checkpoint"])
+    return Card.from_dict(content["hyper_parameters"]["card"]).settings

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
-    chosen = _chosen_folds(config)
+    chosen = chosen_folds(config)
     workspace = open_workspace(config, directory)
     for fold in chosen:  # before time is spent on the first
         workspace.on_fold(fold, directory).parts()
@@ -56,7 +56,12 @@ def _profile(config: Config, checkpoint: str, directory: Path) -> None:
     profile.run(replace(config, task="profile", checkpoint=checkpoint), directory)
 
 
-def _chosen_folds(config: Config) -> list[int]:
+def chosen_folds(config: Config) -> list[int]:
+    """The folds that ``crossval.only`` asks for, or all.
+
+    Raises:
+        UserError: If one does not exist.
+    """
     every = range(config.data.folds)
     chosen = list(every) if config.crossval.only is None else config.crossval.only
     wrong = [fold for fold in chosen if fold not in every]

@@ -13,13 +13,15 @@ from tex_lightning.tasks import (
     crossval,
     evaluate,
     fit,
+    frontier,
     generate,
     predict,
     profile,
     stability,
     stream,
 )
-from tex_lightning.validation import check_config, check_known, check_missing
+from tex_lightning.tasks.auto import resolve_auto
+from tex_lightning.validation import AUTO, check_config, check_known, check_missing
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
     "fit": fit.run,
@@ -29,6 +31,7 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "stream": stream.run,
     "generate": generate.run,
     "profile": profile.run,
+    "frontier": frontier.run,
     "stability": stability.run,
 }
 
@@ -46,4 +49,6 @@ def run_task(composed: DictConfig, directory: Path) -> None:
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
     claim_folder(composed, config, directory.resolve())
+    if config.model.name == AUTO:
+        config = resolve_auto(config, directory.resolve())
     TASKS[config.task](config, directory.resolve())

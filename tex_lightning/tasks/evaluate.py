@@ -78,6 +78,6 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
             "data or train on it."
         )
     wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
-    test = split(wanted, data.folds, data.test_fold, None).test
+    test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
     refuse_leak(test, card, who)
     return test

@@ -1,5 +1,6 @@
 """What every training task starts with: recordings, store, classifier card, run folder."""
 
+import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -50,7 +51,7 @@ class Workspace:
     def parts(self) -> Split:
         """Training, validation and test recordings, checked."""
         data = self.config.data
-        parts = split(self.recordings, data.folds, data.test_fold, data.val_fold)
+        parts = split(self.recordings, data.folds, data.test_fold, data.val_fold, data.inverted)
         check_split(parts, self.classes, self.kind, cast(int, data.test_fold))
         return parts
 
@@ -133,7 +134,7 @@ def given_checkpoints(config: Config) -> dict[Kind, Path]:
 def decode_settings(data: DataConfig) -> DecodeSettings:
     """How the configured data is decoded."""
     file_rate = data.sampling_rate if data.file_rate is None else data.file_rate
-    return DecodeSettings(data.sampling_rate, file_rate, data.half_scale)
+    return DecodeSettings(data.sampling_rate, file_rate, data.half_scale, data.resize)
 
 
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
@@ -190,13 +191,13 @@ def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:
             f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
             f"{len(workspace.classes)} of this data; train it on the same data."
         )
-    relevant = "sampling_rate" if kind == "haptic" else "half_scale"
-    ours = decode_settings(config.data).to_dict()[relevant]
-    if card.decode[relevant] != ours:
-        raise UserError(
-            f"Checkpoint {path} was trained with data.{relevant}={card.decode[relevant]}, this "
-            f"run has {ours}; make them equal."
-        )
+    theirs, ours = card.settings.to_dict(), decode_settings(config.data).to_dict()
+    for key in ("sampling_rate",) if kind == "haptic" else ("half_scale", "resize"):
+        if theirs[key] != ours[key]:
+            raise UserError(
+                f"Checkpoint {path} was trained with data.{key}={theirs[key]}, this "
+                f"run has {ours[key]}; make them equal."
+            )
     refuse_leak(workspace.parts().test.of(NEEDS[kind][0]), card, f"Checkpoint {path}")
     return card
 
@@ -217,11 +218,15 @@ def refuse_leak(test: Recordings, card: Card, who: str) -> None:
     seen = set(card.trained_on["seen"])
     known = [row for row in test if fingerprint(row.path) in seen]
     if known:
+        same = " ".join(
+            f"data.{key}={json.dumps(value)}"
+            for key, value in card.trained_on.items()
+            if key != "seen"
+        )
         raise UserError(
             f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
             f"{known[0].path.name} among them, so testing here would flatter it; set "
-            f"data.test_fold={card.trained_on['test_fold']} and "
-            f"data.folds={card.trained_on['folds']} as in its training, or train anew."
+            f"{same} as in its training, or train anew."
         )
 
 
@@ -231,6 +236,7 @@ def trained_on(workspace: Workspace, kind: Kind) -> dict[str, Any]:
     return {
         "folds": data.folds,
         "test_fold": data.test_fold,
+        **({"inverted": True, "val_fold": data.val_fold} if data.inverted else {}),
         "seen": [
             fingerprint(row.path)
             for part in (parts.train, parts.val)

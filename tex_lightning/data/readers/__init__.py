@@ -2,7 +2,15 @@
 
 from collections.abc import Callable
 
-from tex_lightning.data.readers import folder, manifest, synthetic, tum
+from tex_lightning.data.readers import (
+    folder,
+    kth_tips2b,
+    kylberg,
+    lmt108,
+    manifest,
+    synthetic,
+    tum,
+)
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
 from tex_lightning.schema import DataConfig
@@ -12,6 +20,9 @@ READERS: dict[str, Callable[[DataConfig], Recordings]] = {
     "folder": folder.read,
     "manifest": manifest.read,
     "tum": tum.read,
+    "lmt108": lmt108.read,
+    "kylberg": kylberg.read,
+    "kth_tips2b": kth_tips2b.read,
 }
 
 

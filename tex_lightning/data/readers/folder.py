@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tex_lightning.data.decode import IMAGE_SUFFIXES, TRACE_SUFFIXES
+from tex_lightning.data.decode import IMAGE_SUFFIXES, TRACE_SUFFIXES, axis_files
 from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings, number_files
 from tex_lightning.errors import UserError
 from tex_lightning.schema import DataConfig
@@ -13,6 +13,16 @@ SUFFIXES: dict[Modality, tuple[str, ...]] = {"haptic": TRACE_SUFFIXES, "image": 
 def read(config: DataConfig) -> Recordings:
     """Read ``data.root``; a file's place in the natural order of names is its group."""
     return read_folder(Path(str(config.root)).expanduser())
+
+
+def own_folder(config: DataConfig) -> Path:
+    """``data.root``, or the folder in it that is called like the data set.
+
+    So one ``data.root`` serves a sweep over several data sets.
+    """
+    root = Path(str(config.root)).expanduser()
+    inner = root / config.name
+    return inner if inner.is_dir() else root
 
 
 def read_folder(root: Path) -> Recordings:
@@ -42,5 +52,7 @@ def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return [
         path
         for path in directory.iterdir()
-        if path.suffix.lower() in suffixes and not path.name.startswith(".")
+        if path.suffix.lower() in suffixes
+        and not path.name.startswith(".")
+        and path == axis_files(path)[0]
     ]

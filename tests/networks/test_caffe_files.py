@@ -1,0 +1,284 @@
+"""Published files of Caffe and MatConvNet, written by Google's protobuf and by SciPy."""
+
+import json
+
+import numpy as np
+import pytest
+import scipy.io
+import torch
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from scipy.signal import correlate
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks import VisualNet
+from tex_lightning.networks.caffemodel import read_caffemodel
+from tex_lightning.networks.weights import load_trunk_weights
+
+ALEXNET = {
+    "conv1": (96, 3, 11, 11),
+    "conv2": (256, 48, 5, 5),
+    "conv3": (384, 256, 3, 3),
+    "conv4": (384, 192, 3, 3),
+    "conv5": (256, 192, 3, 3),
+    "fc8": (10, 20),
+}
+VGG_M = {
+    "conv1": (96, 3, 7, 7),
+    "conv2": (256, 96, 5, 5),
+    "conv3": (512, 256, 3, 3),
+    "conv4": (512, 512, 3, 3),
+    "conv5": (512, 512, 3, 3),
+    "fc8": (10, 20),
+}
+SHAPES = {"alexnet_caffe": ALEXNET, "tcnn": ALEXNET, "vgg_m": VGG_M}
+STRIDES = {"alexnet_caffe": 4, "tcnn": 4, "vgg_m": 2}
+FORMS = ["layers", "layer", "unpacked", "double"]
+COLOUR = np.array([125.0, 114.0, 101.0])  # RGB
+
+# Name, number, type and, where it is a message or repeated, which, as in caffe.proto.
+FLOAT, DOUBLE, INT64, INT32, STRING, MESSAGE = 2, 1, 3, 5, 9, 11
+SCHEMA = {
+    "Shape": [("dim", 1, INT64, "*")],
+    "Blob": [
+        ("num", 1, INT32, ""),
+        ("channels", 2, INT32, ""),
+        ("height", 3, INT32, ""),
+        ("width", 4, INT32, ""),
+        ("data", 5, FLOAT, "*"),
+        ("diff", 6, FLOAT, "*"),
+        ("shape", 7, MESSAGE, "Shape"),
+        ("double_data", 8, DOUBLE, "*"),
+    ],
+    "Old": [
+        ("bottom", 2, STRING, "*"),
+        ("name", 4, STRING, ""),
+        ("type", 5, INT32, ""),
+        ("blobs", 6, MESSAGE, "Blob*"),
+        ("blobs_lr", 7, FLOAT, "*"),
+    ],
+    "New": [
+        ("name", 1, STRING, ""),
+        ("type", 2, STRING, ""),
+        ("bottom", 3, STRING, "*"),
+        ("blobs", 7, MESSAGE, "Blob*"),
+        ("phase", 10, INT32, ""),
+    ],
+    "Net": [
+        ("name", 1, STRING, ""),
+        ("layers", 2, MESSAGE, "Old*"),
+        ("input_dim", 4, INT32, "*"),
+        ("layer", 100, MESSAGE, "New*"),
+    ],
+}
+
+
+def network_class(packed: bool) -> type:
+    """Caffe's NetParameter, as far as these files use it."""
+    package = f"caffe_{packed}".lower()
+    file = descriptor_pb2.FileDescriptorProto(name=f"{package}.proto", package=package)
+    for message, fields in SCHEMA.items():
+        entry = file.message_type.add(name=message)
+        for name, number, kind, more in fields:
+            repeated = more.endswith("*")
+            field = entry.field.add(name=name, number=number, type=kind, label=1 + 2 * repeated)
+            if kind == MESSAGE:
+                field.type_name = f".{package}.{more.rstrip('*')}"
+            elif repeated and kind != STRING:
+                field.options.packed = packed
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"{package}.Net"))
+
+
+def fabricate(shapes):
+    rng = np.random.default_rng(0)
+    return {
+        name: (
+            (0.05 * rng.standard_normal(shape)).astype(np.float32),
+            rng.standard_normal(shape[0]).astype(np.float32),
+        )
+        for name, shape in shapes.items()
+    }
+
+
+def write_caffemodel(path, arrays, form="layers"):
+    net = network_class(form != "unpacked")(name="Net", input_dim=[10, 3, 227, 227])
+    for name, pair in arrays.items():
+        old = form != "layer"
+        layer = net.layers.add(type=4) if old else net.layer.add(type="Convolution", phase=1)
+        layer.name = name
+        layer.bottom.append("data")
+        for array in pair:
+            blob = layer.blobs.add()
+            if old:
+                shape = (1,) * (4 - array.ndim) + array.shape
+                blob.num, blob.channels, blob.height, blob.width = shape
+            else:
+                blob.shape.dim.extend(array.shape)
+            blob.diff.append(0.5)
+            (blob.double_data if form == "double" else blob.data).extend(array.ravel().tolist())
+    path.write_bytes(net.SerializeToString())
+    return path
+
+
+def write_mat(path, arrays, *, nested=True, mean=True):
+    """RGB weights (height, width, inputs, outputs), as MatConvNet's importer saves them."""
+    layers = []
+    for name, (weight, bias) in arrays.items():
+        cell = np.empty((1, 2), dtype=object)
+        wide = weight if weight.ndim == 4 else weight[:, :, None, None]
+        cell[0, 0], cell[0, 1] = wide.transpose(2, 3, 1, 0), bias[None]
+        layers += [{"name": name, "type": "conv", "weights": cell}, {"name": "r", "type": "relu"}]
+    ripple = np.array([-5.0, 5.0]).repeat(112)[:, None, None]
+    image = COLOUR + ripple + np.zeros((224, 224, 1))
+    normalization = {"averageImage": image.astype(np.float32) if mean else np.zeros((0, 0))}
+    more = {"normalization": normalization}
+    content = {"layers": np.array(layers).reshape(1, -1), **({"meta": more} if nested else more)}
+    scipy.io.savemat(path, content, do_compression=True)
+    return path
+
+
+def visualnet(trunk, norm="lrn"):
+    return VisualNet(3, trunk=trunk, norm=norm).eval()
+
+
+def photo():
+    return np.random.default_rng(1).integers(0, 256, (3, 47, 47)).astype(np.float64)  # RGB
+
+
+def normalised(rgb):
+    mean, sd = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
+    scaled = (rgb / 255 - mean[:, None, None]) / sd[:, None, None]
+    return torch.from_numpy(scaled[None]).float()
+
+
+def assert_conv1(net, trunk, planes, weight, bias):
+    """Compare conv1 on the photo with SciPy's correlation of ``planes``, as the file means it."""
+    with torch.no_grad():
+        found = net.trunk.layers.conv1[0](normalised(photo()))[0].numpy()
+    stride = STRIDES[trunk]
+    for out in (0, 17, 95):
+        expected = correlate(planes, weight[out], "valid")[0, ::stride, ::stride] + bias[out]
+        assert found[out].shape == expected.shape
+        assert np.abs(found[out] - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_of_the_format_is_read(tmp_path, form):
+    arrays = fabricate({"conv1": (6, 3, 2, 2), "fire2/squeeze": (4, 6, 1, 1)})
+    found = read_caffemodel(write_caffemodel(tmp_path / "a.caffemodel", arrays, form))
+    assert len(found) == 4
+    for name, (weight, bias) in arrays.items():
+        np.testing.assert_array_equal(found[f"{name}.weight"], weight)
+        np.testing.assert_array_equal(found[f"{name}.bias"], bias)
+
+
+@pytest.mark.parametrize("trunk", SHAPES)
+def test_caffemodel_gives_caffes_conv1_and_the_other_layers_as_they_are(tmp_path, trunk):
+    arrays = fabricate(SHAPES[trunk])
+    path = write_caffemodel(tmp_path / "a.caffemodel", arrays)
+    net = visualnet(trunk)
+    convolutions = 3 if trunk == "tcnn" else 5
+    message = load_trunk_weights(net, path)
+    assert message == f"{trunk} trunk from {path} (caffe layout, {2 * convolutions} tensors)"
+    bgr = photo()[::-1] - np.array([104.0, 117.0, 123.0])[:, None, None]
+    assert_conv1(net, trunk, bgr, *arrays["conv1"])
+    weight = net.trunk.layers.conv2[0].weight.detach().numpy()
+    np.testing.assert_array_equal(weight, arrays["conv2"][0])
+
+
+def test_grouped_convolutions_see_their_half_of_the_channels(tmp_path):
+    arrays = fabricate(ALEXNET)
+    net = visualnet("alexnet_caffe")
+    load_trunk_weights(net, write_caffemodel(tmp_path / "a.caffemodel", arrays))
+    x = np.random.default_rng(2).standard_normal((384, 6, 6))
+    weight, bias = arrays["conv4"]
+    with torch.no_grad():
+        found = net.trunk.layers.conv4[0](torch.from_numpy(x[None]).float())[0].numpy()
+    padded = np.pad(x, ((0, 0), (1, 1), (1, 1)))
+    for out, half in ((0, slice(0, 192)), (383, slice(192, 384))):
+        expected = correlate(padded[half], weight[out], "valid")[0] + bias[out]
+        np.testing.assert_allclose(found[out], expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("nested", [False, True])
+@pytest.mark.parametrize("trunk", ["alexnet_caffe", "vgg_m"])
+def test_mat_gives_matconvnets_conv1_less_the_mean_colour_of_the_file(tmp_path, trunk, nested):
+    arrays = fabricate(SHAPES[trunk])
+    net = visualnet(trunk)
+    load_trunk_weights(net, write_mat(tmp_path / "a.mat", arrays, nested=nested))
+    assert_conv1(net, trunk, photo() - COLOUR[:, None, None], *arrays["conv1"])
+    weight = net.trunk.layers.conv3[0].weight.detach().numpy()
+    np.testing.assert_array_equal(weight, arrays["conv3"][0])
+
+
+def test_mat_without_a_mean_image_takes_caffes(tmp_path):
+    arrays = fabricate(VGG_M)
+    net = visualnet("vgg_m")
+    load_trunk_weights(net, write_mat(tmp_path / "a.mat", arrays, mean=False))
+    rgb = photo() - np.array([123.0, 117.0, 104.0])[:, None, None]
+    assert_conv1(net, "vgg_m", rgb, *arrays["conv1"])
+
+
+def test_vgg_m_normalises_as_its_files_say():
+    """MatConvNet's parameters [5 2 1e-4 0.75]: x_i / (2 + 1e-4 sum of 5 squares)^0.75."""
+    x = 100 * np.random.default_rng(0).standard_normal((96, 3, 3))
+    layer = visualnet("vgg_m").trunk.layers.pool1[0]
+    found = layer(torch.from_numpy(x[None]))[0].numpy()
+    for channel in (0, 1, 40, 95):
+        near = x[max(0, channel - 2) : channel + 3]
+        expected = x[channel] / (2 + 1e-4 * (near**2).sum(0)) ** 0.75
+        np.testing.assert_allclose(found[channel], expected, rtol=1e-6)
+
+
+def refused(net, path, *parts):
+    with pytest.raises(UserError) as caught:
+        load_trunk_weights(net, path)
+    assert str(caught.value).startswith("weights")
+    assert all(part in str(caught.value) for part in parts), caught.value
+
+
+@pytest.mark.parametrize("write", [write_caffemodel, write_mat])
+@pytest.mark.parametrize("kept", [0.0, 0.001, 0.3, 0.999])
+def test_truncated_files(tmp_path, write, kept):
+    suffix = write.__name__.removeprefix("write_")
+    path = write(tmp_path / f"a.{suffix}", fabricate({"conv1": (96, 3, 7, 7)}))
+    content = path.read_bytes()
+    path.write_bytes(content[: int(kept * len(content))])
+    refused(visualnet("vgg_m"), path, str(path), "cannot be read")
+
+
+@pytest.mark.parametrize("suffix", ["caffemodel", "mat"])
+@pytest.mark.parametrize(
+    "content", [b"<html>not found</html>", bytes(range(256)) * 9, b"\x80" * 99]
+)
+def test_files_of_something_else(tmp_path, suffix, content):
+    path = tmp_path / f"a.{suffix}"
+    path.write_bytes(content)
+    refused(visualnet("vgg_m"), path, "cannot be read")
+
+
+def test_other_mat_files(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"x": np.zeros(3)})
+    refused(visualnet("vgg_m"), tmp_path / "a.mat", "cannot be read")
+
+
+def test_the_file_of_another_network(tmp_path):
+    path = write_caffemodel(tmp_path / "a.caffemodel", fabricate(ALEXNET))
+    refused(visualnet("vgg_m"), path, "conv1.weight", "(96, 3, 11, 11)", "(96, 3, 7, 7)")
+    few = fabricate({name: VGG_M[name] for name in ("conv1", "conv2")})
+    refused(visualnet("vgg_m"), write_mat(tmp_path / "a.mat", few), "has no conv3.weight")
+
+
+def test_vgg_m_on_the_command_line(cli, surfaces, tmp_path):
+    run = tmp_path / "run"
+    common = ["model=visual_vgg_m", "data=folder", f"data.root={surfaces}", "debug=tiny"]
+    common += ["data.half_scale=false", "trainer.threads=1", "model.visual.fit.probe.steps=5"]
+    weights = write_mat(tmp_path / "a.mat", fabricate(VGG_M))
+    outcome = cli(*common, f"weights={weights}", f"hydra.run.dir={run}")
+    assert outcome.status == 0, outcome.err
+    assert json.loads((run / "results.json").read_text())["networks"]["visual"]
+    (tmp_path / "b.caffemodel").write_bytes(b"nothing")
+    outcome = cli(*common, f"weights={tmp_path}/b.caffemodel", f"hydra.run.dir={tmp_path}/b")
+    assert outcome.status == 2
+    assert "b.caffemodel cannot be read" in outcome.err

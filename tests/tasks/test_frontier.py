@@ -1,0 +1,87 @@
+"""A small family, its charts and the choice, through the command line."""
+
+import csv
+import json
+
+import pytest
+from PIL import Image
+
+CONTRACT = (
+    "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
+    "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def given(surfaces):
+    return "data=folder", f"data.root={surfaces}", "debug=tiny"
+
+
+@pytest.fixture(scope="module")
+def measured(run_once, given):
+    return run_once(
+        "task=frontier", *given, "crossval.only=[0]",
+        "frontier.only=[hapticnet_w0.125,hapticnet_w0.5,hapticnet_w0.5_bf16,minirocket]",
+    )  # fmt: skip
+
+
+def test_table_has_the_columns_and_one_choice(measured):
+    with (measured / "frontier.csv").open() as stream:
+        reader = csv.DictReader(stream)
+        assert reader.fieldnames[: len(CONTRACT)] == list(CONTRACT)
+        rows = list(reader)
+    assert len(rows) == 4
+    assert [row["system"] for row in rows if row["chosen"] == "True"] == ["minirocket"]
+    latencies = [float(row["latency_ms_median"]) for row in rows]
+    assert latencies == sorted(latencies)
+
+
+def test_validation_recordings_take_no_part_in_training(measured):
+    folder = measured / "systems" / "minirocket" / "0"
+    with (folder / "validation.csv").open() as stream:
+        held = {line["haptic"] for line in csv.DictReader(stream)}
+    assert {path[-5] for path in held} == {"5"}  # NAME_5.wav: half the folds away from fold 0
+    entry = json.loads((folder / "measured.json").read_text())
+    assert entry["test_samples"] == 3
+
+
+def test_charts_can_be_opened(measured):
+    with Image.open(measured / "frontier.png") as image:
+        assert min(image.size) > 300
+    page = (measured / "frontier.html").read_text()
+    assert "minirocket" in page
+    assert 'src="http' not in page  # self-contained
+
+
+def test_networks_that_differ_in_precision_are_trained_once(measured):
+    assert len(list((measured / "networks").iterdir())) == 2
+
+
+def test_auto_trains_the_chosen_system(measured, given, cli, tmp_path):
+    outcome = cli("model=auto", f"frontier.run={measured}", *given, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 0, outcome.err
+    assert json.loads((tmp_path / "r/results.json").read_text())["model"] == "minirocket"
+
+
+def test_budget_is_answered_with_a_command(measured, given, cli):
+    outcome = cli(
+        "task=frontier", *given, "crossval.only=[0]", f"hydra.run.dir={measured}",
+        "frontier.only=[minirocket]", "frontier.min_accuracy=0.9",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert "python -m tex_lightning model=minirocket" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["task=frontier", "frontier.only=[nothing]"], "does not have"),
+        (["model=auto", "task=crossval"], "use task=fit"),
+        (["model=auto", "frontier.run=nowhere"], "no finished frontier"),
+        (["frontier.max_latency_ms=5"], "task=frontier alone"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(arguments, message, given, cli, tmp_path):
+    outcome = cli(*arguments, *given, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 2
+    assert message in outcome.err

@@ -1,0 +1,87 @@
+"""Which system is enough: the one-standard-error rule, the Pareto line, and budgets."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What a choice among systems looks at.
+
+    Attributes:
+        name: The system's.
+        cost: What it costs, in any unit; smaller is better.
+        right: Whether each validation sample was right, by sample.
+    """
+
+    name: str
+    cost: float
+    right: Mapping[str, bool]
+
+    @property
+    def accuracy(self) -> float:
+        """Share of right samples."""
+        return float(np.mean(list(self.right.values())))
+
+
+def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
+    """The cheapest candidate whose accuracy is within one standard error of the best one's.
+
+    The standard error is that of the mean paired difference over the samples that both have seen:
+    what both get right or wrong says nothing about which is better. Where several are best, the
+    cheapest of them is the one to compare with.
+    """
+    best = min(candidates, key=lambda item: (-item.accuracy, item.cost))
+    enough = [item for item in candidates if _within(best, item)]
+    return min(enough, key=lambda item: (item.cost, -item.accuracy))
+
+
+def _within(best: Candidate, other: Candidate) -> bool:
+    shared = [key for key in best.right if key in other.right]
+    if not shared:  # different samples: compare as if independent
+        pooled = [best.accuracy, other.accuracy]
+        counts = [len(best.right), len(other.right)]
+        variance = sum(p * (1 - p) / n for p, n in zip(pooled, counts, strict=True))
+        return bool(best.accuracy - other.accuracy <= np.sqrt(variance))
+    differences = np.array([best.right[key] - float(other.right[key]) for key in shared])
+    error = differences.std(ddof=1) / np.sqrt(len(differences)) if len(differences) > 1 else 0.0
+    return bool(differences.mean() <= error)
+
+
+def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:
+    """Names of the points (cost, accuracy) that no other point beats in both.
+
+    Of points that are equal in both, all are kept.
+    """
+    return {
+        name
+        for name, (cost, accuracy) in points.items()
+        if not any(
+            other_cost <= cost
+            and other_accuracy >= accuracy
+            and (other_cost, other_accuracy) != (cost, accuracy)
+            for other_cost, other_accuracy in points.values()
+        )
+    }
+
+
+def within_budget(
+    candidates: Sequence[Candidate], most_cost: float | None, least_accuracy: float | None
+) -> Candidate | None:
+    """The candidate to use under a limit of cost, of accuracy, or of both.
+
+    With a limit of cost alone the most accurate one, else the cheapest one; None if there is none.
+    """
+    left = [
+        item
+        for item in candidates
+        if (most_cost is None or item.cost <= most_cost)
+        and (least_accuracy is None or item.accuracy >= least_accuracy)
+    ]
+    if not left:
+        return None
+    if least_accuracy is None:
+        return min(left, key=lambda item: (-item.accuracy, item.cost))
+    return min(left, key=lambda item: (item.cost, -item.accuracy))

@@ -1,0 +1,198 @@
+"""Table and charts of ``task=frontier``."""
+
+import csv
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from tex_lightning.files import write_atomically
+from tex_lightning.progress import console
+from tex_lightning.report.figures import save_figure
+from tex_lightning.report.paper import paper_table
+
+log = logging.getLogger(__name__)
+
+COLOURS = {"haptic": "#4477aa", "visual": "#228833", "fusion": "#aa3377"}
+GREY = "#bbbbbb"
+
+
+@dataclass(frozen=True)
+class Point:
+    """One system, as a line of ``frontier.csv``.
+
+    Attributes:
+        system: Its name in the family.
+        kind: haptic, visual or fusion.
+        parameters: Numbers that were fitted.
+        macs: Multiply-accumulates of a sample; None where they are outside PyTorch.
+        latency_ms_median: From a decoded sample to its label, features included.
+        latency_ms_p95: The 95th percentile.
+        fit_seconds: Mean of the folds.
+        vote_accuracy: On the tested folds.
+        ci_low: Wilson's 95 % interval.
+        ci_high: The same.
+        on_frontier: Whether no other system is as quick and as accurate, and better in one.
+        chosen: Whether it is the quickest within one standard error of the best, on validation.
+        test_samples: Number of tested samples.
+        validation_accuracy: On the validation folds.
+        validation_samples: Their number of samples.
+    """
+
+    system: str
+    kind: str
+    parameters: int
+    macs: int | None
+    latency_ms_median: float
+    latency_ms_p95: float
+    fit_seconds: float
+    vote_accuracy: float
+    ci_low: float
+    ci_high: float
+    on_frontier: bool
+    chosen: bool
+    test_samples: int
+    validation_accuracy: float
+    validation_samples: int
+
+
+def write_frontier(points: Sequence[Point], path: Path) -> None:
+    """Write one line per system, quickest first."""
+
+    def write(partial: Path) -> None:
+        with partial.open("w", newline="", encoding="utf-8") as stream:
+            names = [entry.name for entry in fields(Point)]
+            writer = csv.DictWriter(stream, names, lineterminator="\n")
+            writer.writeheader()
+            for point in sorted(points, key=lambda item: item.latency_ms_median):
+                writer.writerow(asdict(point))
+
+    write_atomically(path, write)
+
+
+def draw_frontier(points: Sequence[Point], directory: Path) -> None:
+    """Write ``frontier.png`` and, where plotly is installed, ``frontier.html``."""
+    save_figure(frontier_figure(points), directory / "frontier.png")
+    try:
+        import plotly.graph_objects  # noqa: F401  (an optional extra)
+    except ModuleNotFoundError:
+        log.info("frontier.html needs plotly; run: pip install 'tex_lightning[baselines]'")
+        return
+    _interactive(points).write_html(directory / "frontier.html", include_plotlyjs=True)
+
+
+def frontier_figure(points: Sequence[Point]) -> Figure:
+    """Accuracy with intervals over latency (log axis); dominated systems are grey."""
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axes = figure.subplots()
+    for point in points:
+        colour = COLOURS[point.kind] if point.on_frontier else GREY
+        low, high = point.vote_accuracy - point.ci_low, point.ci_high - point.vote_accuracy
+        axes.errorbar(
+            point.latency_ms_median, point.vote_accuracy, yerr=[[max(low, 0)], [max(high, 0)]],
+            color=colour, elinewidth=0.8, capsize=2,
+        )  # fmt: skip
+        axes.scatter(
+            point.latency_ms_median, point.vote_accuracy, s=_area(point), color=colour, zorder=3,
+            edgecolors="black" if point.chosen else "none", linewidths=1.5,
+        )  # fmt: skip
+        axes.annotate(
+            point.system, (point.latency_ms_median, point.vote_accuracy), fontsize=7,
+            xytext=(4, 4), textcoords="offset points",
+        )  # fmt: skip
+    line = _line(points)
+    axes.plot([item.latency_ms_median for item in line], [item.vote_accuracy for item in line],
+              color="black", linewidth=0.8, linestyle="--", drawstyle="steps-post")  # fmt: skip
+    counts = sorted({point.test_samples for point in points})
+    axes.set(
+        xscale="log",
+        xlabel=f"ms for one sample, features included (median)\n{_ratios()}",
+        ylabel="vote accuracy with Wilson's 95 % interval",
+        title=f"Accuracy against latency, {' or '.join(map(str, counts))} test samples\n"
+        "area grows with parameters; grey: dominated; black edge: quickest within one standard "
+        "error on validation",
+    )
+    axes.title.set_fontsize(9)
+    axes.grid(alpha=0.3, which="both")
+    return figure
+
+
+def _line(points: Sequence[Point]) -> list[Point]:
+    kept = [point for point in points if point.on_frontier]
+    return sorted(kept, key=lambda item: (item.latency_ms_median, item.vote_accuracy))
+
+
+def _area(point: Point) -> float:
+    area: float = 20 + 25 * (max(point.parameters, 1000) / 1000) ** 0.4
+    return area
+
+
+def _ratios() -> str:
+    paper = paper_table("profiling")
+    ratios = (
+        f"{kind} {paper[kind]['sliding_window_ms'] / paper[kind]['fcn_ms']:.1f}x"
+        for kind in ("haptic", "visual")
+    )
+    return f"the paper's gain of dense over sliding windows: {', '.join(ratios)}"
+
+
+def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has no types)
+    import plotly.graph_objects as go
+
+    line = _line(points)
+    figure = go.Figure(
+        go.Scatter(
+            x=[item.latency_ms_median for item in line],
+            y=[item.vote_accuracy for item in line],
+            mode="lines",
+            line={"dash": "dash", "shape": "hv", "color": "black"},
+            name="Pareto",
+        )
+    )
+    for point in points:
+        facts = "<br>".join(f"{key}: {value}" for key, value in asdict(point).items())
+        figure.add_scatter(
+            x=[point.latency_ms_median], y=[point.vote_accuracy], mode="markers",
+            name=point.system, hovertext=facts, hoverinfo="text",
+            marker={
+                "size": _area(point) ** 0.5,
+                "color": COLOURS[point.kind] if point.on_frontier else GREY,
+                "line": {"width": 2 if point.chosen else 0, "color": "black"},
+            },
+            error_y={
+                "array": [point.ci_high - point.vote_accuracy],
+                "arrayminus": [point.vote_accuracy - point.ci_low],
+            },
+        )  # fmt: skip
+    figure.update_xaxes(type="log", title=f"ms for one sample<br>{_ratios()}")
+    figure.update_yaxes(title="vote accuracy")
+    return figure
+
+
+def print_frontier(points: Sequence[Point], directory: Path, command: str) -> None:
+    """Print one line per system, quickest first, and how to train the chosen one."""
+    table = Table(title="frontier")
+    for heading in ("system", "votes", "95 % interval", "validation"):
+        table.add_column(heading)
+    for heading in ("ms", "p95", "fit s", "parameters"):
+        table.add_column(heading, justify="right")
+    for point in sorted(points, key=lambda item: item.latency_ms_median):
+        mark = " (chosen)" if point.chosen else ""
+        table.add_row(
+            f"{point.system}{mark}",
+            f"{point.vote_accuracy:.1%}",
+            f"{point.ci_low:.1%} to {point.ci_high:.1%}",
+            f"{point.validation_accuracy:.1%}",
+            f"{point.latency_ms_median:.1f}",
+            f"{point.latency_ms_p95:.1f}",
+            f"{point.fit_seconds:.1f}",
+            f"{point.parameters:,}",
+            style=None if point.on_frontier else "dim",
+        )
+    console.print(table)
+    console.print(f"Train the chosen one with: {command}", soft_wrap=True, highlight=False)
+    console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
