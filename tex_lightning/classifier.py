@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Self, cast
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
@@ -183,14 +185,29 @@ class SurfaceClassifier(nn.Module):
             return self.visual_positions(cast(Tensor, photo), "fc3").flatten(1)
         visual = self.visual_positions(cast(Tensor, photo), self.network.level).flatten(1)
         haptic = self.haptic_positions(cast(Tensor, trace), self.network.level)
+        halves = self.network.project(haptic[None], visual[None])
+        arrays = (each.cpu().contiguous().numpy() for each in (trace, photo) if each is not None)
+        return self.pair_scores(*halves, content_seed(self.card.decision["seed"], *arrays))
+
+    def pair_scores(
+        self, haptic: Tensor, visual: Tensor, seed: int, count: int | None = None
+    ) -> Tensor:
+        """FusionNet's class scores (classes, pairs) of random pairs of positions of one sample.
+
+        Args:
+            haptic: Haptic summands (1, classes, L).
+            visual: Visual summands (1, classes, M * N).
+            seed: Of the pairs; see :func:`content_seed`.
+            count: Number of pairs; None takes the card's.
+        """
         pairs = random_pairs(
-            haptic.shape[1],
-            visual.shape[1],
-            self.card.decision["pairs"],
-            self._pair_seed(cast(Tensor, trace), cast(Tensor, photo)),
+            haptic.shape[-1],
+            visual.shape[-1],
+            self.card.decision["pairs"] if count is None else count,
+            seed,
         )
-        parts = self.network.project(haptic[None], visual[None])
-        return self.network.join(*parts, pairs.to(visual.device))[0]
+        network = cast(FusionNet, self.network)
+        return network.join(haptic, visual, pairs.to(visual.device))[0]
 
     def haptic_positions(self, trace: Tensor, level: Level) -> Tensor:
         """Features (D, L) of a decoded trace at every position of HapticNet."""
@@ -223,13 +240,6 @@ class SurfaceClassifier(nn.Module):
         network = self.network.visual if isinstance(self.network, FusionNet) else self.network
         return network.min_side
 
-    def _pair_seed(self, trace: Tensor, photo: Tensor) -> int:
-        """From the content of the sample: its place in a batch or list cannot matter."""
-        seed = self.card.decision["seed"] & 0xFFFFFFFF
-        for array in (trace, photo):
-            seed = zlib.crc32(array.cpu().contiguous().numpy().data, seed)
-        return seed
-
     def _require(self, trace: Tensor | None, photo: Tensor | None) -> None:
         given = {"haptic": trace is not None, "image": photo is not None}
         absent = [modality for modality in NEEDS[self.card.kind] if not given[modality]]
@@ -238,6 +248,14 @@ class SurfaceClassifier(nn.Module):
                 f"This {self.card.kind} network needs {' and '.join(NEEDS[self.card.kind])}; "
                 f"give {' and '.join(f'{key}=FILE' for key in absent)} too."
             )
+
+
+def content_seed(seed: int, *recordings: npt.NDArray[Any]) -> int:
+    """A seed from the content of a sample: its place in a batch or list cannot matter."""
+    seed &= 0xFFFFFFFF
+    for array in recordings:
+        seed = zlib.crc32(np.ascontiguousarray(array).data, seed)
+    return seed
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:

@@ -288,6 +288,29 @@ class FrontierConfig:
 
 
 @dataclass
+class StabilityConfig:
+    """What ``task=stability`` tests and how thoroughly.
+
+    Attributes:
+        systems: Run folders or checkpoints.
+        parts: Whether the unimodal networks beside a FusionNet are tested too.
+        folds: Of a cross-validation's run folder; None takes all that it holds.
+        only: Names of perturbations; None takes all.
+        limit: Most test samples of a class in a fold; None takes all.
+        bound: Share of the clean vote accuracy below which a system counts as broken.
+        bisections: Of the stretch between two severities in which it breaks.
+    """
+
+    systems: list[str] | None = None
+    parts: bool = MISSING
+    folds: list[int] | None = None
+    only: list[str] | None = None
+    limit: int | None = None
+    bound: float = MISSING
+    bisections: int = MISSING
+
+
+@dataclass
 class Config:
     """The whole configuration."""
 
@@ -310,6 +333,7 @@ class Config:
     generate: GenerateConfig = field(default_factory=GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)
+    stability: StabilityConfig = field(default_factory=StabilityConfig)
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -11,6 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.baselines.registry import BASELINES
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.fusion import LEAST_FACTOR, MOST_FACTOR
+from tex_lightning.perturbations.table import perturbations
 from tex_lightning.schema import Config, DataConfig, FitConfig, ModelConfig
 
 CHOICES = {
@@ -78,6 +79,7 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_least("decision.pairs", config.decision.pairs, 1),
         *_least("decision.seed", config.decision.seed, 0),
         *_profile(config),
+        *_stability(config),
         *_positive("stream.chunk", config.stream.chunk),
         *_stream_axes(config.stream.axes),
         *_least("top_k", config.top_k, 1),
@@ -163,6 +165,24 @@ def _profile(config: Config) -> Iterator[str]:
         yield from _positive(f"profile.{name}", getattr(profile, name))
     if profile.growth and config.task != "profile":
         yield f"profile.growth is read by task=profile alone, not by task={config.task}"
+
+
+def _stability(config: Config) -> Iterator[str]:
+    stability, testing = config.stability, config.task == "stability"
+    if testing and not stability.systems:
+        yield "stability.systems names nothing: give run folders or checkpoints, e.g. [RUN]"
+    if stability.systems and not testing:
+        yield f"stability.systems is read by task=stability alone, not by task={config.task}"
+    for name in stability.only or []:
+        yield from _choice("stability.only", name, tuple(perturbations()))
+    if stability.only is not None and not stability.only:
+        yield "stability.only names nothing: leave it null for all perturbations"
+    for fold in stability.folds or []:
+        yield from _within("stability.folds", fold, 0, config.data.folds - 1)
+    yield from _least("stability.limit", stability.limit, 1)
+    yield from _least("stability.bisections", stability.bisections, 0)
+    if not 0 < stability.bound <= 1:
+        yield f"stability.bound is {stability.bound:g}: choose a share above 0 and up to 1"
 
 
 READ_KEYS = {

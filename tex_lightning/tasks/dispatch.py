@@ -17,6 +17,7 @@ from tex_lightning.tasks import (
     generate,
     predict,
     profile,
+    stability,
     stream,
 )
 from tex_lightning.tasks.auto import resolve_auto
@@ -31,6 +32,7 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "generate": generate.run,
     "profile": profile.run,
     "frontier": frontier.run,
+    "stability": stability.run,
 }
 
 

@@ -14,7 +14,7 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
-from tex_lightning.schema import Config
+from tex_lightning.schema import Config, DataConfig
 from tex_lightning.tasks.testing import report_network
 from tex_lightning.tasks.workspace import check_sizes, refuse_leak
 
@@ -31,7 +31,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     device = pick_device(config.trainer.accelerator)
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
-    test = _test_part(config, classifier)
+    test = recordings_to_test(config.data, classifier, "The checkpoint")
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     store.fill(test)
@@ -58,22 +58,26 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     return results
 
 
-def _test_part(config: Config, classifier: SurfaceClassifier) -> Recordings:
+def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str) -> Recordings:
     """The recordings to test on.
+
+    Args:
+        data: Where they come from and which fold.
+        classifier: What is tested.
+        who: Its name in messages.
 
     Raises:
         UserError: If their classes are unknown to the checkpoint, or it was trained on them.
     """
     card = classifier.card
-    rows = read_recordings(config.data)
+    rows = read_recordings(data)
     unknown = [label for label in rows.classes if label not in card.classes]
     if unknown:
         raise UserError(
-            f"The checkpoint does not know the class {', '.join(unknown)}; leave it out of the "
+            f"{who} does not know the class {', '.join(unknown)}; leave it out of the "
             "data or train on it."
         )
     wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
-    data = config.data
     test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
-    refuse_leak(test, card, "The checkpoint")
+    refuse_leak(test, card, who)
     return test
