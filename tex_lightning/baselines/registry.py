@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from tex_lightning.baselines.base import Baseline
 
 BASELINES = {
+    "acnn": "acnn:RawNetwork",
+    "mfcc_gmm": "mfcc_gmm:MfccMixtures",
+    "mfcc_nb": "mfcc_nb:MfccNaiveBayes",
     "minirocket": "rocket:MiniRocket",
+    "multirocket_hydra": "hydra:MultiRocketHydra",
 }
 
 
