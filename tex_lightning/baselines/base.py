@@ -13,6 +13,8 @@ from torch import Tensor
 from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 from tex_lightning.errors import UserError
 
+AEONS = ("parameters", "parameter", "parameter1")  # fitted without an underscore in their name
+
 Array = npt.NDArray[Any]
 State = dict[str, Tensor]
 
@@ -144,4 +146,4 @@ def count_fitted(estimator: Any) -> int:  # noqa: ANN401
 
 
 def _is_fitted(key: str) -> bool:
-    return key.endswith("_") or key in ("steps", "parameters")
+    return key.endswith("_") or key in ("steps", "transformer_list", *AEONS)
