@@ -21,7 +21,7 @@ WORK = ("checkpoints", "folds", "predictions", "results.json")
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
     "crossval.", "logger.", "data.cache_dir", "data.num_workers", "trainer.accelerator",
-    "trainer.threads",
+    "trainer.devices", "trainer.num_nodes", "trainer.threads",
 )  # fmt: skip
 
 
