@@ -1,7 +1,6 @@
 """Bring the processes of a training together: started here, by torchrun or by SLURM."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -127,8 +126,7 @@ def _watch(others: list[subprocess.Popen[bytes]], over: threading.Event) -> None
 
 
 def live_with(parent: int) -> None:
-    """End this process when its parent is gone, and leave Ctrl-C to the parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """End this process when its parent is gone."""
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -1,13 +1,14 @@
 """Lightning's Trainer as this package uses it: callbacks, loggers, and no advertisements."""
 
 import logging
+import signal
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import torch.distributed as dist
-from lightning import Callback, Trainer
+from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
@@ -49,6 +50,18 @@ class StartedAlready(LightningEnvironment):
 
     def teardown(self) -> None:
         """Leave the environment to those who made it."""
+
+
+class PlainTermination(Callback):
+    """Let SIGTERM end a process at once.
+
+    Lightning's handler talks to the other processes from within the signal, wherever they are, and
+    all of them hang. The last finished epoch is kept in any case.
+    """
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Undo what Lightning has registered just before."""
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 class ProgressBar(RichProgressBar):
@@ -107,6 +120,8 @@ def make_trainer(
         paths = training.unimodal
         start = config.model.fusion.head_start
         callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"], start))
+    if Team.current is not None:
+        callbacks.append(PlainTermination())
     trainer = Trainer(
         accelerator=config.trainer.accelerator,
         **_processes(training),

@@ -48,12 +48,11 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
+    if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:
+        raise UserError(NO_SWEEP)
     check_shares(config, processes)
-    if processes > 1:
-        if HydraConfig.get().mode == RunMode.MULTIRUN:
-            raise UserError(NO_SWEEP)
-        if follows():
-            return follow(config.trainer.accelerator)
+    if processes > 1 and follows():
+        return follow(config.trainer.accelerator)
     with leading(processes, config.trainer):
         claim_folder(composed, config, directory.resolve())
         TASKS[config.task](config, directory.resolve())
