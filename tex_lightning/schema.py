@@ -164,9 +164,19 @@ class DecisionConfig:
 
 @dataclass
 class TrainerConfig:
-    """Passed to Lightning's Trainer; ``threads`` None leaves PyTorch's choice."""
+    """Passed to Lightning's Trainer.
+
+    Attributes:
+        accelerator: Kind of device.
+        devices: How many of each machine train one network together; None takes every GPU.
+        num_nodes: How many machines do.
+        precision: Of training.
+        threads: Of PyTorch on the CPU; None leaves its choice.
+    """
 
     accelerator: str = MISSING
+    devices: int | None = MISSING
+    num_nodes: int = MISSING
     precision: str = MISSING
     threads: int | None = None
 
