@@ -224,6 +224,7 @@ class SurfaceClassifier(nn.Module):
         features = cast(HapticFeatures, self.haptic_features)
         spectrogram = features(trace.to(features.window.device))
         check_frames(spectrogram.shape[-1], features)
+        check_finite(spectrogram)
         return cast(Tensor, spectrogram)
 
     def visual_input(self, photo: Tensor) -> Tensor:
@@ -292,6 +293,14 @@ def check_frames(frames: int, features: HapticFeatures) -> None:
         raise UserError(
             f"The trace has {have:.2f} s of movement, and HapticNet needs {need:.2f} s for one "
             "fragment; record a longer stroke."
+        )
+
+
+def check_finite(signal: Tensor) -> None:
+    """Refuse what no class score can be computed from: NaN would win every vote."""
+    if not bool(signal.isfinite().all()):
+        raise UserError(
+            "The trace holds NaN, infinity or numbers too large to square; repair the recording."
         )
 
 
