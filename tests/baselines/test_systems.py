@@ -11,7 +11,7 @@ from conftest import make_trace
 QUICK = {
     "mfcc_nb": {},
     "mfcc_gmm": {"components": 2},
-    "acnn": {"steps": 60, "patches": 500, "batch_size": 12},
+    "acnn": {"fragment_seconds": 0.4, "steps": 30, "patches": 300, "batch_size": 9},
     "minirocket": {"kernels": 168},
     "multirocket_hydra": {"kernels": 84, "hydra_groups": 2},
 }

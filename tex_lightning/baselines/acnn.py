@@ -17,7 +17,7 @@ from tex_lightning.baselines.autoencoder import learn_filters
 from tex_lightning.baselines.base import Array, Baseline, State
 from tex_lightning.errors import UserError
 
-FIRST_LENGTH, FIRST_STRIDE = 64, 4  # samples: 6.4 ms and 0.4 ms at 10 kHz
+FIRST_LENGTH, FIRST_STRIDE = 64, 8  # samples: 6.4 ms and 0.8 ms at 10 kHz
 CHANNELS = (32, 64, 128)
 LENGTH = 9  # of the later convolutions
 POOL = 4
@@ -27,7 +27,7 @@ STRIDE: int = FIRST_STRIDE * POOL ** len(CHANNELS)  # samples from a fragment to
 
 @dataclass
 class RawNetwork(Baseline):
-    """Every fragment of a trace is classified, at a stride of 256 samples, in one dense pass.
+    """Every fragment of a trace is classified, at a stride of 512 samples, in one dense pass.
 
     Attributes:
         fragment_seconds: Length of a fragment at most; what the pooling leaves over is dropped.

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-STEPS = 300
-BATCH = 512
+STEPS = 200
+BATCH = 256
 LEARNING_RATE = 1e-2
 WEIGHT_DECAY = 1.0  # lets the noise of the initial weights go
 SPARSITY_WEIGHT = 1.0  # of the penalty, beside the squared error of the reconstruction
