@@ -97,11 +97,14 @@ def _start_others(leader: Place, trainer: TrainerConfig) -> list[subprocess.Pope
     home = str(Path(tex_lightning.__file__).parents[1])
     paths = os.pathsep.join(filter(None, (home, os.environ.get("PYTHONPATH"))))
     threads = trainer.threads or max(1, (os.cpu_count() or 1) // leader.size)
+    # said here too, or Lightning sets a number of its own in this process
+    os.environ.setdefault("OMP_NUM_THREADS", str(threads))
     others = []
     for rank in range(1, leader.size):
         place = Place(rank, rank, leader.size, leader.address, leader.port)
-        environment = {"OMP_NUM_THREADS": str(threads), **os.environ, "PYTHONPATH": paths}
-        environment.update(place.variables())
+        environment = {**os.environ, **place.variables(), "PYTHONPATH": paths}
+        if trainer.threads is not None:
+            environment["OMP_NUM_THREADS"] = str(threads)
         command = [sys.executable, "-m", "tex_lightning.distributed.worker", trainer.accelerator]
         others.append(subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL))
     return others
