@@ -40,7 +40,8 @@ class Card:
         haptic_network: Arguments of :class:`HapticNet` but the classes.
         visual_network: Arguments of :class:`VisualNet` but the classes.
         fusion: ``level`` of FusionNet; empty for the others.
-        baseline: ``name`` and ``settings`` of a baseline; empty for our networks.
+        baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
+            empty for our networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested.

@@ -114,13 +114,14 @@ class HapticConfig:
 
 @dataclass
 class VisualConfig:
-    """VisualNet."""
+    """VisualNet; ``head`` holds the channel counts of FC1 and FC2."""
 
     trunk: str = MISSING
     width: float = MISSING
     norm: str = MISSING
     dropout: float = MISSING
     fc1_kernel: int | None = None
+    head: list[int] = MISSING
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
 
@@ -163,9 +164,19 @@ class DecisionConfig:
 
 @dataclass
 class TrainerConfig:
-    """Passed to Lightning's Trainer; ``threads`` None leaves PyTorch's choice."""
+    """Passed to Lightning's Trainer.
+
+    Attributes:
+        accelerator: Kind of device.
+        devices: How many of each machine train one network together; None takes every GPU.
+        num_nodes: How many machines do.
+        precision: Of training.
+        threads: Of PyTorch on the CPU; None leaves its choice.
+    """
 
     accelerator: str = MISSING
+    devices: int | None = MISSING
+    num_nodes: int = MISSING
     precision: str = MISSING
     threads: int | None = None
 
