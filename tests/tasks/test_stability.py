@@ -182,8 +182,8 @@ def test_mistakes_end_in_one_sentence(cli, surfaces, fused, folds, tmp_path):
         assert message in outcome.err
         assert "Traceback" not in outcome.err
 
-    refuse("No value for stability.systems")
-    refuse("names nothing", "stability.systems=[]")
+    refuse("stability.systems names nothing")
+    refuse("stability.systems names nothing", "stability.systems=[]")
     refuse("does not exist; give a run folder", "stability.systems=[/nowhere]")
     refuse("holds no finished checkpoint", f"stability.systems=[{tmp_path}]")
     refuse("has trained on 3 of the 3 test", f"stability.systems=[{fused}]", "data.test_fold=4")
