@@ -46,7 +46,7 @@ def test_fragments_are_the_networks_positions():
 
 def test_fusions_logits_are_those_of_the_stated_pairs():
     model = classifier("fusion")
-    seed = model._pair_seed(trace(), photo())
+    seed = model.content_seed(trace(), photo())
     with torch.no_grad():
         haptic = model.network.haptic.features(model.haptic_input(trace()), "fc2")[0]
         visual = model.network.visual.features(model.visual_input(photo()), "fc2")[0].flatten(1)

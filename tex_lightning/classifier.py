@@ -22,8 +22,12 @@ from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.networks.windows import window_size
 
-LATER: dict[str, Any] = {"baseline": {}}  # values that cards of older checkpoints lack
+LATER: dict[str, Any] = {
+    "baseline": {},
+    "calibration": {},
+}  # values that cards of older checkpoints lack
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class Card:
         fusion: ``level`` of FusionNet; empty for the others.
         baseline: ``name`` and ``settings`` of a baseline; empty for our networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote.
+        calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
+            perhaps ``enough``, the threshold of sequential decisions; empty without such a fold.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested.
     """
@@ -53,6 +59,7 @@ class Card:
     visual_network: dict[str, Any] = field(default_factory=dict)
     fusion: dict[str, Any] = field(default_factory=dict)
     baseline: dict[str, Any] = field(default_factory=dict)
+    calibration: dict[str, float] = field(default_factory=dict)
     trained_on: dict[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -76,6 +83,11 @@ class Card:
     def title(self) -> str:
         """What it is called in messages."""
         return str(self.baseline.get("name", f"{self.kind} network"))
+
+    @property
+    def temperature(self) -> float:
+        """What logits are divided by before they become probabilities."""
+        return self.calibration.get("temperature", 1.0)
 
     @property
     def settings(self) -> DecodeSettings:
@@ -102,7 +114,7 @@ class SurfaceClassifier(nn.Module):
         needs = NEEDS[card.kind]
         self.haptic_features = HapticFeatures(**card.haptic_features) if "haptic" in needs else None
         self.image_features = ImageFeatures() if "image" in needs else None
-        self.network = _build_network(card)
+        self.network = build_network(card)
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: Kind | None = None) -> "SurfaceClassifier":
@@ -160,7 +172,7 @@ class SurfaceClassifier(nn.Module):
     @torch.inference_mode()
     def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
         """Decide on one sample; see :meth:`logits`."""
-        return max_vote(self.logits(trace, photo))
+        return max_vote(self.logits(trace, photo), self.card.temperature)
 
     def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
         """Class scores of every fragment of one sample of decoded recordings.
@@ -182,14 +194,16 @@ class SurfaceClassifier(nn.Module):
             return self.visual_positions(cast(Tensor, photo), "fc3").flatten(1)
         visual = self.visual_positions(cast(Tensor, photo), self.network.level).flatten(1)
         haptic = self.haptic_positions(cast(Tensor, trace), self.network.level)
-        pairs = random_pairs(
-            haptic.shape[1],
-            visual.shape[1],
-            self.card.decision["pairs"],
-            self._pair_seed(cast(Tensor, trace), cast(Tensor, photo)),
+        pairs = self.pairs(
+            cast(Tensor, trace), cast(Tensor, photo), haptic.shape[1], visual.shape[1]
         )
         parts = self.network.project(haptic[None], visual[None])
         return self.network.join(*parts, pairs.to(visual.device))[0]
+
+    def pairs(self, trace: Tensor, photo: Tensor, haptic: int, visual: int) -> Tensor:
+        """The pairs (K, 2) that FusionNet votes over, of so many haptic and visual positions."""
+        seed = self.content_seed(trace, photo)
+        return random_pairs(haptic, visual, self.card.decision["pairs"], seed)
 
     def haptic_positions(self, trace: Tensor, level: Level) -> Tensor:
         """Features (D, L) of a decoded trace at every position of HapticNet."""
@@ -214,6 +228,24 @@ class SurfaceClassifier(nn.Module):
         check_side(photo.shape[0], photo.shape[1], self.least_side)
         return cast(Tensor, features(photo.permute(2, 0, 1)[None].to(features.mean.device)))
 
+    def visual_windows(self, photo: Tensor, corners: Tensor, level: Level) -> Tensor:
+        """Features (D, windows), float32, of single windows of a decoded photo.
+
+        Args:
+            photo: As for :meth:`logits`.
+            corners: (windows, 2) row and column of the upper left pixel of each.
+            level: As for :meth:`visual_positions`.
+        """
+        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
+        features = cast(ImageFeatures, self.image_features)
+        height, width = window_size(cast(VisualNet, network))
+        crops = torch.stack(
+            [photo[row : row + height, col : col + width] for row, col in corners.tolist()]
+        )
+        pixels = features(crops.permute(0, 3, 1, 2).to(features.mean.device))
+        pixels = pixels.to(next(network.parameters()).dtype)
+        return cast(VisualNet, network).features(pixels, level).flatten(1).T.float()
+
     @property
     def least_side(self) -> int:
         """Smallest side in pixels of a photo; 0 for HapticNet."""
@@ -222,10 +254,10 @@ class SurfaceClassifier(nn.Module):
         network = self.network.visual if isinstance(self.network, FusionNet) else self.network
         return network.min_side
 
-    def _pair_seed(self, trace: Tensor, photo: Tensor) -> int:
+    def content_seed(self, *recordings: Tensor) -> int:
         """From the content of the sample: its place in a batch or list cannot matter."""
         seed = self.card.decision["seed"] & 0xFFFFFFFF
-        for array in (trace, photo):
+        for array in recordings:
             seed = zlib.crc32(array.cpu().contiguous().numpy().data, seed)
         return seed
 
@@ -285,7 +317,8 @@ def check_side(height: int, width: int, least: int) -> None:
         )
 
 
-def _build_network(card: Card) -> HapticNet | VisualNet | FusionNet:
+def build_network(card: Card) -> HapticNet | VisualNet | FusionNet:
+    """The network that a card describes, with random weights."""
     classes = len(card.classes)
     if card.kind == "haptic":
         return HapticNet(classes, **card.haptic_network)

@@ -81,9 +81,16 @@ class FusionNet(nn.Module):
 
     def project(self, haptic: Tensor, visual: Tensor) -> tuple[Tensor, Tensor]:
         """Return :meth:`parts` of haptic features (B, D, L) and visual ones (B, D, M * N)."""
-        haptic_weight, visual_weight = self.head.weight.tensor_split([self.haptic_size], dim=1)
+        return self.haptic_part(haptic), self.visual_part(visual)
+
+    def haptic_part(self, haptic: Tensor) -> Tensor:
+        """Return the first of :meth:`parts` of haptic features (B, D, L)."""
+        return torch.matmul(self.head.weight[:, : self.haptic_size], haptic)
+
+    def visual_part(self, visual: Tensor) -> Tensor:
+        """Return the second of :meth:`parts`, with the bias, of features (B, D, M * N)."""
         bias = self.head.bias[:, None]
-        return torch.matmul(haptic_weight, haptic), torch.matmul(visual_weight, visual) + bias
+        return torch.matmul(self.head.weight[:, self.haptic_size :], visual) + bias
 
     @torch.no_grad()
     def start_from_scores(self, haptic: HapticNet, visual: VisualNet) -> None:

@@ -163,7 +163,7 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
         kind=kind,
         classes=classes,
         decode=decode_settings(config.data).to_dict(),
-        decision=asdict(config.decision),
+        decision={"pairs": config.decision.pairs, "seed": config.decision.seed},
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
         haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
         visual_network=_network(model.visual, *VISUAL_KEYS) if network and kind == "visual" else {},
