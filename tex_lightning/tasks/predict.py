@@ -16,6 +16,7 @@ from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.sequential import decide
 from tex_lightning.schema import Config
 
 
@@ -27,6 +28,7 @@ def run(config: Config, directory: Path) -> None:
     classifier = load_classifier(cast(str, config.checkpoint))
     _refuse_unused(classifier, config)
     classifier = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
+    classifier = decide(classifier, config.decision)
     for haptic, image in _pairs(_files("haptic", config.haptic), _files("image", config.image)):
         print(json.dumps(_predict(classifier, config, haptic, image)), flush=True)
 
@@ -61,7 +63,7 @@ def _predict(
     given = {"haptic": haptic, "image": image}
     return {
         **{key: str(file) for key, file in given.items() if file is not None},
-        **_report(vote, classifier.card.classes, config.top_k),
+        **_report(vote, classifier.card.classes, config),
         "latency_ms": round(latency, 3),
     }
 
@@ -70,15 +72,20 @@ def _photo(path: Path, settings: DecodeSettings, fast: bool) -> Tensor:
     return torch.from_numpy(decode_image(path, settings, fast=fast))
 
 
-def _report(vote: Vote, classes: list[str], top_k: int) -> dict[str, Any]:
+def _report(vote: Vote, classes: list[str], config: Config) -> dict[str, Any]:
     """Label first whatever the tie; then the others by votes, then by their place."""
     shares = vote.shares.tolist()
     ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
+    least = config.decision.reject_below
+    rejected = least is not None and vote.probability < least
     return {
-        "label": classes[vote.label],
+        "label": None if rejected else classes[vote.label],
+        **({} if least is None else {"rejected": rejected}),
         "confidence": shares[vote.label],
-        "top_k": [{"label": classes[i], "share": shares[i]} for i in ranked[:top_k]],
+        "probability": vote.probability,
+        "top_k": [{"label": classes[i], "share": shares[i]} for i in ranked[: config.top_k]],
         "fragments": len(vote.fragments),
+        "evidence": round(vote.evidence, 6),
     }
 
 

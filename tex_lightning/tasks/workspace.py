@@ -9,7 +9,7 @@ from tex_lightning.baselines.registry import make_baseline
 from tex_lightning.classifier import Card, SurfaceClassifier, check_frames, check_side
 from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.decode import DecodeSettings
-from tex_lightning.data.folds import NEEDS, Kind, Split, check_split, split
+from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root, fingerprint
@@ -32,6 +32,7 @@ class Workspace:
         kind: haptic, visual or fusion.
         classes: Class names in natural order.
         recordings: Those of the modalities that the kind needs.
+        unknown: The same of the classes held out of everything but a test of their own.
         store: Decoded files.
         directory: The run folder.
     """
@@ -40,6 +41,7 @@ class Workspace:
     kind: Kind
     classes: list[str]
     recordings: Recordings
+    unknown: Recordings
     store: Store
     directory: Path
 
@@ -55,6 +57,12 @@ class Workspace:
         check_split(parts, self.classes, self.kind, cast(int, data.test_fold))
         return parts
 
+    def unknown_samples(self, kind: Kind) -> list[Sample]:
+        """Samples of the held-out classes in the test fold."""
+        data = self.config.data
+        parts = split(self.unknown, data.folds, data.test_fold, data.val_fold, data.inverted)
+        return make_samples(parts.test, kind)
+
 
 def open_workspace(config: Config, directory: Path) -> Workspace:
     """Read the data set and decode what the cache does not have.
@@ -65,7 +73,8 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
     kind = cast(Kind, config.model.kind)
     least_side = check_networks(config)
     rows = read_recordings(config.data)
-    recordings = Recordings(tuple(row for row in rows if row.modality in NEEDS[kind]))
+    needed = Recordings(tuple(row for row in rows if row.modality in NEEDS[kind]))
+    recordings, unknown = hold_out(needed, config.data.hold_out)
     store = Store(cache_root(config.data.cache_dir), decode_settings(config.data))
     if len(recordings.classes) < 2:
         raise UserError(
@@ -73,9 +82,25 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
             f"{' '.join(recordings.classes) or 'no class'} for a {kind} network, and telling "
             "classes apart takes two; choose another model or add recordings."
         )
-    store.fill(recordings)
-    check_sizes(recordings, store, HapticFeatures(**_haptic_features(config)), least_side)
-    return Workspace(config, kind, recordings.classes, recordings, store, directory)
+    store.fill(needed)
+    check_sizes(needed, store, HapticFeatures(**_haptic_features(config)), least_side)
+    return Workspace(config, kind, recordings.classes, recordings, unknown, store, directory)
+
+
+def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordings, Recordings]:
+    """Divide recordings into those of known classes and those of the classes named.
+
+    Raises:
+        UserError: If there is no such class.
+    """
+    absent = sorted(set(classes or ()) - set(recordings.classes))
+    if absent:
+        raise UserError(
+            f"data.hold_out names {', '.join(absent)}, and the data has no such class; choose from "
+            f"{', '.join(recordings.classes)}."
+        )
+    known = [label for label in recordings.classes if label not in (classes or ())]
+    return recordings.in_classes(known), recordings.in_classes(classes or [])
 
 
 def check_sizes(
