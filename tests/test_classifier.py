@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.classifier import Card, SurfaceClassifier, content_seed
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.decision.voting import random_pairs
 from tex_lightning.errors import UserError
@@ -46,7 +46,7 @@ def test_fragments_are_the_networks_positions():
 
 def test_fusions_logits_are_those_of_the_stated_pairs():
     model = classifier("fusion")
-    seed = model.content_seed(trace(), photo())
+    seed = content_seed(0, trace().numpy(), photo().numpy())
     with torch.no_grad():
         haptic = model.network.haptic.features(model.haptic_input(trace()), "fc2")[0]
         visual = model.network.visual.features(model.visual_input(photo()), "fc2")[0].flatten(1)

@@ -3,6 +3,7 @@
 import logging
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 import hydra
@@ -12,6 +13,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
+from tex_lightning.distributed.place import follows
 from tex_lightning.errors import UserError
 from tex_lightning.schema import register
 
@@ -39,7 +41,7 @@ def run_job(composed: DictConfig) -> None:
     STARTED.append(directory)
     (directory / FAILURE).unlink(missing_ok=True)
     try:
-        run_task(composed, directory)
+        status = run_task(composed, directory)
     except UserError as error:
         if not sweeping:
             raise SystemExit(complain(error)) from error
@@ -49,11 +51,15 @@ def run_job(composed: DictConfig) -> None:
             raise
         log.exception("This job of the sweep failed.")
         note_failure(directory, f"{type(error).__name__}: {error}")
+    else:
+        if status:
+            raise SystemExit(status)
 
 
 def complain(error: Exception) -> int:
     """Print a user's mistake in one sentence and return the exit status for it."""
-    print(f"Error: {error}", file=sys.stderr)
+    if not follows():
+        print(f"Error: {error}", file=sys.stderr)
     return USER_FAULT
 
 
@@ -62,6 +68,15 @@ def main() -> int:
     # Hydra then raises its errors instead of printing and exiting with status 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     STARTED.clear()
+    if follows():
+        with tempfile.TemporaryDirectory() as unused:
+            return _run([f"hydra.run.dir={unused}", "hydra/job_logging=none"])
+    return _run([])
+
+
+def _run(more: list[str]) -> int:
+    """Run the command line with ``more`` arguments and return its exit status."""
+    sys.argv += more
     register()
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
@@ -79,7 +94,7 @@ def main() -> int:
     except KeyboardInterrupt:
         from tex_lightning.runfolder import holds_work
 
-        if STARTED and holds_work(STARTED[-1]):
+        if STARTED and not follows() and holds_work(STARTED[-1]):
             again = f"the same command with hydra.run.dir={STARTED[-1]}"
             print(f"Interrupted; {again} goes on after the last finished epoch.", file=sys.stderr)
         return INTERRUPTED

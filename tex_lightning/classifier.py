@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Self, cast
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
@@ -42,7 +44,8 @@ class Card:
         haptic_network: Arguments of :class:`HapticNet` but the classes.
         visual_network: Arguments of :class:`VisualNet` but the classes.
         fusion: ``level`` of FusionNet; empty for the others.
-        baseline: ``name`` and ``settings`` of a baseline; empty for our networks.
+        baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
+            empty for our networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
             perhaps ``enough``, the threshold of sequential decisions; empty without such a fold.
@@ -194,16 +197,33 @@ class SurfaceClassifier(nn.Module):
             return self.visual_positions(cast(Tensor, photo), "fc3").flatten(1)
         visual = self.visual_positions(cast(Tensor, photo), self.network.level).flatten(1)
         haptic = self.haptic_positions(cast(Tensor, trace), self.network.level)
-        pairs = self.pairs(
-            cast(Tensor, trace), cast(Tensor, photo), haptic.shape[1], visual.shape[1]
-        )
-        parts = self.network.project(haptic[None], visual[None])
-        return self.network.join(*parts, pairs.to(visual.device))[0]
+        halves = self.network.project(haptic[None], visual[None])
+        return self.pair_scores(*halves, self.seed(trace, photo))
 
-    def pairs(self, trace: Tensor, photo: Tensor, haptic: int, visual: int) -> Tensor:
-        """The pairs (K, 2) that FusionNet votes over, of so many haptic and visual positions."""
-        seed = self.content_seed(trace, photo)
-        return random_pairs(haptic, visual, self.card.decision["pairs"], seed)
+    def seed(self, *recordings: Tensor | None) -> int:
+        """Of the random choices for one sample of decoded recordings."""
+        arrays = (each.cpu().contiguous().numpy() for each in recordings if each is not None)
+        return content_seed(self.card.decision["seed"], *arrays)
+
+    def pair_scores(
+        self, haptic: Tensor, visual: Tensor, seed: int, count: int | None = None
+    ) -> Tensor:
+        """FusionNet's class scores (classes, pairs) of random pairs of positions of one sample.
+
+        Args:
+            haptic: Haptic summands (1, classes, L).
+            visual: Visual summands (1, classes, M * N).
+            seed: Of the pairs; see :func:`content_seed`.
+            count: Number of pairs; None takes the card's.
+        """
+        pairs = random_pairs(
+            haptic.shape[-1],
+            visual.shape[-1],
+            self.card.decision["pairs"] if count is None else count,
+            seed,
+        )
+        network = cast(FusionNet, self.network)
+        return network.join(haptic, visual, pairs.to(visual.device))[0]
 
     def haptic_positions(self, trace: Tensor, level: Level) -> Tensor:
         """Features (D, L) of a decoded trace at every position of HapticNet."""
@@ -220,6 +240,7 @@ class SurfaceClassifier(nn.Module):
         features = cast(HapticFeatures, self.haptic_features)
         spectrogram = features(trace.to(features.window.device))
         check_frames(spectrogram.shape[-1], features)
+        check_finite(spectrogram)
         return cast(Tensor, spectrogram)
 
     def visual_input(self, photo: Tensor) -> Tensor:
@@ -254,13 +275,6 @@ class SurfaceClassifier(nn.Module):
         network = self.network.visual if isinstance(self.network, FusionNet) else self.network
         return network.min_side
 
-    def content_seed(self, *recordings: Tensor) -> int:
-        """From the content of the sample: its place in a batch or list cannot matter."""
-        seed = self.card.decision["seed"] & 0xFFFFFFFF
-        for array in recordings:
-            seed = zlib.crc32(array.cpu().contiguous().numpy().data, seed)
-        return seed
-
     def _require(self, trace: Tensor | None, photo: Tensor | None) -> None:
         given = {"haptic": trace is not None, "image": photo is not None}
         absent = [modality for modality in NEEDS[self.card.kind] if not given[modality]]
@@ -269,6 +283,14 @@ class SurfaceClassifier(nn.Module):
                 f"This {self.card.kind} network needs {' and '.join(NEEDS[self.card.kind])}; "
                 f"give {' and '.join(f'{key}=FILE' for key in absent)} too."
             )
+
+
+def content_seed(seed: int, *recordings: npt.NDArray[Any]) -> int:
+    """A seed from the content of a sample: its place in a batch or list cannot matter."""
+    seed &= 0xFFFFFFFF
+    for array in recordings:
+        seed = zlib.crc32(np.ascontiguousarray(array).data, seed)
+    return seed
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
@@ -305,6 +327,14 @@ def check_frames(frames: int, features: HapticFeatures) -> None:
         raise UserError(
             f"The trace has {have:.2f} s of movement, and HapticNet needs {need:.2f} s for one "
             "fragment; record a longer stroke."
+        )
+
+
+def check_finite(signal: Tensor) -> None:
+    """Refuse what no class score can be computed from: NaN would win every vote."""
+    if not bool(signal.isfinite().all()):
+        raise UserError(
+            "The trace holds NaN, infinity or numbers too large to square; repair the recording."
         )
 
 

@@ -22,6 +22,28 @@ def pick_device(accelerator: str) -> torch.device:
     return torch.device("cpu")
 
 
+def count_devices(accelerator: str, wanted: int | None) -> int:
+    """How many devices of this machine are used: so many as wanted, every GPU for None.
+
+    On the CPU a device is a process.
+
+    Raises:
+        UserError: If there are not so many.
+    """
+    kind = pick_device(accelerator).type
+    if kind == "cpu":
+        if wanted is None:
+            raise UserError(
+                "trainer.devices is null, which takes every GPU, but this run has none; give "
+                "trainer.devices=2 to train in two processes on the CPU."
+            )
+        return wanted
+    found = torch.cuda.device_count() if kind == "cuda" else 1
+    if wanted is not None and wanted > found:
+        raise UserError(f"trainer.devices is {wanted}, but there are {found}; choose fewer.")
+    return found if wanted is None else wanted
+
+
 def synchronise(device: torch.device) -> None:
     """Wait for the device, so that a clock read next is right."""
     if device.type == "cuda":

@@ -21,7 +21,8 @@ WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
     "crossval.", "frontier.only", "frontier.max", "frontier.min", "logger.", "data.cache_dir",
-    "data.num_workers", "trainer.accelerator", "trainer.threads",
+    "data.num_workers", "trainer.accelerator", "trainer.devices", "trainer.num_nodes",
+    "trainer.threads",
 )  # fmt: skip
 
 

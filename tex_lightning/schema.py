@@ -115,13 +115,14 @@ class HapticConfig:
 
 @dataclass
 class VisualConfig:
-    """VisualNet."""
+    """VisualNet; ``head`` holds the channel counts of FC1 and FC2."""
 
     trunk: str = MISSING
     width: float = MISSING
     norm: str = MISSING
     dropout: float = MISSING
     fc1_kernel: int | None = None
+    head: list[int] = MISSING
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
 
@@ -187,9 +188,19 @@ class DecisionConfig:
 
 @dataclass
 class TrainerConfig:
-    """Passed to Lightning's Trainer; ``threads`` None leaves PyTorch's choice."""
+    """Passed to Lightning's Trainer.
+
+    Attributes:
+        accelerator: Kind of device.
+        devices: How many of each machine train one network together; None takes every GPU.
+        num_nodes: How many machines do.
+        precision: Of training.
+        threads: Of PyTorch on the CPU; None leaves its choice.
+    """
 
     accelerator: str = MISSING
+    devices: int | None = MISSING
+    num_nodes: int = MISSING
     precision: str = MISSING
     threads: int | None = None
 
@@ -311,6 +322,29 @@ class FrontierConfig:
 
 
 @dataclass
+class StabilityConfig:
+    """What ``task=stability`` tests and how thoroughly.
+
+    Attributes:
+        systems: Run folders or checkpoints.
+        parts: Whether the unimodal networks beside a FusionNet are tested too.
+        folds: Of a cross-validation's run folder; None takes all that it holds.
+        only: Names of perturbations; None takes all.
+        limit: Most test samples of a class in a fold; None takes all.
+        bound: Share of the clean vote accuracy below which a system counts as broken.
+        bisections: Of the stretch between two severities in which it breaks.
+    """
+
+    systems: list[str] | None = None
+    parts: bool = MISSING
+    folds: list[int] | None = None
+    only: list[str] | None = None
+    limit: int | None = None
+    bound: float = MISSING
+    bisections: int = MISSING
+
+
+@dataclass
 class Config:
     """The whole configuration."""
 
@@ -333,6 +367,7 @@ class Config:
     generate: GenerateConfig = field(default_factory=GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)
+    stability: StabilityConfig = field(default_factory=StabilityConfig)
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

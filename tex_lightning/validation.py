@@ -11,6 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.baselines.registry import BASELINES
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.fusion import LEAST_FACTOR, MOST_FACTOR
+from tex_lightning.perturbations.table import perturbations
 from tex_lightning.schema import Config, DataConfig, FitConfig, ModelConfig
 
 CHOICES = {
@@ -73,11 +74,14 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_choice("generate.layout", config.generate.layout, CHOICES["layout"]),
         *_choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
         *_choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
+        *_least("trainer.devices", config.trainer.devices, 1),
+        *_least("trainer.num_nodes", config.trainer.num_nodes, 1),
         *_least("trainer.threads", config.trainer.threads, 1),
         *_choice("engine.precision", config.engine.precision, CHOICES["engine"]),
         *_least("engine.tile", config.engine.tile, LEAST_TILE),
         *_decision(config),
         *_profile(config),
+        *_stability(config),
         *_positive("stream.chunk", config.stream.chunk),
         *_stream_axes(config.stream.axes),
         *_least("top_k", config.top_k, 1),
@@ -89,11 +93,40 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         raise UserError("; ".join(complaints) + ".")
 
 
+def check_shares(config: Config, processes: int) -> None:
+    """Refuse batches that ``processes`` processes cannot share evenly.
+
+    Raises:
+        UserError: Naming the batch sizes.
+    """
+    model = config.model
+    given = (model.fusion.haptic_checkpoint, model.fusion.visual_checkpoint)
+    parts = [kind for kind, path in zip(("haptic", "visual"), given, strict=True) if not path]
+    complaints: list[str] = []
+    for kind in (*parts, "fusion") if model.kind == "fusion" else (model.kind,):
+        size = getattr(model, kind).fit.batch_size
+        # the statistics of one sample at one position are no statistics
+        normalised = kind != "fusion" and getattr(model, kind).norm == "batch"
+        least = 2 if normalised and processes > 1 else 1
+        if size % processes or size < least * processes:
+            complaints.append(
+                f"model.{kind}.fit.batch_size is {size}, but {processes} processes share every "
+                f"batch: choose a multiple of {processes}, {least * processes} or more"
+            )
+    if complaints:
+        raise UserError("; ".join(complaints) + ".")
+
+
 def _task(config: Config) -> Iterator[str]:
     data = config.data
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
     training = config.task in ("fit", "crossval", "frontier")
+    if not training and (config.trainer.devices, config.trainer.num_nodes) != (1, 1):
+        yield (
+            f"several devices are used when training, not by task={config.task}: leave out "
+            "trainer=ddp, trainer.devices and trainer.num_nodes"
+        )
     if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
         yield (
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
@@ -191,6 +224,24 @@ def _profile(config: Config) -> Iterator[str]:
         yield f"profile.growth is read by task=profile alone, not by task={config.task}"
 
 
+def _stability(config: Config) -> Iterator[str]:
+    stability, testing = config.stability, config.task == "stability"
+    if testing and not stability.systems:
+        yield "stability.systems names nothing: give run folders or checkpoints, e.g. [RUN]"
+    if stability.systems and not testing:
+        yield f"stability.systems is read by task=stability alone, not by task={config.task}"
+    for name in stability.only or []:
+        yield from _choice("stability.only", name, tuple(perturbations()))
+    if stability.only is not None and not stability.only:
+        yield "stability.only names nothing: leave it null for all perturbations"
+    for fold in stability.folds or []:
+        yield from _within("stability.folds", fold, 0, config.data.folds - 1)
+    yield from _least("stability.limit", stability.limit, 1)
+    yield from _least("stability.bisections", stability.bisections, 0)
+    if not 0 < stability.bound <= 1:
+        yield f"stability.bound is {stability.bound:g}: choose a share above 0 and up to 1"
+
+
 READ_KEYS = {
     "synthetic": (),
     "folder": ("root",),
@@ -263,6 +314,8 @@ def _model(model: ModelConfig) -> Iterator[str]:
         yield from _positive(f"model.{name}.width", section.width)
         if not 0 <= section.dropout < 1:
             yield f"model.{name}.dropout is {section.dropout}: choose from 0 up to 1"
+    if len(model.visual.head) != 2 or min(model.visual.head) < 1:
+        yield f"model.visual.head is {list(model.visual.head)}: give channels of FC1 and FC2"
     yield from _least("model.haptic.fit.frames", model.haptic.fit.frames, 177)
     for name in ("visual", "fusion"):
         rotation = getattr(model, name).fit.rotation

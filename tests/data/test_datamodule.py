@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -96,6 +98,15 @@ def test_every_photo_comes_once_per_round_with_a_trace_of_its_class(surfaces, ph
         assert torch.equal(torch.tensor([2, 0, 1])[trace], batch["label"])
         assert batch["degrees"].abs().max() <= 30
     assert sorted(seen) == [0] * 4 + [1] * 4 + [2] * 4
+
+
+def test_shares_of_a_batch_make_the_whole(surfaces, photos):
+    _, store = photos
+    whole = batches(surfaces, store)
+    shares = [replace(whole, share=slice(rank, None, 3))[4] for rank in range(3)]
+    for key, expected in whole[4].items():
+        joined = torch.stack([share[key] for share in shares], dim=1).flatten(0, 1)
+        assert torch.equal(joined, expected)
 
 
 def test_epochs_number_batches_through():

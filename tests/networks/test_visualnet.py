@@ -41,6 +41,15 @@ def test_paper_parameter_counts(trunk, norm, fc1_kernel, count):
     assert parameters(VisualNet(69, trunk=trunk, norm=norm, fc1_kernel=fc1_kernel)) == count
 
 
+def test_published_head_of_tcnn():
+    """T-CNN-3 for the 11 classes of KTH-TIPS-2b, layer by layer."""
+    convolutions = 96 * (3 * 11**2 + 1) + 256 * (48 * 5**2 + 1) + 384 * (256 * 3**2 + 1)
+    dense = 4096 * (384 + 1) + 4096 * (4096 + 1) + 11 * (4096 + 1)
+    net = VisualNet(11, trunk="tcnn", norm="lrn", head=(4096, 4096))
+    assert parameters(net) == convolutions + dense == 19_630_859
+    assert net.feature_size("fc2") == 4096
+
+
 @pytest.mark.parametrize(
     ("trunk", "count"),
     # SqueezeNet v1.0 has 1,248,424 parameters, 513,000 of them in the classifier.

@@ -10,6 +10,9 @@ import torch
 from conftest import make_trace
 from PIL import Image
 
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.decode import decode_image, decode_trace
+from tex_lightning.decision.voting import max_vote
 from tex_lightning.report.results import read_outcomes
 
 
@@ -165,6 +168,36 @@ def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):
     assert prediction["label"] == tested[0].predicted
 
 
+def test_a_fusion_network_does_with_one_modality_and_says_so(cli, surfaces, trained):
+    wav = surfaces / "beta" / "haptic" / "beta_0.wav"
+    png = surfaces / "beta" / "image" / "beta_0.png"
+    fusion = SurfaceClassifier.from_checkpoint(trained / "checkpoints" / "fusion.ckpt")
+    given = {"haptic": (f"haptic={wav}",), "image": (f"image={png}",)}
+    given["both"] = (*given["haptic"], *given["image"])
+    lines = {}
+    for name, files in given.items():
+        outcome = cli("task=predict", checkpoint(trained, "fusion"), *files)
+        assert outcome.status == 0, outcome.err
+        lines[name] = json.loads(outcome.out)
+    assert [lines[name]["modalities"] for name in given] == [
+        ["haptic"],
+        ["image"],
+        ["haptic", "image"],
+    ]
+    settings = fusion.card.settings
+    trace = torch.from_numpy(decode_trace(wav, settings))
+    photo = torch.from_numpy(decode_image(png, settings))
+    with torch.no_grad():
+        features = fusion.haptic_positions(trace, "fc2")
+        haptic = max_vote(fusion.network.project_haptic(features[None])[0])
+        features = fusion.visual_positions(photo, "fc2").flatten(1)
+        visual = max_vote(fusion.network.project_visual(features[None])[0])
+    for name, vote in (("haptic", haptic), ("image", visual)):
+        assert lines[name]["label"] == fusion.card.classes[vote.label]
+        assert lines[name]["confidence"] == pytest.approx(float(vote.shares[vote.label]))
+        assert lines[name]["fragments"] == len(vote.fragments)
+
+
 def test_unusable_input_is_said_in_one_sentence(cli, surfaces, trained, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
@@ -182,8 +215,8 @@ def test_unusable_input_is_said_in_one_sentence(cli, surfaces, trained, tmp_path
 
     haptic, fusion = checkpoint(trained, "haptic"), checkpoint(trained, "fusion")
     refuse("short.wav: The trace has 0.90 s of movement", haptic, "haptic=short.wav")
-    refuse("needs haptic and image; give image=FILE too", fusion, f"haptic={wav}")
     refuse("There is nothing to classify", haptic)
+    refuse("There is nothing to classify", fusion)
     refuse("1 traces and 2 photos", fusion, f"haptic={wav}", f"image=[{png},{png}]")
     refuse("gone.wav does not exist", haptic, "haptic=gone.wav")
     refuse("has an unknown type", haptic, f"haptic={png}")

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from tex_lightning.classifier import Card, SurfaceClassifier
-from tex_lightning.tasks.subjects import unimodal_parts
+from tex_lightning.parts import unimodal_parts
 
 CONTRACT = {
     "fcn_ms",

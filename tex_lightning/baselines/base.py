@@ -11,6 +11,9 @@ import torch
 from torch import Tensor
 
 from tex_lightning.baselines.estimators import dump_estimator, load_estimator
+from tex_lightning.errors import UserError
+
+AEONS = ("parameters", "parameter", "parameter1")  # fitted without an underscore in their name
 
 Array = npt.NDArray[Any]
 State = dict[str, Tensor]
@@ -31,8 +34,8 @@ class Baseline(ABC):
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]
-    least_side: ClassVar[int] = 0
-    sampling_rate = 10_000.0  # no setting of its own: it follows data.sampling_rate
+    least_side = 0  # no settings of their own: it follows from the settings,
+    sampling_rate = 10_000.0  # and this from data.sampling_rate
 
     @abstractmethod
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
@@ -59,6 +62,22 @@ class Baseline(ABC):
     @abstractmethod
     def count_parameters(self) -> int:
         """How many numbers were fitted."""
+
+    def load_weights(self, source: str) -> str:
+        """Start from pretrained weights, before :meth:`fit`.
+
+        Args:
+            source: The key ``weights``: a file, an address or ``imagenet``.
+
+        Returns:
+            One line saying what was loaded.
+
+        Raises:
+            UserError: If there is nothing to load them into, or the file cannot be used.
+        """
+        raise UserError(
+            "weights belong to a visual trunk, which this model does not have: leave it null."
+        )
 
     def with_budget(self, budget: float) -> Self:
         """The same with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""
@@ -127,4 +146,4 @@ def count_fitted(estimator: Any) -> int:  # noqa: ANN401
 
 
 def _is_fitted(key: str) -> bool:
-    return key.endswith("_") or key in ("steps", "parameters")
+    return key.endswith("_") or key in ("steps", "transformer_list", *AEONS)

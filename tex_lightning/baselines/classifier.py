@@ -13,6 +13,7 @@ from tex_lightning.baselines.registry import make_baseline
 from tex_lightning.classifier import (
     Card,
     SurfaceClassifier,
+    check_finite,
     check_side,
     damaged,
     read_checkpoint,
@@ -136,5 +137,6 @@ def movement(trace: "Array", card: Card) -> "Array":
             "little to classify; record a longer stroke."
         )
     joined = dft321(axes) if len(axes) == 3 else (axes - axes.mean(dim=1, keepdim=True))[0]
+    check_finite(joined)
     array: Array = joined.numpy()
     return array

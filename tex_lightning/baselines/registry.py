@@ -12,7 +12,14 @@ if TYPE_CHECKING:
     from tex_lightning.baselines.base import Baseline
 
 BASELINES = {
+    "fisher_vectors": "fisher:FisherVectors",
+    "frozen_linear": "frozen:FrozenLinear",
+    "local_binary_patterns": "patterns:LocalBinaryPatterns",
+    "acnn": "acnn:RawNetwork",
+    "mfcc_gmm": "mfcc_gmm:MfccMixtures",
+    "mfcc_nb": "mfcc_nb:MfccNaiveBayes",
     "minirocket": "rocket:MiniRocket",
+    "multirocket_hydra": "hydra:MultiRocketHydra",
 }
 
 

@@ -3,9 +3,10 @@
 Dempster, Schmidt and Webb (2021), as aeon has it; the strongest quick classifier of time series.
 """
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -25,33 +26,34 @@ from tex_lightning.baselines.base import (
 from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 
 LEAST_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
+ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
 
 
 @dataclass
-class MiniRocket(Baseline):
-    """MiniRocket on standardised traces; other lengths than the training's are cut or repeated.
+class Rocket(Baseline):
+    """A pipeline on standardised traces (cases, 1, samples) as long as the longest of the training.
+
+    Shorter traces are repeated from their start, so that all of their movement counts; longer ones
+    are cut.
 
     Attributes:
-        kernels: Number of features.
-        threads: For fitting and transforming.
+        threads: For fitting. aeon's loops run over traces, so one trace never uses more than one.
     """
 
-    kernels: int
     threads: int
 
     kind: ClassVar = "haptic"
 
-    def with_budget(self, budget: float) -> Self:
-        """Fewer kernels."""
-        return replace(self, kernels=max(LEAST_KERNELS, int(self.kernels * budget)))
+    @abstractmethod
+    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
+        """A pipeline that is not fitted yet and ends in a ridge classifier."""
 
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
         """Draw the kernels' biases from the traces and fit the ridge classifier."""
-        self.length = min(len(trace) for trace in recordings)
-        transform = Transform(n_kernels=self.kernels, n_jobs=self.threads, random_state=seed)
-        ridge = RidgeClassifierCV(alphas=np.logspace(-3, 3, 10))
-        self.estimator = make_pipeline(transform, StandardScaler(with_mean=False), ridge)
-        self.estimator.fit(np.stack([self._series(trace) for trace in recordings]), labels)
+        traces = list(recordings)
+        self.length = max(map(len, traces))
+        self.estimator = self.make_estimator(seed)
+        self.estimator.fit(np.stack([self._series(trace) for trace in traces]), labels)
 
     def logits(self, recording: Array) -> Tensor:
         """Distances from the ridge classifier's planes, one fragment."""
@@ -82,3 +84,24 @@ class MiniRocket(Baseline):
     def count_parameters(self) -> int:
         """Biases of the kernels, scales and the planes."""
         return count_fitted(self.estimator)
+
+
+@dataclass
+class MiniRocket(Rocket):
+    """Features that are shares of positive values.
+
+    Attributes:
+        kernels: Number of features.
+    """
+
+    kernels: int
+
+    def with_budget(self, budget: float) -> Self:
+        """Fewer kernels."""
+        return replace(self, kernels=max(LEAST_KERNELS, int(self.kernels * budget)))
+
+    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
+        """The pipeline of aeon's ``MiniRocketClassifier``."""
+        transform = Transform(n_kernels=self.kernels, n_jobs=self.threads, random_state=seed)
+        ridge = RidgeClassifierCV(alphas=ALPHAS)
+        return make_pipeline(transform, StandardScaler(with_mean=False), ridge)

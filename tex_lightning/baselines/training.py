@@ -17,7 +17,7 @@ def fit_baseline(training: Training) -> Path:
     """Fit unless the checkpoint is there already; return its path.
 
     Raises:
-        UserError: If a recording is too short.
+        UserError: If a recording is too short, or weights do not fit.
     """
     if training.final.is_file():
         log.info("%s is fitted already.", training.final)
@@ -26,6 +26,8 @@ def fit_baseline(training: Training) -> Path:
     rows = training.parts.train.of(NEEDS[card.kind][0]).rows
     labels = np.array([card.classes.index(row.label) for row in rows])
     classifier = BaselineClassifier(card)
+    if training.config.weights is not None:
+        log.info(classifier.baseline.load_weights(training.config.weights))
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
     recordings = Loaded(rows, training.store, card)

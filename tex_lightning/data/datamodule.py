@@ -5,7 +5,7 @@ interruption change what the network sees.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from tex_lightning.data.store import Store
 
 Batch = dict[str, Tensor]
 Indices = npt.NDArray[np.int64]
+WHOLE = slice(None)
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
 
 
@@ -35,10 +36,13 @@ class SpectrogramBank:
         self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
         self.flat = torch.cat(whole, dim=1)
 
-    def cut(self, indices: Indices, rng: np.random.Generator) -> Tensor:
-        """Random sub-samples (batch, 1, bands, frames), one from each indexed spectrogram."""
+    def cut(self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE) -> Tensor:
+        """Random sub-samples (batch, 1, bands, frames), one from each indexed spectrogram.
+
+        Only a ``share`` of them is cut, but all are drawn.
+        """
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
-        columns = (self.starts[indices] + offsets)[:, None] + np.arange(self.frames)
+        columns = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
         return self.flat[:, torch.from_numpy(columns)].transpose(0, 1).unsqueeze(1)
 
 
@@ -61,16 +65,21 @@ class PhotoBank:
             self.maps[index] = self.store.image(self.recordings[index])
         return self.maps[index]
 
-    def cut(self, indices: Indices, rng: np.random.Generator) -> Tensor:
-        """Random crops (batch, 3, side, side) uint8; photos too small are mirrored outwards."""
-        crops = np.empty((len(indices), self.side, self.side, 3), np.uint8)
-        for crop, index in zip(crops, indices.tolist(), strict=True):
-            photo = self.photo(index)
-            rows, columns = (max(0, length - self.side) for length in photo.shape[:2])
-            top, left = rng.integers(0, rows + 1), rng.integers(0, columns + 1)
-            piece = photo[top : top + self.side, left : left + self.side]
+    def cut(self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE) -> Tensor:
+        """Random crops (batch, 3, side, side) uint8; photos too small are mirrored outwards.
+
+        Only a ``share`` of them is cut, but all are drawn.
+        """
+        places = [(index, *self._place(index, rng)) for index in indices.tolist()][share]
+        crops = np.empty((len(places), self.side, self.side, 3), np.uint8)
+        for crop, (index, top, left) in zip(crops, places, strict=True):
+            piece = self.photo(index)[top : top + self.side, left : left + self.side]
             crop[:] = _mirrored(piece, self.side)
         return torch.from_numpy(crops).permute(0, 3, 1, 2)
+
+    def _place(self, index: int, rng: np.random.Generator) -> tuple[int, int]:
+        rows, columns = (max(0, length - self.side) for length in self.photo(index).shape[:2])
+        return int(rng.integers(0, rows + 1)), int(rng.integers(0, columns + 1))
 
 
 @dataclass
@@ -86,6 +95,8 @@ class TrainingBatches(Dataset[Batch]):
         batch_size: Samples in a batch.
         rotation: Largest angle in degrees that photos are turned by.
         seed: Of everything random.
+        share: The part of every batch that is handed out; the others are drawn all the same, so
+            that the shares of several processes make the batch that one would have.
     """
 
     traces: tuple[SpectrogramBank, Indices] | None
@@ -93,6 +104,7 @@ class TrainingBatches(Dataset[Batch]):
     batch_size: int
     rotation: float
     seed: int
+    share: slice = field(default_factory=lambda: WHOLE)
 
     def __getitem__(self, step: int) -> Batch:
         """Assemble batch ``step``: spectrogram, crop, degrees and label, as far as they exist."""
@@ -103,13 +115,13 @@ class TrainingBatches(Dataset[Batch]):
         chosen = {id(leader): lead}
         if follower is not None:
             chosen[id(follower)] = _partners(labels[lead], follower[1], rng)
-        batch: Batch = {"label": torch.from_numpy(labels[lead])}
+        batch: Batch = {"label": torch.from_numpy(labels[lead][self.share])}
         if self.traces is not None:
-            batch["spectrogram"] = self.traces[0].cut(chosen[id(self.traces)], rng)
+            batch["spectrogram"] = self.traces[0].cut(chosen[id(self.traces)], rng, self.share)
         if self.photos is not None:
-            batch["crop"] = self.photos[0].cut(chosen[id(self.photos)], rng)
+            batch["crop"] = self.photos[0].cut(chosen[id(self.photos)], rng, self.share)
             angles = rng.uniform(-self.rotation, self.rotation, len(lead))
-            batch["degrees"] = torch.from_numpy(angles).float()
+            batch["degrees"] = torch.from_numpy(angles[self.share]).float()
         return batch
 
     def _leader_first(self) -> tuple[Any, Any]:
@@ -193,9 +205,9 @@ class SurfaceData(LightningDataModule):
         self.num_workers = num_workers
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """Batches of one epoch, each made whole by the data set."""
+        """Batches of one epoch, of each this process's share, made by the data set."""
         return DataLoader(
-            self.batches,
+            replace(self.batches, share=self._share()),
             batch_size=None,
             sampler=EpochSampler(self.steps, self._current_epoch),
             num_workers=self.num_workers,
@@ -211,11 +223,26 @@ class SurfaceData(LightningDataModule):
         progress = self.trainer.fit_loop.epoch_progress.current
         return int(progress.processed)  # type: ignore[attr-defined]  # annotated as its base
 
+    def _share(self) -> slice:
+        """Every so manieth sample, from this process's number on."""
+        if self.trainer is None:
+            return WHOLE
+        return slice(self.trainer.global_rank, None, self.trainer.world_size)
+
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """One sample at a time, since samples have unequal sizes."""
+        """One sample at a time, since samples have unequal sizes.
+
+        Where there are fewer samples than processes, all take all, and the means are the same.
+        """
         if not len(self.validation):
             return []
-        return DataLoader(self.validation, batch_size=None, generator=torch.Generator())
+        numbers = range(len(self.validation))
+        return DataLoader(
+            self.validation,
+            batch_size=None,
+            sampler=numbers[self._share()] or numbers,
+            generator=torch.Generator(),
+        )
 
 
 def _at_least(spectrogram: Tensor, frames: int) -> Tensor:

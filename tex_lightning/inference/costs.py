@@ -36,7 +36,7 @@ class Costs:
             if not isinstance(self.network, FusionNet):
                 return cast(Tensor, network(spectrogram))
             features = self.network.haptic.features(spectrogram, self.network.level)
-            return self.network.haptic_part(features)
+            return self.network.project_haptic(features)
 
         return count_macs(run)
 
@@ -49,6 +49,6 @@ class Costs:
             if not isinstance(self.network, FusionNet):
                 return cast(Tensor, network(pixels))
             features = self.network.visual.features(pixels, self.network.level)
-            return self.network.visual_part(features.flatten(2))
+            return self.network.project_visual(features.flatten(2))
 
         return count_macs(run)

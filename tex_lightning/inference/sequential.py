@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
 from tex_lightning.decision.sequential import StoppingRule, sure_enough
-from tex_lightning.decision.voting import Vote, max_vote
+from tex_lightning.decision.voting import Vote, max_vote, random_pairs
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures, movement_start
 from tex_lightning.inference.costs import Costs
@@ -126,7 +126,7 @@ class SequentialClassifier(SurfaceClassifier):
         """Vote over the positions of VisualNet in random order."""
         check_side(photo.shape[0], photo.shape[1], self.full.least_side)
         count = self._positions(photo)
-        generator = torch.Generator().manual_seed(self.full.content_seed(photo))
+        generator = torch.Generator().manual_seed(self.full.seed(photo))
         order = torch.randperm(count, generator=generator)
         none = torch.zeros(len(self.card.classes), count, device=self.device)
         return self._draw(photo, none, order, 0)
@@ -145,12 +145,13 @@ class SequentialClassifier(SurfaceClassifier):
             vote = max_vote(table, self.card.temperature)
             if sure_enough(vote.probability, self.enough):
                 return _spent(vote, visual, visual + haptic)
-        scores = network.haptic_part(self.full.haptic_positions(trace, network.level)[None])[0]
+        scores = network.project_haptic(self.full.haptic_positions(trace, network.level)[None])[0]
         if table is None:
             vote = max_vote(scores, self.card.temperature)
             if sure_enough(vote.probability, self.enough):
                 return _spent(vote, haptic, visual + haptic)
-        pairs = self.full.pairs(trace, photo, scores.shape[1], self._positions(photo))
+        seed, count = self.full.seed(trace, photo), self.card.decision["pairs"]
+        pairs = random_pairs(scores.shape[1], self._positions(photo), count, seed)
         chosen = scores[:, pairs[:, 0].to(scores.device)]
         if table is not None:
             joined = chosen + table[:, pairs[:, 1].to(scores.device)]
@@ -206,7 +207,7 @@ class SequentialClassifier(SurfaceClassifier):
         network = self.full.network
         if isinstance(network, FusionNet):
             features = self.full.visual_positions(photo, network.level).flatten(1)
-            return network.visual_part(features[None])[0]
+            return network.project_visual(features[None])[0]
         return self.full.visual_positions(photo, "fc3").flatten(1)
 
     def _windows(self, photo: Tensor, places: Tensor) -> Tensor:
@@ -218,7 +219,7 @@ class SequentialClassifier(SurfaceClassifier):
         corners = corners.minimum((torch.tensor(photo.shape[:2]) - side).clamp(min=0))
         score: Callable[[Tensor], Tensor]
         if isinstance(network, FusionNet):
-            level, score = network.level, lambda x: network.visual_part(x[None])[0]
+            level, score = network.level, lambda x: network.project_visual(x[None])[0]
         else:
             level, score = "fc3", lambda x: x
         return torch.cat(

@@ -12,6 +12,8 @@ from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import max_vote
 
+APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
+
 
 class SurfaceModule(LightningModule, ABC):
     """Train a :class:`SurfaceClassifier` on fragments.
@@ -50,8 +52,8 @@ class SurfaceModule(LightningModule, ABC):
         """Parameters at ``head_factor`` times the base learning rate."""
 
     def on_train_epoch_start(self) -> None:
-        """Make dropout a function of seed and epoch, so that a resumed run repeats it exactly."""
-        torch.manual_seed(self.seed * 100_003 + self.current_epoch)
+        """Make dropout a function of seed, epoch and process: a resumed run repeats it exactly."""
+        torch.manual_seed(self.global_rank * APART + self.seed * 100_003 + self.current_epoch)
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Cross entropy of every fragment against the label of its sample."""
@@ -62,8 +64,8 @@ class SurfaceModule(LightningModule, ABC):
         )
         accuracy = (logits.detach().argmax(dim=1) == labels).float().mean()
         size = len(labels)
-        self.log("train/loss", loss.detach(), prog_bar=True, batch_size=size)
-        self.log("train/fragment_accuracy", accuracy, prog_bar=True, batch_size=size)
+        shown = {"train/loss": loss.detach(), "train/fragment_accuracy": accuracy}
+        self.log_dict(shown, prog_bar=True, batch_size=size, sync_dist=True)
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector
         if (self.global_step + 1) % every == 0:
             for group in self.trainer.optimizers[0].param_groups:
@@ -83,7 +85,9 @@ class SurfaceModule(LightningModule, ABC):
             },
             on_epoch=True,
             prog_bar=True,
-            batch_size=1,
+            # Lightning rounds the mean number of samples of the processes down; this divides evenly
+            batch_size=self.trainer.world_size,
+            sync_dist=True,
         )
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401  (Lightning's union of unions)

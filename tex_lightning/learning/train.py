@@ -26,6 +26,7 @@ from tex_lightning.data.datamodule import (
 from tex_lightning.data.folds import Kind, make_samples
 from tex_lightning.data.recordings import Recording
 from tex_lightning.devices import pick_device
+from tex_lightning.distributed.team import agreed, shared
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import crop_side
 from tex_lightning.learning.base import SurfaceModule
@@ -54,7 +55,7 @@ def train_network(training: Training, *watchers: Callback) -> Path:
 
     Args:
         training: What is trained.
-        watchers: Callbacks beside the package's own.
+        watchers: Callbacks beside the package's own, of rank zero.
 
     Raises:
         UserError: If a recording is too short, or weights or checkpoints do not fit.
@@ -63,23 +64,44 @@ def train_network(training: Training, *watchers: Callback) -> Path:
     if training.final.is_file():
         log.info("%s is trained already.", training.final)
         return training.final
+    with shared(training):
+        take_part(training, *watchers)
+    return training.final
+
+
+def take_part(training: Training, *watchers: Callback) -> None:
+    """Train a network as one of the processes that do; only rank zero writes.
+
+    Args:
+        training: What is trained.
+        watchers: Callbacks beside the package's own.
+
+    Raises:
+        UserError: If a recording is too short, or weights or checkpoints do not fit, wherever
+            that was found.
+    """
     begin = time.perf_counter()
-    torch.manual_seed(training.config.seed)
-    module = MODULES[training.card.kind](
-        training.card.to_dict(), training.fit_values, training.config.seed
-    )
-    data = _make_data(training, module)
     last = training.working / "last.ckpt"
-    _check_resumable(last)
-    if training.config.weights is not None and not last.is_file():
-        _start_pretrained(training, module, data)
+    with agreed():
+        module, data = _prepare(training, last)
     preparation = time.perf_counter() - begin
     with quiet_lightning():
         trainer, timer, keeper = make_trainer(training, *watchers, resumed=last.is_file())
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         _finish(training, trainer, module, keeper)
-    return training.final
+
+
+def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
+    torch.manual_seed(training.config.seed)
+    module = MODULES[training.card.kind](
+        training.card.to_dict(), training.fit_values, training.config.seed
+    )
+    data = _make_data(training, module)
+    _check_resumable(last)
+    if training.config.weights is not None and not last.is_file():
+        _start_pretrained(training, module, data)
+    return module, data
 
 
 def _start_pretrained(training: Training, module: SurfaceModule, data: SurfaceData) -> None:
@@ -179,5 +201,6 @@ def _finish(
         module.load_state_dict(best["state_dict"])
     partial = training.working / "final.ckpt"
     trainer.save_checkpoint(partial, weights_only=True)
-    partial.replace(training.final)
-    shutil.rmtree(training.working, ignore_errors=True)
+    if trainer.is_global_zero:
+        partial.replace(training.final)
+        shutil.rmtree(training.working, ignore_errors=True)

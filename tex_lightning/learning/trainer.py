@@ -1,16 +1,21 @@
 """Lightning's Trainer as this package uses it: callbacks, loggers, and no advertisements."""
 
 import logging
+import signal
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from lightning import Callback, Trainer
+import torch.distributed as dist
+from lightning import Callback, LightningModule, Trainer
+from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 
 from tex_lightning.data.folds import make_samples
+from tex_lightning.distributed.place import Place
+from tex_lightning.distributed.team import Team
 from tex_lightning.learning.callbacks.figures import SampleFigures
 from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.training import Training
@@ -21,6 +26,42 @@ UNHELPFUL = (
     ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
+
+
+class StartedAlready(LightningEnvironment):
+    """What Lightning asks of processes that were started and connected without it."""
+
+    def __init__(self, place: Place, nodes: int) -> None:
+        super().__init__()
+        self.place, self.nodes = place, nodes
+
+    @property
+    def creates_processes_externally(self) -> bool:
+        """So that Lightning does not run the command line once more."""
+        return True
+
+    def local_rank(self) -> int:
+        """Number of this process on its node."""
+        return self.place.local
+
+    def node_rank(self) -> int:
+        """Number of this process's node."""
+        return self.place.rank // (self.place.size // self.nodes)
+
+    def teardown(self) -> None:
+        """Leave the environment to those who made it."""
+
+
+class PlainTermination(Callback):
+    """Let SIGTERM end a process at once.
+
+    Lightning's handler talks to the other processes from within the signal, wherever they are, and
+    all of them hang. The last finished epoch is kept in any case.
+    """
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Undo what Lightning has registered just before."""
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 class ProgressBar(RichProgressBar):
@@ -79,9 +120,11 @@ def make_trainer(
         paths = training.unimodal
         start = config.model.fusion.head_start
         callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"], start))
+    if Team.current is not None:
+        callbacks.append(PlainTermination())
     trainer = Trainer(
         accelerator=config.trainer.accelerator,
-        devices=1,
+        **_processes(training),
         precision=config.trainer.precision,  # type: ignore[arg-type]  # a string from the config
         max_epochs=fit["epochs"],
         callbacks=callbacks,
@@ -93,6 +136,23 @@ def make_trainer(
         default_root_dir=training.directory,
     )
     return trainer, timer, keeper
+
+
+def _processes(training: Training) -> dict[str, Any]:
+    """The trainer's arguments for as many processes as there are."""
+    team = Team.current
+    if team is None:
+        return {"devices": 1}
+    nodes = training.config.trainer.num_nodes
+    return {
+        "devices": team.place.size // nodes,
+        "num_nodes": nodes,
+        "strategy": "ddp",
+        "plugins": [StartedAlready(team.place, nodes)],
+        "use_distributed_sampler": False,  # every process knows its share of a batch
+        # statistics of whole batches; there is no such layer for CPUs, and FusionNet's are fixed
+        "sync_batchnorm": dist.get_backend() == "nccl" and training.card.kind != "fusion",
+    }
 
 
 def _make_loggers(training: Training, *, resumed: bool) -> list[Logger]:

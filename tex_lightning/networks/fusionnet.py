@@ -81,16 +81,16 @@ class FusionNet(nn.Module):
 
     def project(self, haptic: Tensor, visual: Tensor) -> tuple[Tensor, Tensor]:
         """Return :meth:`parts` of haptic features (B, D, L) and visual ones (B, D, M * N)."""
-        return self.haptic_part(haptic), self.visual_part(visual)
+        return self.project_haptic(haptic), self.project_visual(visual)
 
-    def haptic_part(self, haptic: Tensor) -> Tensor:
-        """Return the first of :meth:`parts` of haptic features (B, D, L)."""
+    def project_haptic(self, haptic: Tensor) -> Tensor:
+        """Return the haptic summand (B, classes, L) of features (B, D, L)."""
         return torch.matmul(self.head.weight[:, : self.haptic_size], haptic)
 
-    def visual_part(self, visual: Tensor) -> Tensor:
-        """Return the second of :meth:`parts`, with the bias, of features (B, D, M * N)."""
-        bias = self.head.bias[:, None]
-        return torch.matmul(self.head.weight[:, self.haptic_size :], visual) + bias
+    def project_visual(self, visual: Tensor) -> Tensor:
+        """Return the visual summand (B, classes, M * N), with bias, of features (B, D, M * N)."""
+        weight, bias = self.head.weight[:, self.haptic_size :], self.head.bias[:, None]
+        return torch.matmul(weight, visual) + bias
 
     @torch.no_grad()
     def start_from_scores(self, haptic: HapticNet, visual: VisualNet) -> None:

@@ -1,5 +1,6 @@
 """VisualNet: the fully convolutional network on photos of surfaces."""
 
+from collections.abc import Sequence
 from typing import cast
 
 from torch import Tensor, nn
@@ -7,9 +8,6 @@ from torch import Tensor, nn
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Head, Level, Norm, Window, conv_block, scaled
 from tex_lightning.networks.trunks import TRUNKS
-
-FC1_CHANNELS = 300
-FC2_CHANNELS = 250
 
 
 class VisualNet(nn.Module):
@@ -28,6 +26,7 @@ class VisualNet(nn.Module):
             pretrained trunks without normalisation.
         dropout: Probability of dropping an input of FC2 and FC3 while training.
         fc1_kernel: Side of FC1's kernel; None takes the trunk's.
+        head: Channel counts of FC1 and FC2, before ``width``.
 
     Attributes:
         patch: Side in pixels of an input that gives one prediction (with the trunk's FC1).
@@ -47,6 +46,7 @@ class VisualNet(nn.Module):
         norm: Norm = "batch",
         dropout: float = 0.5,
         fc1_kernel: int | None = None,
+        head: Sequence[int] = (300, 250),
     ) -> None:
         super().__init__()
         if trunk not in TRUNKS:
@@ -59,8 +59,7 @@ class VisualNet(nn.Module):
         self.min_side = self.trunk.smallest_side(self.fc1_kernel)
         self.stride = self.trunk.stride
         self.classes = classes
-        self.hidden = scaled(FC2_CHANNELS, width)
-        fc1 = scaled(FC1_CHANNELS, width)
+        fc1, self.hidden = (scaled(channels, width) for channels in head)
         hidden = nn.Sequential(
             conv_block(self.trunk.out_channels, fc1, self.fc1_kernel, norm=norm),
             nn.Dropout(dropout),

@@ -1,11 +1,13 @@
 """Final figures and hyper-parameters in TensorBoard, beside the curves of training."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from torch.utils.tensorboard import SummaryWriter
 
 from tex_lightning.schema import flatten
+from tex_lightning.stability.trial import Trial
 
 HPARAM_TYPES = (bool, int, float, str)
 
@@ -50,6 +52,19 @@ def log_profile(
         for key, value in result.items():
             if isinstance(value, int | float):
                 writer.add_scalar(f"profile/{key}", value)
+
+
+def log_stability(directory: Path, trials: Sequence[Trial], figures: dict[str, Any]) -> None:
+    """Add vote accuracies over severity, as a curve for each system, and the charts."""
+    with SummaryWriter(str(directory / "tensorboard" / "stability")) as writer:
+        for title, figure in figures.items():
+            writer.add_figure(f"stability/{title}", figure)
+    for system in dict.fromkeys(trial.system.name for trial in trials):
+        with SummaryWriter(str(directory / "tensorboard" / system)) as writer:
+            for trial in trials:
+                if trial.system.name == system:
+                    title = f"{trial.perturbation.modality}/{trial.perturbation.name}"
+                    writer.add_scalar(title, trial.accuracy, int(trial.severity))
 
 
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import csv
 import json
 import logging
+import sys
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,6 +23,10 @@ Row = dict[str, Any]
 log = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
+NO_SWEEP = (
+    "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
+    "trainer.num_nodes, or run without -m."
+)
 COLUMNS = (
     "job", "overrides", "status", "network", "vote_accuracy", "ci_low", "ci_high", "correct",
     "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
@@ -40,6 +45,17 @@ class SweepSummary(Callback):
     """Print and write ``sweep.csv`` in the sweep's folder when all jobs have run."""
 
     failures: ClassVar[int] = 0
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
+        """Refuse what no job of a sweep can do before the first one is run.
+
+        Raises:
+            SystemExit: Hydra turns other exceptions of callbacks into warnings.
+        """
+        trainer = OmegaConf.select(config, "trainer")
+        if (trainer.devices, trainer.num_nodes) != (1, 1):
+            print(f"Error: {NO_SWEEP}", file=sys.stderr)
+            raise SystemExit(2)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Collect what the jobs left behind."""

@@ -5,8 +5,15 @@ from pathlib import Path
 from typing import cast
 
 import torch
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from tex_lightning.distributed.launch import count_processes, leading
+from tex_lightning.distributed.place import follows
+from tex_lightning.distributed.worker import follow
+from tex_lightning.errors import UserError
+from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
 from tex_lightning.tasks import (
@@ -17,10 +24,11 @@ from tex_lightning.tasks import (
     generate,
     predict,
     profile,
+    stability,
     stream,
 )
 from tex_lightning.tasks.auto import resolve_auto
-from tex_lightning.validation import AUTO, check_config, check_known, check_missing
+from tex_lightning.validation import AUTO, check_config, check_known, check_missing, check_shares
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
     "fit": fit.run,
@@ -31,11 +39,17 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "generate": generate.run,
     "profile": profile.run,
     "frontier": frontier.run,
+    "stability": stability.run,
 }
 
+TRAINING = ("fit", "crossval", "frontier")
 
-def run_task(composed: DictConfig, directory: Path) -> None:
+
+def run_task(composed: DictConfig, directory: Path) -> int:
     """Check the configuration and run its task with ``directory`` as the run folder.
+
+    Returns:
+        The exit status, which is 0 but for processes that follow another one.
 
     Raises:
         UserError: If the configuration or what it names cannot be used.
@@ -46,7 +60,15 @@ def run_task(composed: DictConfig, directory: Path) -> None:
     check_config(config, tuple(TASKS))
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
-    claim_folder(composed, config, directory.resolve())
-    if config.model.name == AUTO:
-        config = resolve_auto(config, directory.resolve())
-    TASKS[config.task](config, directory.resolve())
+    processes = count_processes(config.trainer) if config.task in TRAINING else 1
+    if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:
+        raise UserError(NO_SWEEP)
+    check_shares(config, processes)
+    if processes > 1 and follows():
+        return follow(config.trainer.accelerator)
+    with leading(processes, config.trainer):
+        claim_folder(composed, config, directory.resolve())
+        if config.model.name == AUTO:
+            config = resolve_auto(config, directory.resolve())
+        TASKS[config.task](config, directory.resolve())
+    return 0

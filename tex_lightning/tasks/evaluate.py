@@ -16,7 +16,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.sequential import decide
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
-from tex_lightning.schema import Config
+from tex_lightning.schema import Config, DataConfig
 from tex_lightning.tasks.novelty import report_unknown
 from tex_lightning.tasks.testing import report_network
 from tex_lightning.tasks.workspace import check_sizes, hold_out, refuse_leak
@@ -34,7 +34,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     device = pick_device(config.trainer.accelerator)
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
-    test, unknown = _test_part(config, classifier)
+    test = recordings_to_test(config.data, classifier, "The checkpoint")
+    unknown = _held_out(config.data, classifier)
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     both = Recordings(test.rows + unknown.rows)
@@ -64,26 +65,40 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     return results
 
 
-def _test_part(config: Config, classifier: SurfaceClassifier) -> tuple[Recordings, Recordings]:
-    """The recordings to test on, and those of the classes in ``data.hold_out``.
+def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str) -> Recordings:
+    """The recordings to test on, without the classes in ``data.hold_out``.
+
+    Args:
+        data: Where they come from and which fold.
+        classifier: What is tested.
+        who: Its name in messages.
 
     Raises:
         UserError: If their classes are unknown to the checkpoint, or it was trained on them.
     """
     card = classifier.card
-    rows, held = hold_out(read_recordings(config.data), config.data.hold_out)
+    rows, _ = hold_out(read_recordings(data), data.hold_out)
     unknown = [label for label in rows.classes if label not in card.classes]
     if unknown:
         raise UserError(
-            f"The checkpoint does not know the class {', '.join(unknown)}; leave it out of the "
+            f"{who} does not know the class {', '.join(unknown)}; leave it out of the "
             "data, name it in data.hold_out or train on it."
         )
-    test, held = (_test_rows(part, config, card) for part in (rows, held))
-    refuse_leak(Recordings(test.rows + held.rows), card, "The checkpoint")
-    return test, held
+    return _tested(rows, data, card, who)
 
 
-def _test_rows(rows: Recordings, config: Config, card: Card) -> Recordings:
+def _held_out(data: DataConfig, classifier: SurfaceClassifier) -> Recordings:
+    """The recordings of the classes in ``data.hold_out`` in the test fold.
+
+    Raises:
+        UserError: If there is no such class, or the checkpoint was trained on it.
+    """
+    _, held = hold_out(read_recordings(data), data.hold_out)
+    return _tested(held, data, classifier.card, "The checkpoint")
+
+
+def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
     wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
-    data = config.data
-    return split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
+    test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
+    refuse_leak(test, card, who)
+    return test

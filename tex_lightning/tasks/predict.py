@@ -17,20 +17,31 @@ from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.sequential import decide
+from tex_lightning.parts import part_for
 from tex_lightning.schema import Config
 
 
 def run(config: Config, directory: Path) -> None:
     """Load the checkpoint once and print a line for each sample.
 
-    Several traces and photos are paired in the order given. Decoding is part of the latency.
+    Several traces and photos are paired in the order given. Decoding is part of the latency. Of a
+    FusionNet that is given one modality, its part for that modality decides; with a FusionNet each
+    line says what was looked at.
     """
     classifier = load_classifier(cast(str, config.checkpoint))
     _refuse_unused(classifier, config)
+    samples = _pairs(_files("haptic", config.haptic), _files("image", config.image))
+    fused = classifier.card.kind == "fusion"
+    if fused and config.image is None:
+        classifier = part_for(classifier, "haptic")
+    elif fused and config.haptic is None:
+        classifier = part_for(classifier, "image")
+    said = {"modalities": list(NEEDS[classifier.card.kind])} if fused else {}
     classifier = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
     classifier = decide(classifier, config.decision)
-    for haptic, image in _pairs(_files("haptic", config.haptic), _files("image", config.image)):
-        print(json.dumps(_predict(classifier, config, haptic, image)), flush=True)
+    for haptic, image in samples:
+        line = {**_predict(classifier, config, haptic, image), **said}
+        print(json.dumps(line), flush=True)
 
 
 def _refuse_unused(classifier: SurfaceClassifier, config: Config) -> None:

@@ -1,7 +1,5 @@
 """What ``task=profile`` measures: unimodal networks, each with one recording to classify."""
 
-from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -17,13 +15,11 @@ from tex_lightning.data.synthetic.camera import render_photo
 from tex_lightning.data.synthetic.specimen import Specimen, make_specimen
 from tex_lightning.data.synthetic.tool import slide_tool
 from tex_lightning.errors import UserError
-from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.windows import window_size
+from tex_lightning.parts import UNIMODAL, unimodal_parts
 from tex_lightning.profiling.subject import Subject
 from tex_lightning.schema import Config
 from tex_lightning.tasks.workspace import configured_card
-
-UNIMODAL: tuple[Kind, ...] = ("haptic", "visual")
 
 
 def make_subjects(config: Config, device: torch.device) -> list[Subject]:
@@ -44,36 +40,6 @@ def make_subjects(config: Config, device: torch.device) -> list[Subject]:
         parts = list(unimodal_parts(SurfaceClassifier.from_checkpoint(config.checkpoint)))
     _refuse_unused(config, [part.card.kind for part in parts])
     return [_subject(config, part.eval().to(device)) for part in parts]
-
-
-def unimodal_parts(classifier: SurfaceClassifier) -> Iterator[SurfaceClassifier]:
-    """A classifier itself, or the two that a fusion consists of.
-
-    Where FC2 is fused there is no FC3 of their own; each takes its half of the fusion layer, so
-    that their scores add up to those of the fusion.
-    """
-    fusion = classifier.network
-    if not isinstance(fusion, FusionNet):
-        yield classifier
-        return
-    halves = fusion.head.weight.tensor_split([fusion.haptic_size], dim=1)
-    biases = (torch.zeros_like(fusion.head.bias), fusion.head.bias)
-    for place, kind in enumerate(UNIMODAL):
-        part = SurfaceClassifier(part_card(classifier.card, kind))
-        part.adopt_haptic_features(classifier)
-        state = (fusion.haptic, fusion.visual)[place].state_dict()
-        if fusion.level == "fc2":
-            state["head.scores.1.weight"] = halves[place][:, :, None, None]
-            state["head.scores.1.bias"] = biases[place]
-        part.network.load_state_dict(state)
-        yield part
-
-
-def part_card(fusion: Card, kind: Kind) -> Card:
-    """The card of one half of a fusion."""
-    if kind == "haptic":
-        return replace(fusion, kind=kind, visual_network={}, fusion={})
-    return replace(fusion, kind=kind, haptic_features={}, haptic_network={}, fusion={})
 
 
 def _refuse_unused(config: Config, kinds: list[Kind]) -> None:

@@ -20,7 +20,7 @@ from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.schema import Config, DataConfig, ModelConfig
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
-VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel")
+VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,10 @@ def check_networks(config: Config) -> int:
     """
     model = config.model
     if model.baseline is not None:
-        return make_baseline(model.baseline, model.settings, model.budget).least_side
+        baseline = make_baseline(model.baseline, model.settings, model.budget)
+        if config.weights is not None:
+            baseline.load_weights(config.weights)
+        return baseline.least_side
     if model.kind == "haptic":
         return 0
     given = given_checkpoints(config) if model.kind == "fusion" else {}
@@ -192,14 +195,15 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
         haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
         visual_network=_network(model.visual, *VISUAL_KEYS) if network and kind == "visual" else {},
-        baseline={} if network else _baseline(model),
+        baseline={} if network else _baseline(model, config.weights),
     )
 
 
-def _baseline(model: ModelConfig) -> dict[str, Any]:
-    """Name and settings, its budget applied."""
+def _baseline(model: ModelConfig, weights: str | None) -> dict[str, Any]:
+    """Name and settings, its budget applied, and the weights it started from."""
     name = cast(str, model.baseline)
-    return {"name": name, "settings": asdict(make_baseline(name, model.settings, model.budget))}
+    settings = asdict(make_baseline(name, model.settings, model.budget))
+    return {"name": name, "settings": settings, "weights": weights}
 
 
 def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:

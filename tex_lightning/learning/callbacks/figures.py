@@ -25,7 +25,7 @@ class SampleFigures(Callback):
         batch_idx: int,
     ) -> None:
         """Draw once, at the very first step."""
-        writer = tensorboard_writer(trainer)
+        writer = tensorboard_writer(trainer) if trainer.is_global_zero else None
         if trainer.global_step or writer is None or not isinstance(pl_module, SurfaceModule):
             return
         card = pl_module.classifier.card

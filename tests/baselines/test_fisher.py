@@ -1,0 +1,139 @@
+"""Fisher vectors against scikit-image, and FV-CNN on trunks of random weights."""
+
+import numpy as np
+import pytest
+import torch
+from conftest import make_photo
+from skimage.feature import fisher_vector as published
+from sklearn.mixture import GaussianMixture
+from sklearn.svm import SVC
+
+from tex_lightning.baselines.fisher import FisherVectors, fisher_vector, fit_planes, improved
+from tex_lightning.errors import UserError
+from tex_lightning.networks.trunks import TRUNKS
+
+
+def baseline(trunk="alexnet_caffe", scales=(0.0,), **changes):
+    settings = {"components": 3, "photos": 4, "descriptors": 40, "cost": 1.0, "most_side": 1024}
+    return FisherVectors(trunk=trunk, scales=list(scales), **{**settings, **changes})
+
+
+@pytest.fixture
+def mixture():
+    rng = np.random.default_rng(0)
+    features = rng.normal(size=(200, 5)) * [1, 2, 3, 1, 1] + rng.integers(0, 3, (200, 1))
+    return GaussianMixture(4, covariance_type="diag", random_state=0).fit(features), features
+
+
+def tensors(mixture):
+    arrays = (mixture.weights_, mixture.means_, mixture.covariances_)
+    return [torch.from_numpy(array) for array in arrays]
+
+
+def test_gradients_are_scikit_images(mixture):
+    fitted, features = mixture
+    ours = fisher_vector(torch.from_numpy(features), *tensors(fitted)).numpy()
+    theirs = published(features, fitted)[4:]  # without the gradients towards the weights
+    np.testing.assert_allclose(ours[:20], theirs[:20], atol=1e-9)
+    np.testing.assert_allclose(ours[20:], -theirs[20:], atol=1e-9)  # theirs has the other sign
+
+
+def test_gradients_against_a_loop(mixture):
+    fitted, features = mixture
+    weights, means, variances = fitted.weights_, fitted.means_, fitted.covariances_
+    u, v = np.zeros_like(means), np.zeros_like(means)
+    for x, q in zip(features, fitted.predict_proba(features), strict=True):
+        for k in range(4):
+            z = (x - means[k]) / np.sqrt(variances[k])
+            u[k] += q[k] * z / (len(features) * np.sqrt(weights[k]))
+            v[k] += q[k] * (z**2 - 1) / (len(features) * np.sqrt(2 * weights[k]))
+    ours = fisher_vector(torch.from_numpy(features), *tensors(fitted)).numpy()
+    np.testing.assert_allclose(ours, np.concatenate([u.ravel(), v.ravel()]), atol=1e-9)
+
+
+def test_improved_vectors_have_length_one():
+    vector = improved(torch.tensor([-4.0, 0.0, 9.0]))
+    torch.testing.assert_close(vector, torch.tensor([-2.0, 0.0, 3.0]) / 13**0.5)
+    assert improved(torch.zeros(3)).eq(0).all()
+
+
+def test_planes_are_linear_machines_with_calibrated_scores():
+    rng = np.random.default_rng(0)
+    labels = np.arange(30) % 3
+    vectors = torch.from_numpy(rng.normal(size=(30, 8)) + np.eye(3, 8)[labels]).float()
+    planes = fit_planes(vectors, labels, 1.0)
+    scores = (vectors @ planes["directions"].T + planes["offsets"]).numpy()
+    for label in range(3):
+        own = labels == label
+        assert np.median(scores[own, label]) == pytest.approx(1, abs=1e-4)
+        assert np.median(scores[~own, label]) == pytest.approx(0, abs=1e-4)
+        reference = SVC(kernel="linear", C=1.0, tol=1e-5).fit(vectors.numpy(), own)
+        distances = reference.decision_function(vectors.numpy())
+        assert np.corrcoef(distances, scores[:, label])[0, 1] > 0.9999
+
+
+@pytest.mark.parametrize(("trunk", "channels"), [("alexnet_caffe", 256), ("squeezenet", 512)])
+def test_features_are_the_last_convolution_before_relu(trunk, channels):
+    system = baseline(trunk)
+    system.require_weights(0)
+    photo = make_photo(0, 0, 64)
+    features = system.features(photo)
+    maps = system.maps(system.image(photo), [system.network.final[0].split(".")[1]])
+    (rectified,) = maps.values()
+    assert features.shape[1] == channels
+    assert features.min() < 0
+    torch.testing.assert_close(features.T.relu(), rectified[0].flatten(1))
+
+
+def test_scales_are_bounded_on_both_sides():
+    system = baseline(scales=(1.0, 0.0, -1.0, -2.0), most_side=100)
+    assert system.factors(torch.zeros(1, 3, 64, 64)) == [1.0, 0.5]
+    assert system.factors(torch.zeros(1, 3, 30, 50)) == [2.0, 1.0]
+    assert system.factors(torch.zeros(1, 3, 1000, 1000)) == [0.1]
+    assert system.least_side == 15
+
+
+def test_state_round_trip_and_labels():
+    photos = [make_photo(kind, number, 96) for kind in range(2) for number in range(4)]
+    system = baseline()
+    system.fit(photos, np.repeat([0, 1], 4), seed=0)
+    other = baseline()
+    other.load_state(system.state())
+    for photo, label in zip(photos, np.repeat([0, 1], 4), strict=True):
+        logits = system.logits(photo)
+        assert logits.shape == (2, 1)
+        assert logits.argmax() == label
+        assert torch.equal(logits, other.logits(photo))
+    assert other.count_parameters() == system.count_parameters()
+
+
+def test_the_same_seed_gives_the_same_system():
+    photos = [make_photo(kind, number, 64) for kind in range(2) for number in range(2)]
+    first, second = baseline(), baseline()
+    for system in (first, second):
+        system.fit(photos, np.array([0, 0, 1, 1]), seed=3)
+    assert all(torch.equal(value, second.state()[key]) for key, value in first.state().items())
+
+
+def test_budget_shrinks_every_cost():
+    tiny = baseline(scales=(1.0, 0.0, -1.0), components=64, photos=1000).with_budget(0.01)
+    assert (tiny.scales, tiny.components, tiny.photos) == ([0.0], 2, 10)
+
+
+def test_wrong_settings():
+    with pytest.raises(UserError, match=r"trunk=vgg is unknown.*alexnet_caffe"):
+        baseline("vgg")
+    with pytest.raises(UserError, match="components"):
+        baseline(components=0)
+
+
+@pytest.mark.parametrize("model", ["alexnet_fv", "squeezenet_fv", "vgg_m_fv"])
+def test_command_line(cli, surfaces, tmp_path, model):
+    if model == "vgg_m_fv" and "vgg_m" not in TRUNKS:
+        pytest.skip("there is no trunk vgg_m")
+    outcome = cli(
+        f"model={model}", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
+        "debug=tiny", f"hydra.run.dir={tmp_path}", "model.settings.most_side=100",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert "random weights" in outcome.err

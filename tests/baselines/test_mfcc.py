@@ -1,0 +1,76 @@
+"""Cepstral coefficients against librosa, filters against their definition."""
+
+import numpy as np
+import pytest
+
+from tex_lightning.baselines.mfcc import Cepstra, filter_edges
+from tex_lightning.errors import UserError
+
+RATE = 10_000
+
+
+def make_cepstra(**changes):
+    given = {
+        "window_seconds": 0.025, "hop_seconds": 0.015, "highest_hz": 1400.0, "filters": 20,
+        "spacing": "mel", "first": 2, "last": 14,
+    }  # fmt: skip
+    return Cepstra(**{**given, **changes})
+
+
+def test_coefficients_equal_librosas():
+    librosa = pytest.importorskip("librosa")
+    trace = np.random.default_rng(0).standard_normal(3000)
+    size = 1000
+    # librosa puts the window amid a frame of the transform's length
+    padded = np.pad(trace, (size - 250) // 2)
+    reference = librosa.feature.mfcc(
+        y=padded, sr=RATE, n_mfcc=14, n_fft=size, win_length=250, hop_length=150, window="hamming",
+        center=False, n_mels=20, fmin=0, fmax=1400, htk=True, norm="ortho", mel_norm=None,
+    )  # fmt: skip
+    ours = make_cepstra(first=1).coefficients(trace, RATE)
+    decibels = 10 / np.log(10)
+    np.testing.assert_allclose(ours * decibels, reference.T, atol=1e-3)
+
+
+def test_level_moves_the_first_coefficient_only():
+    trace = np.random.default_rng(1).standard_normal(2000)
+    cepstra = make_cepstra(first=1)
+    quiet, loud = cepstra.coefficients(trace, RATE), cepstra.coefficients(3 * trace, RATE)
+    np.testing.assert_allclose(loud[:, 1:], quiet[:, 1:], atol=1e-9)
+    np.testing.assert_allclose(loud[:, 0] - quiet[:, 0], np.sqrt(20) * np.log(9))
+
+
+def test_decreasing_filters_are_the_mel_filters_mirrored():
+    mel, decreasing = (filter_edges(20, 1400.0, name) for name in ("mel", "decreasing"))
+    assert mel[0] == decreasing[0] == pytest.approx(0)
+    assert mel[-1] == pytest.approx(decreasing[-1]) == pytest.approx(1400)
+    assert (np.diff(mel, 2) > 0).all()
+    assert (np.diff(decreasing, 2) < 0).all()
+    np.testing.assert_allclose(np.diff(decreasing), np.diff(mel)[::-1])
+
+
+def test_frames_that_would_pass_the_end_are_left_out():
+    counts = [len(make_cepstra().coefficients(np.ones(n), RATE)) for n in (100, 250, 399, 400)]
+    assert counts == [1, 1, 1, 2]
+
+
+def test_silence_gives_numbers():
+    assert np.isfinite(make_cepstra().coefficients(np.zeros(1000), RATE)).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"spacing": "bark"}, "bark"),
+        ({"first": 0}, "0 to 14"),
+        ({"hop_seconds": 0.0}, "hop_seconds"),
+    ],
+)
+def test_settings_that_cannot_be_meant_are_named(changes, named):
+    with pytest.raises(UserError, match=named):
+        make_cepstra(**changes).check()
+
+
+def test_filters_beyond_half_the_rate_are_refused():
+    with pytest.raises(UserError, match="half the sampling rate"):
+        make_cepstra().coefficients(np.zeros(1000), 2000)

@@ -1,0 +1,61 @@
+"""Local binary patterns: invariance, an independent count, and the command line."""
+
+import json
+
+import numpy as np
+import pytest
+from conftest import make_photo
+
+from tex_lightning.baselines.patterns import CODES, LocalBinaryPatterns
+from tex_lightning.errors import UserError
+
+
+def test_quarter_turns_change_nothing():
+    system = LocalBinaryPatterns(radii=[1, 2, 4], strength=1.0)
+    photo = make_photo(0, 0, 120)
+    for turns in (1, 2, 3):
+        turned = np.ascontiguousarray(np.rot90(photo, turns))
+        np.testing.assert_allclose(system.features(turned), system.features(photo), atol=2e-3)
+
+
+def test_a_bright_dot_by_hand():
+    """Around a dot every pattern is of the eight that see it, or sees no lower neighbour."""
+    photo = np.full((9, 9, 3), 100, dtype=np.uint8)
+    photo[4, 4] = 200
+    shares = LocalBinaryPatterns(radii=[1], strength=1.0).features(photo)
+    assert shares.shape == (CODES,)
+    assert shares.sum() == pytest.approx(1)
+    assert shares[0] == pytest.approx(1 / 49)  # the dot, all of whose neighbours are darker
+
+
+def test_different_textures_differ():
+    system = LocalBinaryPatterns(radii=[1, 2, 4], strength=1.0)
+    same = np.abs(system.features(make_photo(0, 0)) - system.features(make_photo(0, 1))).sum()
+    other = np.abs(system.features(make_photo(0, 0)) - system.features(make_photo(2, 1))).sum()
+    assert same < other
+
+
+def test_state_round_trip():
+    photos = [make_photo(kind, number, 64) for kind in range(2) for number in range(3)]
+    system = LocalBinaryPatterns(radii=[1, 2], strength=100.0)
+    other = LocalBinaryPatterns(radii=[1, 2], strength=100.0)
+    system.fit(photos, np.repeat([0, 1], 3), seed=0)
+    other.load_state(system.state())
+    for photo in photos:
+        assert system.logits(photo).equal(other.logits(photo))
+    assert system.count_parameters() == other.count_parameters() > 0
+
+
+def test_wrong_settings():
+    with pytest.raises(UserError, match="radii"):
+        LocalBinaryPatterns(radii=[0], strength=1.0)
+
+
+def test_command_line(cli, surfaces, tmp_path):
+    outcome = cli(
+        "model=lbp", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
+        "debug=tiny", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["networks"]["visual"]["test_samples"] == 3

@@ -1,0 +1,93 @@
+"""What every haptic baseline promises: fit, save, load, unequal lengths, command line."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from conftest import make_trace
+
+# settings that make each quick; the rest is as configured
+QUICK = {
+    "mfcc_nb": {},
+    "mfcc_gmm": {"components": 2},
+    "acnn": {"fragment_seconds": 0.4, "steps": 30, "patches": 300, "batch_size": 9},
+    "minirocket": {"kernels": 168},
+    "multirocket_hydra": {"kernels": 84, "hydra_groups": 2},
+}
+LABELS = np.repeat(np.arange(3), 4)
+
+
+@pytest.fixture(scope="module", params=QUICK)
+def fitted(request, configured):
+    """A baseline fitted to traces of unequal length."""
+    traces = [
+        make_trace(kind, index, seconds=0.9 + 0.05 * index)
+        for kind in range(3)
+        for index in range(4)
+    ]
+    baseline = configured(request.param, **QUICK[request.param])
+    baseline.fit(traces, LABELS, seed=0)
+    return request.param, baseline, traces
+
+
+def test_unseen_traces_of_other_lengths_are_told_apart(fitted):
+    _, baseline, _ = fitted
+    for kind in range(3):
+        for seconds in (0.6, 1.4):
+            scores = baseline.logits(make_trace(kind, 9, seconds))
+            assert scores.ndim == 2
+            assert int(scores.float().softmax(dim=0).mean(dim=1).argmax()) == kind
+
+
+def test_shortest_movement_gives_a_fragment(fitted):
+    _, baseline, traces = fitted
+    scores = baseline.logits(traces[0][:500])
+    assert scores.shape[0] == 3
+    assert scores.shape[1] >= 1
+    assert torch.isfinite(scores).all()
+
+
+def test_scores_are_equal_after_loading(fitted, tmp_path, configured):
+    name, baseline, traces = fitted
+    torch.save(baseline.state(), tmp_path / "state.pt")
+    again = configured(name, **QUICK[name])
+    again.load_state(torch.load(tmp_path / "state.pt", weights_only=True))
+    assert again.count_parameters() == baseline.count_parameters() > 0
+    for trace in (traces[0], traces[5][:3000]):
+        torch.testing.assert_close(again.logits(trace), baseline.logits(trace), rtol=0, atol=0)
+
+
+def test_fitting_again_gives_the_same_and_leaves_the_generator_alone(fitted, configured):
+    name, baseline, traces = fitted
+    before, threads = torch.get_rng_state(), torch.get_num_threads()
+    again = configured(name, **QUICK[name])
+    again.fit(traces, LABELS, seed=0)
+    assert torch.equal(torch.get_rng_state(), before)
+    assert torch.get_num_threads() == threads
+    torch.testing.assert_close(again.logits(traces[1]), baseline.logits(traces[1]))
+
+
+def test_two_classes(fitted, configured):
+    name, _, traces = fitted
+    baseline = configured(name, **QUICK[name])
+    baseline.fit(traces[:8], LABELS[:8], seed=1)
+    assert len(baseline.logits(traces[0])) == 2
+
+
+@pytest.mark.parametrize("name", [name for name in QUICK if name != "minirocket"])
+def test_command_line(name, surfaces, cli, tmp_path):
+    changes = [f"model.settings.{key}={value}" for key, value in QUICK[name].items()]
+    outcome = cli(
+        f"model={name}", "data=folder", f"data.root={surfaces}", f"hydra.run.dir={tmp_path}/run",
+        *changes,
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    results = json.loads((tmp_path / "run/results.json").read_text())
+    assert results["model"] == name
+    assert results["networks"]["haptic"]["correct"] == 3
+    out = cli(
+        "task=predict", f"checkpoint={tmp_path}/run/checkpoints/haptic.ckpt",
+        f"haptic={surfaces}/beta/haptic/beta_3.wav",
+    ).out  # fmt: skip
+    assert json.loads(out)["label"] == "beta"

@@ -1,0 +1,194 @@
+"""Every perturbation on its scale, against what its unit means."""
+
+import io
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+from conftest import make_photo, make_trace
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from tex_lightning.perturbations.scene import Scene
+from tex_lightning.perturbations.table import SEVERITIES, perturbations
+
+RATE = 10_000.0
+TABLE = perturbations()
+SINGLE = [each for each in TABLE.values() if each.modality != "both"]
+# shapes change, or chance decides about whole recordings: a distance says nothing of these
+RESHAPED = {"wrong_rate", "stroke_velocity", "drifting_rate", "impact_left_in", "shorter_trace",
+            "scale_up", "scale_down", "smaller_crop"}  # fmt: skip
+# what has turned further is not more different, and half as many pixels fit the grid best
+TURNED = {"rotation", "rotated_axes", "nearer", "pixelate"}
+STRIPED = {"defocus_blur", "motion_blur"}  # these may turn stripes round
+
+
+def trace(axes: int = 1) -> np.ndarray:
+    return np.stack([make_trace(axis, 0) for axis in range(axes)])
+
+
+def recording(perturbation) -> np.ndarray:
+    if perturbation.modality == "image":
+        return make_photo(0, 0)
+    return trace(perturbation.axes or 1)
+
+
+def scene(seed: int = 0) -> Scene:
+    return Scene(np.random.default_rng(seed), RATE, lambda: make_trace(2, 1, 1.0)[None])
+
+
+def power(samples: np.ndarray) -> float:
+    return float(((samples - samples.mean()) ** 2).mean())
+
+
+@pytest.mark.parametrize("perturbation", SINGLE, ids=lambda each: each.name)
+def test_recordings_keep_their_type_and_the_original_is_left_alone(perturbation):
+    clean = recording(perturbation)
+    before = clean.copy()
+    assert perturbation.apply(clean, 0, scene()) is clean
+    for severity in (0.3, *SEVERITIES):
+        harmed = perturbation.apply(clean, severity, scene())
+        assert harmed.dtype == clean.dtype
+        assert harmed.ndim == clean.ndim
+        assert harmed.flags.c_contiguous
+        assert np.isfinite(harmed).all()
+    assert np.array_equal(clean, before)
+
+
+@pytest.mark.parametrize("perturbation", SINGLE, ids=lambda each: each.name)
+def test_the_same_chance_gives_the_same_recording(perturbation):
+    first, again = (perturbation.apply(recording(perturbation), 3, scene(7)) for _ in range(2))
+    assert np.array_equal(first, again)
+
+
+@pytest.mark.parametrize(
+    "perturbation",
+    [each for each in SINGLE if each.name not in RESHAPED | TURNED],
+    ids=lambda each: each.name,
+)
+def test_severer_is_further_from_the_original(perturbation):
+    clean = recording(perturbation)
+    if perturbation.modality == "image":  # not grey, or colours could not be lost
+        clean = (clean * np.array([1.0, 0.7, 0.4])).astype(np.uint8)
+    if perturbation.name in STRIPED:
+        clean = np.random.default_rng(0).integers(0, 256, clean.shape).astype(np.uint8)
+        clean = cv2.GaussianBlur(clean, (0, 0), 3)
+    gaps = [
+        np.abs(perturbation.apply(clean, severity, scene()).astype(float) - clean).mean()
+        for severity in SEVERITIES
+    ]
+    assert all(left <= right * 1.03 for left, right in pairwise(gaps)), gaps
+    assert gaps[-1] > gaps[0] or perturbation.name == "swapped_axes"
+
+
+@given(st.sampled_from(sorted(TABLE)), st.floats(0, 5), st.floats(0, 5))
+def test_the_scale_is_monotone_and_goes_through_its_levels(name, one, other):
+    perturbation = TABLE[name]
+    levels = perturbation.levels
+    assert [perturbation.value(place) for place in range(6)] == pytest.approx(levels)
+    sign = 1 if levels[-1] > levels[0] else -1
+    low, high = sorted((one, other))
+    assert sign * perturbation.value(low) <= sign * perturbation.value(high) + 1e-9
+
+
+def test_there_are_enough_of_them_and_some_are_held_out():
+    assert len(TABLE) >= 50
+    assert all(len(each.levels) == 6 for each in TABLE.values())
+    for modality in ("haptic", "image"):
+        held = [each.held_out for each in TABLE.values() if each.modality == modality]
+        assert 0 < sum(held) < len(held) / 2
+
+
+@pytest.mark.parametrize("name", ["white_noise", "mains_hum", "second_surface"])
+@pytest.mark.parametrize("severity", [0.5, 1, 3, 5])
+def test_noise_has_the_stated_ratio_to_the_signal(name, severity):
+    clean = trace().astype(np.float64)
+    harmed = TABLE[name].apply(clean, severity, scene())
+    ratio = 10 * np.log10(power(clean) / power(harmed - clean))
+    assert ratio == pytest.approx(TABLE[name].value(severity), abs=0.1)
+
+
+def test_the_hum_is_a_tone_of_50_hz():
+    clean = np.zeros((1, 10_000)) + trace()[:, :10_000]
+    added = TABLE["mains_hum"].apply(clean, 5, scene()) - clean
+    assert np.abs(np.fft.rfft(added[0])).argmax() == 50
+
+
+@pytest.mark.parametrize("severity", SEVERITIES)
+def test_shares_are_shares(severity):
+    clean = np.random.default_rng(0).standard_normal((1, 50_000)).astype(np.float32)
+    for name in ("clipping", "dropped_samples", "dropped_stretch"):
+        changed = (TABLE[name].apply(clean, severity, scene()) != clean).mean()
+        assert changed == pytest.approx(TABLE[name].value(severity), abs=0.005)
+    photo = np.random.default_rng(0).integers(1, 255, (300, 300, 3)).astype(np.uint8)
+    for name in ("dead_pixels", "impulse_noise"):
+        changed = (TABLE[name].apply(photo, severity, scene()) != photo).mean()
+        assert changed == pytest.approx(TABLE[name].value(severity), rel=0.1)
+
+
+def test_quantisation_leaves_so_many_steps():
+    for severity, steps in ((4, 8), (5, 4)):
+        assert len(np.unique(TABLE["quantisation"].apply(trace(), severity, scene()))) <= steps
+
+
+def test_a_wrong_rate_lowers_a_tone_and_a_faster_stroke_raises_it():
+    time = np.arange(20_000) / RATE
+    tone = np.sin(2 * np.pi * 400 * time)[None].astype(np.float32)
+    for name, factor in (("wrong_rate", 1 / 1.4), ("stroke_velocity", 2.0)):
+        changed = TABLE[name].apply(tone, 5, scene())[0]
+        frequency = np.abs(np.fft.rfft(changed)).argmax() * RATE / len(changed)
+        assert frequency == pytest.approx(400 * factor, rel=0.01)
+        assert len(changed) == pytest.approx(20_000 / factor, rel=0.01)
+
+
+def test_turning_the_sensor_keeps_energy_and_a_dead_axis_is_still():
+    three = trace(3)
+    turned = TABLE["rotated_axes"].apply(three, 3, scene())
+    assert (turned**2).sum() == pytest.approx((three**2).sum(), rel=1e-4)
+    dead = TABLE["dead_axis"].apply(three, 5, scene())
+    assert sum(np.ptp(axis) < 1e-6 for axis in dead) == 1
+
+
+def test_gains_are_in_decibels():
+    assert TABLE["louder"].apply(trace(), 4, scene()) == pytest.approx(trace() * 10, rel=1e-5)
+    assert TABLE["quieter"].apply(trace(), 4, scene()) == pytest.approx(trace() / 10, rel=1e-5)
+
+
+def test_photos_change_size_as_stated():
+    photo = make_photo(0, 0)
+    assert TABLE["scale_down"].apply(photo, 5, scene()).shape == (120, 120, 3)
+    assert TABLE["scale_up"].apply(photo, 5, scene()).shape == (480, 480, 3)
+    assert TABLE["smaller_crop"].apply(photo, 5, scene()).shape == (168, 168, 3)
+    halved = TABLE["scale_down"].apply(photo, 5, scene())
+    exact = photo.reshape(120, 2, 120, 2, 3).mean(axis=(1, 3))
+    assert np.abs(halved - exact).max() <= 1
+
+
+def test_gaussian_noise_and_blur_have_the_stated_deviation():
+    grey = np.full((200, 200, 3), 128, np.uint8)
+    noisy = TABLE["gaussian_noise"].apply(grey, 1, scene())
+    assert noisy.std() / 255 == pytest.approx(0.08, rel=0.03)
+    point = np.zeros((101, 101, 3), np.uint8)
+    point[50, 50] = 255
+    blurred = TABLE["gaussian_blur"].apply(point, 1, scene())[..., 0].astype(float)
+    places = np.arange(101) - 50
+    assert np.sqrt((blurred.sum(axis=0) * places**2).sum() / blurred.sum()) == pytest.approx(
+        1, rel=0.1
+    )
+
+
+def test_compression_is_that_of_another_encoder():
+    photo = cv2.GaussianBlur(make_photo(1, 0), (0, 0), 2)
+    stream = io.BytesIO()
+    Image.fromarray(photo).save(stream, "JPEG", quality=10, subsampling=2)
+    expected = np.asarray(Image.open(stream)).astype(int)
+    assert np.abs(TABLE["jpeg"].apply(photo, 4, scene()) - expected).mean() < 1
+
+
+@pytest.mark.parametrize("perturbation", SINGLE, ids=lambda each: each.name)
+def test_silence_and_darkness_are_harmless(perturbation):
+    clean = np.zeros_like(recording(perturbation))
+    harmed = perturbation.apply(clean, 5, scene())
+    assert np.isfinite(harmed).all()

@@ -1,0 +1,79 @@
+"""What is computed once decides as what is computed for each sample."""
+
+import numpy as np
+import pytest
+import torch
+
+from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.parts import part_for
+from tex_lightning.stability.judge import REFUSED, Judge
+
+NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
+
+
+@pytest.fixture(params=["fc2", "fc3"])
+def fusion(request) -> SurfaceClassifier:
+    torch.manual_seed(0)
+    card = Card(
+        kind="fusion",
+        classes=["a", "b", "c"],
+        decode=DecodeSettings().to_dict(),
+        decision={"pairs": 200, "seed": 3},
+        haptic_features={"axes": "frame"},
+        haptic_network=NETWORK,
+        visual_network={**NETWORK, "trunk": "tcnn"},
+        fusion={"level": request.param},
+    )
+    classifier = SurfaceClassifier(card).eval()
+    torch.nn.init.normal_(classifier.network.head.weight)
+    return classifier
+
+
+def recordings(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    trace = rng.standard_normal((1, 24_000)).astype(np.float32)
+    return trace, rng.integers(0, 256, (240, 260, 3)).astype(np.uint8)
+
+
+def test_together_is_what_classify_gives(fusion):
+    judge = Judge(fusion)
+    for haptic in (0, 1):
+        for image in (0, 1):
+            trace, photo = recordings(haptic)[0], recordings(image)[1]
+            made = judge.together(judge.perceive(trace, "haptic"), judge.perceive(photo, "image"))
+            vote = fusion.classify(torch.from_numpy(trace), torch.from_numpy(photo))
+            assert made.label == vote.label
+            assert made.share == pytest.approx(float(vote.shares[vote.label]))
+
+
+def test_alone_is_what_the_part_gives(fusion):
+    judge = Judge(fusion)
+    trace, photo = recordings(0)
+    vote = part_for(fusion, "haptic").classify(torch.from_numpy(trace))
+    made = judge.alone(judge.perceive(trace, "haptic"))
+    assert (made.label, made.share) == (vote.label, pytest.approx(float(vote.shares.max())))
+    vote = part_for(fusion, "image").classify(photo=torch.from_numpy(photo))
+    made = judge.alone(judge.perceive(photo, "image"))
+    assert (made.label, made.share) == (vote.label, pytest.approx(float(vote.shares.max())))
+
+
+def test_agreement_is_the_chance_of_the_same_class(fusion):
+    judge = Judge(fusion)
+    percepts = [
+        judge.perceive(array, modality)
+        for array, modality in zip(recordings(0), ("haptic", "image"), strict=True)
+    ]
+    beliefs = [percept.scores.double().softmax(dim=0).mean(dim=1) for percept in percepts]
+    made = judge.together(*percepts)
+    assert made.agreement == pytest.approx(float((beliefs[0] * beliefs[1]).sum()))
+
+
+def test_what_is_too_small_is_refused_and_not_guessed(fusion):
+    judge = Judge(fusion)
+    trace, photo = recordings(0)
+    short, small = judge.perceive(trace[:, :9000], "haptic"), judge.perceive(photo[:50], "image")
+    assert short is None
+    assert small is None
+    assert judge.together(short, judge.perceive(photo, "image")) == REFUSED
+    assert judge.alone(small) == REFUSED

@@ -1,0 +1,85 @@
+"""Bisection, flips and summaries on a system whose behaviour is known."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from sklearn.metrics import roc_auc_score
+
+from tex_lightning.perturbations.table import Perturbation
+from tex_lightning.stability.judge import REFUSED, Decision
+from tex_lightning.stability.summary import auroc, corruption_error, mean_errors
+from tex_lightning.stability.trial import Bench
+
+NOISE = Perturbation("white_noise", "haptic", "dB", (0, 1, 2, 3, 4, 5))
+
+
+@dataclass
+class Stub:
+    """Classes a and b with ten samples each; those of b go one by one, the last is refused."""
+
+    name: str = "stub"
+    kind: str = "haptic"
+    breaks_at: float = 3.3
+    asked: list = field(default_factory=list)
+
+    labels = ["a"] * 10 + ["b"] * 10
+    wanted = [0] * 10 + [1] * 10
+
+    def clean(self):
+        return [Decision(label, 1.0, 0.9) for label in self.wanted]
+
+    def decide(self, perturbation, severity):
+        self.asked.append(severity)
+        lost = 10 if severity >= self.breaks_at else 0
+        made = self.clean()
+        made[10 : 10 + lost] = [Decision(0, 1.0, 0.6)] * (lost - 1) + [REFUSED] * (lost > 0)
+        return made
+
+    def meets(self, perturbation):
+        return True
+
+
+def test_the_breaking_point_is_bisected_to_the_stated_width():
+    system = Stub()
+    bench = Bench([system])
+    found = bench.breaking_point(system, NOISE, 0.8, 5)
+    assert found.clean == 1
+    assert found.least == pytest.approx(0.8)
+    assert 3.3 <= found.below.severity <= 3.3 + 1 / 32
+    assert found.classes == ["b"]
+    assert len(system.asked) == len(set(system.asked))
+
+
+def test_what_does_not_break_says_so():
+    system = Stub(breaks_at=9)
+    found = Bench([system]).breaking_point(system, NOISE, 0.8, 5)
+    assert found.below is None
+
+
+def test_accuracy_flips_refusals_and_probabilities():
+    system = Stub()
+    trials = list(Bench([system]).grid([NOISE]))
+    assert [trial.severity for trial in trials] == [0, 1, 2, 3, 4, 5]
+    clean, broken = trials[0], trials[-1]
+    assert (clean.accuracy, clean.flip_rate, clean.refused) == (1, 0, 0)
+    assert (broken.accuracy, broken.flip_rate, broken.refused) == (0.5, 0.5, 1)
+    assert broken.probability_when(False) == pytest.approx(0.6)
+    assert clean.probability_when(False) is None
+    assert broken.class_accuracy() == {"a": 1, "b": 0}
+    assert mean_errors(trials) == {"white_noise": pytest.approx(0.2)}
+
+
+def test_corruption_error_is_the_mean_ratio_where_the_reference_errs():
+    reference = {"x": 0.5, "y": 0.2, "z": 0.0}
+    found = corruption_error({"x": 0.25, "y": 0.4, "z": 0.3, "w": 1.0}, reference)
+    assert found == {"mean": pytest.approx((0.5 + 2.0) / 2), "perturbations": 2}
+    assert corruption_error({"z": 0.3}, reference) is None
+
+
+def test_auroc_is_scikit_learns():
+    rng = np.random.default_rng(0)
+    low, high = rng.integers(0, 8, 40), rng.integers(2, 10, 30)
+    expected = roc_auc_score([0] * 40 + [1] * 30, [*low, *high])
+    assert auroc(list(low), list(high)) == pytest.approx(expected)
+    assert auroc([], [1.0]) is None

@@ -1,0 +1,197 @@
+"""What must not change a decision, and input on the edge of what numbers can hold."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import nn
+
+from tex_lightning.classifier import Card, SurfaceClassifier, content_seed
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.decision.voting import max_vote
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.schema import EngineConfig
+
+ENGINE = EngineConfig(
+    fold_batch_norm=True,
+    fast_response_norm=True,
+    channels_last=True,
+    low_band=True,
+    precision="fp32",
+    compile=False,
+    tile=None,
+)
+
+
+def classifier(kind: str, normalisation: str = "standard", pairs: int = 200) -> SurfaceClassifier:
+    """Random weights whose class scores differ enough to be told apart."""
+    torch.manual_seed(0)
+    network = {"width": 0.1, "norm": "batch", "dropout": 0.5}
+    haptic = {"normalisation": normalisation, "skip_impact": False}
+    card = Card(
+        kind=kind,
+        classes=["a", "b", "c", "d"],
+        decode=DecodeSettings().to_dict(),
+        decision={"pairs": pairs, "seed": 0},
+        haptic_features={} if kind == "visual" else haptic,
+        haptic_network={} if kind == "visual" else network,
+        visual_network={} if kind == "haptic" else {**network, "trunk": "tcnn"},
+        fusion={"level": "fc2"} if kind == "fusion" else {},
+    )
+    model = SurfaceClassifier(card).eval().requires_grad_(False)
+    for module in model.modules():
+        if isinstance(module, nn.Conv2d | nn.Linear):
+            nn.init.normal_(module.weight, std=2 / module.weight[0].numel() ** 0.5)
+    return model
+
+
+def noise(seconds: float = 3.0, seed: int = 0) -> torch.Tensor:
+    rng = np.random.default_rng(seed)
+    return torch.from_numpy(rng.standard_normal((1, round(seconds * 10_000))).astype(np.float32))
+
+
+def photo(seed: int = 0) -> torch.Tensor:
+    rng = np.random.default_rng(seed)
+    return torch.from_numpy(rng.integers(0, 256, (280, 300, 3)).astype(np.uint8))
+
+
+@pytest.mark.parametrize("kind", ["haptic", "visual", "fusion"])
+def test_the_number_of_threads_does_not_matter(kind):
+    model = accelerate(classifier(kind), ENGINE)
+    threads, votes, scores = torch.get_num_threads(), [], []
+    try:
+        for count in (1, 2, 4):
+            torch.set_num_threads(count)
+            votes.append(model.classify(noise(), photo()))
+            scores.append(model.logits(noise(), photo()))
+    finally:
+        torch.set_num_threads(threads)
+    assert len({vote.label for vote in votes}) == 1
+    for other in scores[1:]:
+        torch.testing.assert_close(other, scores[0], rtol=1e-3, atol=1e-3)
+
+
+def test_a_batch_gives_what_its_samples_give():
+    model = classifier("haptic")
+    inputs = torch.cat([model.haptic_input(noise(seed=seed)) for seed in range(5)])
+    for order in (range(5), (4, 2, 0, 1, 3), (3, 3)):
+        scores = model.network(inputs[list(order)])
+        for place, seed in enumerate(order):
+            alone = model.network(inputs[seed : seed + 1])[0]
+            torch.testing.assert_close(scores[place], alone, rtol=1e-4, atol=1e-4)
+            assert max_vote(scores[place]).label == max_vote(alone).label
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2**32 - 1])
+def test_random_pairs_estimate_the_vote_of_all_pairs(seed):
+    model, count = classifier("fusion"), 4000
+    halves = [
+        model.network.project_haptic(model.haptic_positions(noise(), "fc2")[None]),
+        model.network.project_visual(model.visual_positions(photo(), "fc2").flatten(1)[None]),
+    ]
+    every = (halves[0][0, :, :, None] + halves[1][0, :, None, :]).flatten(1)
+    exact = torch.bincount(every.argmax(dim=0), minlength=4) / every.shape[1]
+    share = max_vote(model.pair_scores(*halves, seed, count)).shares
+    spread = (exact * (1 - exact) / count).sqrt()
+    assert ((share - exact).abs() <= 4.5 * spread + 1e-6).all()
+
+
+def test_seeds_of_pairs_depend_on_every_byte():
+    trace, image = noise().numpy(), photo().numpy()
+    seed = content_seed(0, trace, image)
+    assert seed == content_seed(0, trace[:, ::1].copy(), np.asfortranarray(image))
+    changed = image.copy()
+    changed[5, 5, 1] ^= 1
+    assert len({seed, content_seed(1, trace, image), content_seed(0, trace, changed)}) == 3
+
+
+@given(st.permutations(range(8)), st.integers(0, 1000))
+def test_the_order_of_fragments_never_changes_a_vote(order, seed):
+    scores = torch.from_numpy(np.random.default_rng(seed).integers(-2, 3, (4, 8)) / 2.0)
+    vote, other = max_vote(scores), max_vote(scores[:, list(order)])
+    assert vote.label == other.label
+    assert torch.equal(vote.shares, other.shares)
+
+
+@settings(max_examples=15)
+@given(st.floats(-60, 60))
+def test_paper_normalisation_makes_the_vote_blind_to_gain(decibel):
+    model = classifier("haptic", "paper")
+    plain, loud = model.logits(noise()), model.logits(noise() * 10 ** (decibel / 20))
+    torch.testing.assert_close(plain, loud, rtol=1e-2, atol=1e-2)
+    assert max_vote(plain).label == max_vote(loud).label
+
+
+def test_standard_normalisation_is_not_and_does_not_promise_it():
+    model = classifier("haptic")
+    assert not torch.allclose(model.logits(noise()), model.logits(noise() * 10))
+
+
+def test_shifting_by_a_stride_of_hops_shifts_the_fragments_by_one():
+    model, step = classifier("haptic"), HapticFeatures.hop_length * HapticNet.stride
+    trace = noise(8.0)
+    trace -= trace.mean()
+    later = trace[:, step:]
+    whole, shifted = model.logits(trace), model.logits(later - later.mean())
+    inner = slice(2, shifted.shape[1] - 2)  # away from what stands for what is outside
+    torch.testing.assert_close(shifted[:, inner], whole[:, 1:][:, inner], rtol=1e-2, atol=1e-2)
+
+
+EDGES = {
+    "silent": np.zeros(30_000),
+    "constant": np.full(30_000, 7.0),
+    "denormal": np.random.default_rng(0).standard_normal(30_000) * 1e-40,
+    "tiny": np.random.default_rng(0).standard_normal(30_000) * 1e-30,
+    "large": np.random.default_rng(0).standard_normal(30_000) * 1e8,
+    "one impulse": np.eye(1, 30_000, 15_000)[0],
+    "square wave": np.sign(np.sin(np.arange(30_000) / 50)),
+}
+UNUSABLE = {
+    "not a number": np.where(np.arange(30_000) == 15_000, np.nan, 0.1),
+    "infinite": np.where(np.arange(30_000) == 15_000, np.inf, 0.1),
+    "overflowing": np.random.default_rng(0).standard_normal(30_000) * 1e30,
+}
+
+
+@pytest.mark.parametrize("normalisation", ["standard", "paper"])
+@pytest.mark.parametrize("low_band", [True, False])
+@pytest.mark.parametrize("edge", EDGES)
+def test_input_at_the_edge_ends_in_a_label(edge, low_band, normalisation):
+    model = classifier("haptic", normalisation)
+    model.haptic_features.low_band = low_band
+    scores = model.logits(torch.from_numpy(EDGES[edge].astype(np.float32))[None])
+    assert scores.isfinite().all()
+    assert max_vote(scores).shares.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("normalisation", ["standard", "paper"])
+@pytest.mark.parametrize("low_band", [True, False])
+@pytest.mark.parametrize("edge", UNUSABLE)
+def test_input_without_a_spectrum_ends_in_a_sentence(edge, low_band, normalisation):
+    model = classifier("haptic", normalisation)
+    model.haptic_features.low_band = low_band
+    with pytest.raises(UserError, match="NaN, infinity or numbers too large"):
+        model.classify(torch.from_numpy(UNUSABLE[edge].astype(np.float32))[None])
+
+
+def test_one_sample_too_few_is_refused_and_one_more_is_not():
+    model = classifier("haptic")
+    least = (HapticNet.min_frames - 1) * HapticFeatures.hop_length + HapticFeatures.window_length
+    assert model.logits(noise()[:, :least]).shape == (4, 1)
+    with pytest.raises(UserError, match="record a longer stroke"):
+        model.logits(noise()[:, : least - 1])
+    features = HapticFeatures(skip_impact=False)
+    assert features.magnitudes(noise()[:, :500]).shape[1] == 1
+    with pytest.raises(UserError, match="less than one window"):
+        features.magnitudes(noise()[:, :499])
+
+
+@pytest.mark.parametrize("value", [0, 128, 255])
+def test_a_photo_of_one_colour_has_a_label(value):
+    scores = classifier("visual").logits(photo=torch.full((240, 240, 3), value, dtype=torch.uint8))
+    assert scores.isfinite().all()
+    assert 0 <= max_vote(scores).label < 4

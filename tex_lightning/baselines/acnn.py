@@ -1,0 +1,174 @@
+"""A convolutional network on the raw trace that begins with a sparse auto-encoder's filters.
+
+After Ji, Fang, Zheng, Strese and Steinbach (MLSP 2015), of which layers, window and training are
+not public: those here are choices.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self, cast
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.baselines.autoencoder import learn_filters
+from tex_lightning.baselines.base import Array, Baseline, State
+from tex_lightning.errors import UserError
+
+FIRST_LENGTH, FIRST_STRIDE = 64, 8  # samples: 6.4 ms and 0.8 ms at 10 kHz
+CHANNELS = (32, 64, 128)
+LENGTH = 9  # of the later convolutions
+POOL = 4
+HIDDEN = 128
+STRIDE: int = FIRST_STRIDE * POOL ** len(CHANNELS)  # samples from a fragment to the next
+
+
+@dataclass
+class RawNetwork(Baseline):
+    """Every fragment of a trace is classified, at a stride of 512 samples, in one dense pass.
+
+    Attributes:
+        fragment_seconds: Length of a fragment at most; what the pooling leaves over is dropped.
+        patches: Raw patches that the auto-encoder learns from.
+        sparsity: Mean activation of its hidden units that it aims at, between 0 and 1.
+        steps: Of training.
+        batch_size: Fragments in a step.
+        learning_rate: Highest of a one-cycle schedule.
+        weight_decay: Of AdamW.
+        dropout: Share of hidden units left out in training.
+    """
+
+    fragment_seconds: float
+    patches: int
+    sparsity: float
+    steps: int
+    batch_size: int
+    learning_rate: float
+    weight_decay: float
+    dropout: float
+
+    kind: ClassVar = "haptic"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.sparsity < 1 or not 0 <= self.dropout < 1:
+            raise UserError("model.settings: sparsity must be within (0, 1), dropout [0, 1).")
+        if min(self.patches, self.steps) < 1 or self.batch_size < 2 or self.learning_rate <= 0:
+            raise UserError(
+                "model.settings: patches, steps and learning_rate must be positive, batch_size at "
+                "least 2."
+            )
+        self.scale = 1.0
+
+    def with_budget(self, budget: float) -> Self:
+        """Fewer steps."""
+        return replace(self, steps=max(1, int(self.steps * budget)))
+
+    @property
+    def width(self) -> int:
+        """Outputs of the last pooling that one fragment spans.
+
+        Raises:
+            UserError: If a fragment does not span one.
+        """
+        samples = int(self.fragment_seconds * self.sampling_rate)
+        if samples < fragment_length(1):
+            raise UserError(
+                f"model.settings.fragment_seconds={self.fragment_seconds:g} is less than "
+                f"{fragment_length(1) / self.sampling_rate:g} s, the network's shortest; raise it."
+            )
+        spare = samples - fragment_length(1)
+        return 1 + spare // STRIDE
+
+    def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
+        """Learn the first filters from patches, then all layers from fragments cut at random."""
+        traces = [torch.from_numpy(np.asarray(trace, dtype=np.float32)) for trace in recordings]
+        self.scale = float(torch.cat(traces).std()) or 1.0
+        traces = [self._prepare(trace) for trace in traces]
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            filters = learn_filters(traces, FIRST_LENGTH, CHANNELS[0], self.patches, self.sparsity)
+            self.network = make_network(int(labels.max()) + 1, self.width, self.dropout)
+            cast(nn.Conv1d, self.network[0]).weight.data = filters[:, None].clone()
+            self._train(traces, torch.from_numpy(labels))
+        self.network.eval()
+
+    def _train(self, traces: list[Tensor], labels: Tensor) -> None:
+        optimizer = torch.optim.AdamW(
+            self.network.parameters(), self.learning_rate, weight_decay=self.weight_decay
+        )
+        schedule = torch.optim.lr_scheduler.OneCycleLR(
+            optimizer, self.learning_rate, total_steps=self.steps + 1
+        )
+        self.network.train()
+        for _ in range(self.steps):
+            chosen = torch.randint(len(traces), (self.batch_size,))
+            pieces = torch.stack([self._cut(traces[int(index)]) for index in chosen])
+            scores = self.network(pieces[:, None])[..., 0]
+            optimizer.zero_grad()
+            loss = nn.functional.cross_entropy(scores, labels[chosen])
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+            schedule.step()
+
+    def _cut(self, trace: Tensor) -> Tensor:
+        length = fragment_length(self.width)
+        start = int(torch.randint(len(trace) - length + 1, ()))
+        return trace[start : start + length]
+
+    def _prepare(self, trace: Tensor) -> Tensor:
+        """A trace (samples,) at the training set's scale, repeated if less than a fragment."""
+        repeats = -(-fragment_length(self.width) // len(trace))
+        return (trace / self.scale).repeat(repeats)
+
+    @torch.inference_mode()
+    def logits(self, recording: Array) -> Tensor:
+        """Class scores (classes, fragments)."""
+        trace = self._prepare(torch.from_numpy(np.asarray(recording, dtype=np.float32)))
+        scores: Tensor = self.network(trace[None, None])[0]
+        return scores
+
+    def state(self) -> State:
+        """Weights and the scale of the training set."""
+        return {**self.network.state_dict(), "scale": torch.tensor(self.scale, dtype=torch.float64)}
+
+    def load_state(self, state: State) -> None:
+        """Make the network that the weights are of."""
+        weights = {key: value for key, value in state.items() if key != "scale"}
+        self.scale = float(state["scale"])
+        classes = len(list(weights.values())[-1])
+        self.network = make_network(classes, self.width, self.dropout).eval()
+        self.network.load_state_dict(weights)
+
+    def count_parameters(self) -> int:
+        """Trained numbers."""
+        return sum(parameter.numel() for parameter in self.network.parameters())
+
+
+def make_network(classes: int, width: int, dropout: float) -> nn.Sequential:
+    """Layers from (batch, 1, samples) to class scores (batch, classes, fragments).
+
+    Batch normalisation, which came in the year of the paper, lets it train in hundreds of steps.
+    """
+    layers: list[nn.Module] = []
+    size, stride, before = FIRST_LENGTH, FIRST_STRIDE, 1
+    for channels in CHANNELS:
+        layers += [
+            nn.Conv1d(before, channels, size, stride, bias=False),
+            nn.BatchNorm1d(channels),
+            nn.ReLU(),
+            nn.MaxPool1d(POOL),
+        ]
+        size, stride, before = LENGTH, 1, channels
+    hidden = nn.Conv1d(before, HIDDEN, width, bias=False)
+    layers += [hidden, nn.BatchNorm1d(HIDDEN), nn.ReLU(), nn.Dropout(dropout)]
+    return nn.Sequential(*layers, nn.Conv1d(HIDDEN, classes, 1))
+
+
+def fragment_length(width: int) -> int:
+    """Samples behind ``width`` neighbouring outputs of the last pooling."""
+    samples = width
+    for _ in range(len(CHANNELS) - 1):
+        samples = samples * POOL + LENGTH - 1
+    return (samples * POOL - 1) * FIRST_STRIDE + FIRST_LENGTH

@@ -1,0 +1,226 @@
+"""Improved Fisher vectors of convolutional features and linear SVMs: FV-CNN.
+
+After Cimpoi, Maji and Vedaldi, "Deep filter banks for texture recognition and segmentation"
+(CVPR 2015): the last convolution before its ReLU at many scales, pooled over a mixture of
+Gaussians.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from sklearn.mixture import GaussianMixture
+from sklearn.svm import SVC
+from torch import Tensor, nn
+
+from tex_lightning.baselines.base import Array, State
+from tex_lightning.baselines.trunks import TrunkBaseline, resized
+from tex_lightning.errors import UserError
+from tex_lightning.progress import track
+
+VARIANCE_FLOOR = 1e-4  # of the largest variance of a feature
+MIXTURE = ("weights", "means", "variances")
+PLANES = ("directions", "offsets")
+
+
+@dataclass
+class FisherVectors(TrunkBaseline):
+    """FV-CNN: features of a trunk over scales, Fisher vectors, one linear SVM for each class.
+
+    Attributes:
+        scales: Exponents of two of the factors on the photo's sides. A scale is left out where a
+            side falls below ``LEAST_SIDE`` pixels or the photo grows beyond ``most_side``.
+        components: Gaussians of the mixture.
+        photos: Most training photos that the mixture is fitted to.
+        descriptors: Most features (positions of the map) that each of these gives.
+        cost: C of the SVMs.
+
+    Raises:
+        UserError: If there is no such trunk, or a number cannot be used.
+    """
+
+    scales: list[float]
+    components: int
+    photos: int
+    descriptors: int
+    cost: float
+
+    LEAST_SIDE: ClassVar = 30
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.scales or min(self.components, self.photos, self.descriptors) < 1:
+            raise UserError(
+                "model.settings: scales must not be empty, and components, photos and descriptors "
+                "are at least 1."
+            )
+        if not self.cost > 0:
+            raise UserError(f"model.settings.cost is {self.cost}: choose a positive number.")
+        self.map_side = max(self.least_side, self.LEAST_SIDE)
+        self.least_side = math.ceil(self.map_side / 2 ** max(self.scales))
+        self.fitted: State = {}
+
+    def with_budget(self, budget: float) -> Self:
+        """Fewer Gaussians and features, and only the scales nearest to the photo's own."""
+        kept = max(1, int(len(self.scales) * budget))
+        return replace(
+            self,
+            scales=sorted(self.scales, key=abs)[:kept],
+            components=max(2, int(self.components * budget)),
+            photos=max(2, int(self.photos * budget)),
+            descriptors=max(2, int(self.descriptors * budget)),
+        )
+
+    def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
+        """Fit the mixture to features of some photos, and the SVMs to Fisher vectors of all."""
+        self.require_weights(seed)
+        rng = np.random.default_rng(seed)
+        self.fitted = self._fit_mixture(recordings, rng)
+        photos = track(recordings, "Fisher vectors")
+        vectors = torch.stack([self.vector(photo) for photo in photos])
+        self.fitted |= fit_planes(vectors, labels, self.cost)
+
+    def _fit_mixture(self, recordings: Sequence[Array], rng: np.random.Generator) -> State:
+        count = min(self.photos, len(recordings))
+        chosen = np.sort(rng.permutation(len(recordings))[:count])
+        samples = []
+        for index in track(chosen, "Features of the frozen trunk"):
+            rows = self.features(recordings[index])
+            picked = rng.permutation(len(rows))[: self.descriptors]
+            samples.append(rows[torch.from_numpy(picked)])
+        features = torch.cat(samples).numpy()
+        mixture = GaussianMixture(
+            min(self.components, len(features)),
+            covariance_type="diag",
+            reg_covar=VARIANCE_FLOOR * float(features.var(axis=0).max()),
+            random_state=int(rng.integers(2**31)),
+        ).fit(features)
+        found = (mixture.weights_, mixture.means_, mixture.covariances_)
+        return dict(zip(MIXTURE, (torch.from_numpy(array).float() for array in found), strict=True))
+
+    def factors(self, image: Tensor) -> list[float]:
+        """Factors on the sides of an image (1, 3, height, width); at least one."""
+        least, largest = self.map_side / min(image.shape[-2:]), self.largest_factor(image)
+        factors = [2.0**scale for scale in self.scales]
+        return [factor for factor in factors if least <= factor <= largest] or [largest]
+
+    @torch.inference_mode()
+    def features(self, photo: Array) -> Tensor:
+        """Features (positions, channels) of all scales of a photo."""
+        image = self.image(photo)
+        rows = [self._features_at(image, factor) for factor in self.factors(image)]
+        return torch.cat(rows)
+
+    def _features_at(self, image: Tensor, factor: float) -> Tensor:
+        """Outputs of the last convolutions before ReLU, (positions, channels)."""
+        trunk = self.network
+        outputs: list[Tensor] = []
+
+        def keep(_module: nn.Module, _inputs: object, output: Tensor) -> None:
+            outputs.append(output[0].flatten(1).T.clone())  # ReLU will overwrite it
+
+        hooks = [trunk.get_submodule(name).register_forward_hook(keep) for name in trunk.final]
+        try:
+            self.maps(image if factor == 1 else resized(image, factor), [last_layer(trunk.final)])
+        finally:
+            for hook in hooks:
+                hook.remove()
+        return torch.cat(outputs, dim=1)
+
+    @torch.inference_mode()
+    def vector(self, photo: Array) -> Tensor:
+        """Improved Fisher vector (2 * components * channels,) of a photo."""
+        return improved(fisher_vector(self.features(photo), *(self.fitted[key] for key in MIXTURE)))
+
+    def logits(self, recording: Array) -> Tensor:
+        """Calibrated scores of the SVMs, one fragment."""
+        scores = self.fitted["directions"] @ self.vector(recording) + self.fitted["offsets"]
+        return scores[:, None].double()
+
+    def state(self) -> State:
+        """Trunk, mixture and planes."""
+        return {**super().state(), **self.fitted}
+
+    def load_state(self, state: State) -> None:
+        """Read them back."""
+        super().load_state(state)
+        self.fitted = {key: state[key] for key in (*MIXTURE, *PLANES)}
+
+    def count_parameters(self) -> int:
+        """Weights of the trunk, mixture and planes."""
+        return super().count_parameters() + sum(value.numel() for value in self.fitted.values())
+
+
+def last_layer(final: Sequence[str]) -> str:
+    """Name of the trunk's layer that its last convolutions are in, as ``layers.conv5.0``."""
+    return final[0].split(".")[1]
+
+
+def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: Tensor) -> Tensor:
+    """Gradients of the log-likelihood towards means and variances, in their natural metric.
+
+    With posteriors q, u_k = sum_n q_nk (x_n - m_k) / s_k / (N sqrt(w_k)) and
+    v_k = sum_n q_nk (((x_n - m_k) / s_k)^2 - 1) / (N sqrt(2 w_k)), after Perronnin, Sanchez and
+    Mensink (ECCV 2010).
+
+    Args:
+        features: (N, D).
+        weights: Of the Gaussians (K,).
+        means: (K, D).
+        variances: Of diagonal covariances (K, D).
+
+    Returns:
+        (2 K D,), all u before all v.
+    """
+    posteriors = _posteriors(features, weights, means, variances)
+    count = len(features)
+    mass = posteriors.sum(dim=0)[:, None]
+    first, second = posteriors.T @ features, posteriors.T @ features.square()
+    centred = first - mass * means
+    spread = second - 2 * means * first + mass * (means.square() - variances)
+    scale = count * weights.sqrt()[:, None]
+    u = centred / (scale * variances.sqrt())
+    v = spread / (scale * math.sqrt(2) * variances)
+    return torch.cat([u.flatten(), v.flatten()])
+
+
+def _posteriors(features: Tensor, weights: Tensor, means: Tensor, variances: Tensor) -> Tensor:
+    """Probabilities (N, K) of the Gaussians given each feature."""
+    precision = 1 / variances
+    distance = features.square() @ precision.T - 2 * features @ (means * precision).T
+    constant = (means.square() * precision).sum(dim=1) + variances.log().sum(dim=1)
+    return torch.softmax(weights.log() - 0.5 * (distance + constant), dim=1)
+
+
+def improved(vector: Tensor) -> Tensor:
+    """Signed square root, then length 1 (a vector of zeros stays)."""
+    rooted = vector.sign() * vector.abs().sqrt()
+    return nn.functional.normalize(rooted, dim=0)
+
+
+def fit_planes(vectors: Tensor, labels: npt.NDArray[np.int64], cost: float) -> State:
+    """One linear SVM for each class against the rest, on vectors (rows, D).
+
+    Scores are brought to a common range: over the training rows, the median is 0 for the others
+    and 1 for the class. The SVMs see inner products alone, which are far fewer than the vectors'
+    numbers.
+
+    Returns:
+        ``directions`` (classes, D) and ``offsets`` (classes,).
+    """
+    products = (vectors @ vectors.T).numpy().astype(np.float64)
+    directions, offsets = [], []
+    for label in range(int(labels.max()) + 1):
+        own = labels == label
+        machine = SVC(kernel="precomputed", C=cost).fit(products, own)
+        amounts = np.zeros(len(labels))
+        amounts[machine.support_] = machine.dual_coef_[0]
+        scores = products @ amounts + machine.intercept_[0]
+        others, range_ = np.median(scores[~own]), np.median(scores[own]) - np.median(scores[~own])
+        directions.append(torch.from_numpy(amounts / range_).float() @ vectors)
+        offsets.append((machine.intercept_[0] - others) / range_)
+    return {"directions": torch.stack(directions), "offsets": torch.tensor(offsets).float()}

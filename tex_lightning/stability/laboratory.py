@@ -1,0 +1,84 @@
+"""Test recordings, clean or perturbed: each is perturbed once for all systems."""
+
+import zlib
+from collections.abc import Iterable
+from functools import partial
+
+import numpy as np
+
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store, fingerprint
+from tex_lightning.perturbations.scene import Array, Scene
+from tex_lightning.perturbations.table import Perturbation
+
+
+class Laboratory:
+    """Decoded recordings of one store, and what perturbations make of them.
+
+    Everything random depends on the seed, the perturbation and the content of the file alone, so
+    that every system and every severity meets the same chances.
+
+    Args:
+        store: Decoded files.
+        seed: Of everything random.
+        folds: Into how many the recordings are divided; a partner is looked for in the same one.
+    """
+
+    def __init__(self, store: Store, seed: int, folds: int) -> None:
+        self.store = store
+        self.seed = seed
+        self.folds = folds
+        self.rows: dict[str, Recording] = {}
+        self._prints: dict[Recording, str] = {}
+        self._now: tuple[Perturbation, float] | None = None
+        self._perturbed: dict[Recording, Array] = {}
+
+    def add(self, rows: Iterable[Recording]) -> None:
+        """Take in recordings that may be asked for, and be partners of others."""
+        self.rows.update((str(row.path), row) for row in rows)
+
+    def clean(self, row: Recording) -> Array:
+        """The recording as decoded."""
+        return self.store.trace(row) if row.modality == "haptic" else self.store.image(row)
+
+    def perturbed(self, row: Recording, perturbation: Perturbation, severity: float) -> Array:
+        """The recording perturbed; those of the latest perturbation and severity are kept."""
+        if self._now != (perturbation, severity):
+            self._now, self._perturbed = (perturbation, severity), {}
+        if row not in self._perturbed:
+            rng = self.rng(perturbation.name, row)
+            scene = Scene(rng, self.store.settings.sampling_rate, partial(self._other, row, rng))
+            self._perturbed[row] = perturbation.apply(np.array(self.clean(row)), severity, scene)
+        return self._perturbed[row]
+
+    def rng(self, name: str, *rows: Recording) -> np.random.Generator:
+        """The generator of one sample under one perturbation."""
+        prints = [int(self._fingerprint(row), 16) for row in rows]
+        return np.random.default_rng([self.seed, zlib.crc32(name.encode()), *prints])
+
+    def partner(self, row: Recording, rng: np.random.Generator) -> Recording:
+        """A recording of the same modality and another class, of the same fold if there is one."""
+        others = [
+            other
+            for _, other in sorted(self.rows.items())
+            if other.modality == row.modality and other.label != row.label
+        ]
+        near = [other for other in others if self._fold(other) == self._fold(row)]
+        choice = near or others
+        return choice[int(rng.integers(len(choice)))]
+
+    def axes(self, samples: Iterable[Sample]) -> set[int]:
+        """Numbers of axes that the traces of some samples have."""
+        return {len(self.clean(each.haptic)) for each in samples if each.haptic is not None}
+
+    def _other(self, row: Recording, rng: np.random.Generator) -> Array:
+        return np.array(self.clean(self.partner(row, rng)))
+
+    def _fold(self, row: Recording) -> int:
+        return row.group % self.folds
+
+    def _fingerprint(self, row: Recording) -> str:
+        if row not in self._prints:
+            self._prints[row] = fingerprint(row.path)
+        return self._prints[row]

@@ -1,0 +1,137 @@
+"""What many trials say of each system."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import mannwhitneyu
+
+from tex_lightning.perturbations.table import SEVERITIES, perturbations
+from tex_lightning.report.results import wilson_interval
+from tex_lightning.stability.judge import Decision
+from tex_lightning.stability.system import System
+from tex_lightning.stability.trial import Bench, Trial
+
+Errors = dict[str, float]
+SWAPS = ("haptic_swapped", "image_swapped")
+
+
+def summarise_system(system: System, trials: Sequence[Trial], reference: Errors) -> dict[str, Any]:
+    """The entry of one system in ``results.json``.
+
+    Args:
+        system: The system.
+        trials: Of all systems, severities 0 to 5.
+        reference: :func:`mean_errors` of the reference system.
+    """
+    own = [trial for trial in trials if trial.system is system and trial.severity > 0]
+    errors = mean_errors(own)
+    entry: dict[str, Any] = {
+        "kind": system.kind,
+        "checkpoints": [str(member.checkpoint) for member in system.members],
+        "perturbations": len(errors),
+    }
+    if not own:
+        return entry
+    clean = Trial(system, own[0].perturbation, 0, own[0].labels, own[0].clean, own[0].clean)
+    held = {name for name in errors if perturbations()[name].held_out}
+    worst = max(errors, key=lambda name: errors[name])
+    classes = _class_accuracy(own)
+    lowest = min(classes, key=lambda name: classes[name])
+    return {
+        **entry,
+        "clean": {
+            "vote_accuracy": clean.accuracy,
+            "vote_ci95": wilson_interval(clean.correct, len(clean.labels)),
+            "correct": clean.correct,
+            "test_samples": len(clean.labels),
+        },
+        "mean_error": float(np.mean(list(errors.values()))),
+        "mean_error_held_out": _mean([errors[name] for name in held]),
+        "corruption_error": corruption_error(errors, reference),
+        "corruption_error_held_out": corruption_error(
+            {name: errors[name] for name in held}, reference
+        ),
+        "mean_flip_rate": float(np.mean([trial.flip_rate for trial in own])),
+        "refused": sum(trial.refused for trial in own),
+        "probability_when_wrong": _mean([trial.probability_when(False) for trial in own]),
+        "probability_when_right": _mean([trial.probability_when(True) for trial in own]),
+        "worst_perturbation": {"name": worst, "mean_error": errors[worst]},
+        "worst_class": {"name": lowest, "vote_accuracy": classes[lowest]},
+        "perturbation_errors": errors,
+    }
+
+
+def mean_errors(trials: Sequence[Trial]) -> Errors:
+    """Error of the votes, mean over severities 1 to 5, by the name of the perturbation."""
+    errors: dict[str, list[float]] = {}
+    for trial in trials:
+        if trial.severity > 0:
+            errors.setdefault(trial.perturbation.name, []).append(1 - trial.accuracy)
+    return {name: float(np.mean(values)) for name, values in errors.items()}
+
+
+def corruption_error(errors: Errors, reference: Errors) -> dict[str, Any] | None:
+    """Mean corruption error: errors over those of the reference, mean over shared perturbations.
+
+    As Hendrycks and Dietterich (2019) with another reference. A perturbation under which the
+    reference makes no error has no ratio and is left out.
+
+    Returns:
+        ``mean``, and ``perturbations``, how many it is over; None if there are none.
+    """
+    shared = [name for name in errors if reference.get(name, 0) > 0]
+    if not shared:
+        return None
+    mean = float(np.mean([errors[name] / reference[name] for name in shared]))
+    return {"mean": mean, "perturbations": len(shared)}
+
+
+def conflict_summary(system: System, bench: Bench) -> dict[str, Any]:
+    """How well a FusionNet tells a trace and a photo of two classes from those of one.
+
+    The area under the ROC curve of three scores, each high for a conflict: 1 - agreement of the
+    beliefs of its parts, 1 - share of the votes, and 1 - mean probability of the label. Every
+    sample is there once as it is and once with each modality swapped.
+    """
+    clean = _usable(bench.trial(system, perturbations()[SWAPS[0]], 0).decisions)
+    swapped = [
+        made
+        for name in SWAPS
+        for made in _usable(bench.trial(system, perturbations()[name], SEVERITIES[-1]).decisions)
+    ]
+    scores = {
+        "conflict_auroc": (_disagreement(clean), _disagreement(swapped)),
+        "conflict_auroc_share": ([1 - m.share for m in clean], [1 - m.share for m in swapped]),
+        "conflict_auroc_probability": (
+            [1 - made.probability for made in clean],
+            [1 - made.probability for made in swapped],
+        ),
+    }
+    return {name: auroc(*sides) for name, sides in scores.items()}
+
+
+def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
+    """Chance that a positive scores above a negative, ties half; None without one of them."""
+    if not negative or not positive:
+        return None
+    statistic = mannwhitneyu(positive, negative, method="asymptotic").statistic
+    return float(statistic) / (len(negative) * len(positive))
+
+
+def _usable(decisions: Sequence[Decision]) -> list[Decision]:
+    return [made for made in decisions if made.label is not None]
+
+
+def _disagreement(decisions: Sequence[Decision]) -> list[float]:
+    return [1 - made.agreement for made in decisions if made.agreement is not None]
+
+
+def _class_accuracy(trials: Sequence[Trial]) -> dict[str, float]:
+    tables = [trial.class_accuracy() for trial in trials]
+    return {name: float(np.mean([table[name] for table in tables])) for name in tables[0]}
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    present = [value for value in values if value is not None]
+    return float(np.mean(present)) if present else None

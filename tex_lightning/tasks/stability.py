@@ -1,0 +1,101 @@
+"""Find where systems fail: perturb their test recordings by degrees and see what is voted."""
+
+import logging
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.devices import pick_device
+from tex_lightning.errors import UserError
+from tex_lightning.perturbations.table import Perturbation, perturbations
+from tex_lightning.progress import track
+from tex_lightning.report.events import log_stability
+from tex_lightning.report.figures import save_figure
+from tex_lightning.report.results import environment, write_results
+from tex_lightning.report.stability import Break, print_stability, write_breaks, write_trials
+from tex_lightning.report.stability_figures import stability_figures
+from tex_lightning.schema import Config
+from tex_lightning.stability.summary import conflict_summary, mean_errors, summarise_system
+from tex_lightning.stability.system import System
+from tex_lightning.stability.trial import Bench, Trial
+from tex_lightning.tasks.tested import load_systems
+
+log = logging.getLogger(__name__)
+
+
+def run(config: Config, directory: Path) -> dict[str, Any]:
+    """Test ``stability.systems`` under all perturbations that they meet; write tables and figures.
+
+    The first system is the reference of the mean corruption error.
+    """
+    begin = time.perf_counter()
+    device = pick_device(config.trainer.accelerator)
+    systems = load_systems(config)
+    chosen = _chosen(config, systems)
+    bench = Bench(systems)
+    trials = list(bench.grid(chosen))
+    breaks = _search(config, bench, chosen)
+    directory.mkdir(parents=True, exist_ok=True)
+    write_trials(trials, directory)
+    write_breaks(breaks, directory)
+    figures = stability_figures(trials)
+    for title, figure in figures.items():
+        save_figure(figure, directory / "figures" / f"{title}.png")
+    if config.logger.tensorboard:
+        log_stability(directory, trials, figures)
+    results = {
+        "task": config.task,
+        "data": config.data.name,
+        "seed": config.seed,
+        "wall_seconds": time.perf_counter() - begin,
+        "environment": environment(device),
+        "engine": asdict(config.engine),
+        "bound": config.stability.bound,
+        "reference": systems[0].name,
+        "perturbations": {each.name: asdict(each) for each in chosen},
+        "systems": _entries(bench, trials, breaks),
+    }
+    write_results(directory / "results.json", results)
+    print_stability(results, directory)
+    return results
+
+
+def _chosen(config: Config, systems: Sequence[System]) -> list[Perturbation]:
+    """Those asked for that some system meets; what is left out is said."""
+    known, only = perturbations(), config.stability.only
+    asked = list(known.values()) if only is None else [known[name] for name in only]
+    chosen = [each for each in asked if any(system.meets(each) for system in systems)]
+    left_out = [each.name for each in asked if each not in chosen]
+    if not chosen:
+        raise UserError(
+            f"No system meets {', '.join(left_out)}; choose other stability.only or systems."
+        )
+    if left_out:
+        log.info("Left out, since no system reads what they change: %s.", ", ".join(left_out))
+    return chosen
+
+
+def _search(config: Config, bench: Bench, chosen: Sequence[Perturbation]) -> list[Break]:
+    settings = config.stability
+    return [
+        (system, each, bench.breaking_point(system, each, settings.bound, settings.bisections))
+        for each in track(chosen, "Searching for breaking points")
+        for system in bench.systems
+        if system.meets(each)
+    ]
+
+
+def _entries(bench: Bench, trials: Sequence[Trial], breaks: Sequence[Break]) -> dict[str, Any]:
+    first = bench.systems[0]
+    reference = mean_errors([trial for trial in trials if trial.system is first])
+    entries = {}
+    for system in bench.systems:
+        own = [found for tested, _, found in breaks if tested is system]
+        entries[system.name] = {
+            **summarise_system(system, trials, reference),
+            "breaks": sum(found.below is not None for found in own),
+            **(conflict_summary(system, bench) if system.kind == "fusion" else {}),
+        }
+    return entries
