@@ -26,9 +26,10 @@ from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.networks.windows import window_size
 
 # values that cards of older checkpoints lack
-LATER: dict[str, Any] = {"baseline": {}, "image_features": {}}
+LATER: dict[str, Any] = {"baseline": {}, "calibration": {}, "image_features": {}}
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class Card:
         baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
             empty for our networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote.
+        calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
+            perhaps ``enough``, the threshold of sequential decisions; empty without such a fold.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested.
     """
@@ -61,6 +64,7 @@ class Card:
     visual_network: dict[str, Any] = field(default_factory=dict)
     fusion: dict[str, Any] = field(default_factory=dict)
     baseline: dict[str, Any] = field(default_factory=dict)
+    calibration: dict[str, float] = field(default_factory=dict)
     trained_on: dict[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
@@ -84,6 +88,11 @@ class Card:
     def title(self) -> str:
         """What it is called in messages."""
         return str(self.baseline.get("name", f"{self.kind} network"))
+
+    @property
+    def temperature(self) -> float:
+        """What logits are divided by before they become probabilities."""
+        return self.calibration.get("temperature", 1.0)
 
     @property
     def settings(self) -> DecodeSettings:
@@ -110,7 +119,7 @@ class SurfaceClassifier(nn.Module):
         needs = NEEDS[card.kind]
         self.haptic_features = HapticFeatures(**card.haptic_features) if "haptic" in needs else None
         self.image_features = ImageFeatures(**card.image_features) if "image" in needs else None
-        self.network = _build_network(card)
+        self.network = build_network(card)
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: Kind | None = None) -> "SurfaceClassifier":
@@ -168,7 +177,7 @@ class SurfaceClassifier(nn.Module):
     @torch.inference_mode()
     def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
         """Decide on one sample; see :meth:`logits`."""
-        return max_vote(self.logits(trace, photo))
+        return max_vote(self.logits(trace, photo), self.card.temperature)
 
     def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
         """Class scores of every fragment of one sample of decoded recordings.
@@ -191,8 +200,12 @@ class SurfaceClassifier(nn.Module):
         visual = self.visual_positions(cast(Tensor, photo), self.network.level)
         haptic = self.haptic_positions(cast(Tensor, trace), self.network.level)
         halves = self.network.project(haptic[None], visual[None])
-        arrays = (each.cpu().contiguous().numpy() for each in (trace, photo) if each is not None)
-        return self.pair_scores(*halves, content_seed(self.card.decision["seed"], *arrays))
+        return self.pair_scores(*halves, self.seed(trace, photo))
+
+    def seed(self, *recordings: Tensor | None) -> int:
+        """Of the random choices for one sample of decoded recordings."""
+        arrays = (each.cpu().contiguous().numpy() for each in recordings if each is not None)
+        return content_seed(self.card.decision["seed"], *arrays)
 
     def pair_scores(
         self, haptic: Tensor, visual: Tensor, seed: int, count: int | None = None
@@ -246,6 +259,24 @@ class SurfaceClassifier(nn.Module):
         features = cast(ImageFeatures, self.image_features)
         check_side(photo.shape[0], photo.shape[1], self.least_side)
         return cast(Tensor, features(photo.permute(2, 0, 1)[None].to(features.mean.device)))
+
+    def visual_windows(self, photo: Tensor, corners: Tensor, level: Level) -> Tensor:
+        """Features (D, windows), float32, of single windows of a decoded photo.
+
+        Args:
+            photo: As for :meth:`logits`.
+            corners: (windows, 2) row and column of the upper left pixel of each.
+            level: As for :meth:`visual_positions`.
+        """
+        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
+        features = cast(ImageFeatures, self.image_features)
+        height, width = window_size(cast(VisualNet, network))
+        crops = torch.stack(
+            [photo[row : row + height, col : col + width] for row, col in corners.tolist()]
+        )
+        pixels = features(crops.permute(0, 3, 1, 2).to(features.mean.device))
+        pixels = pixels.to(next(network.parameters()).dtype)
+        return cast(VisualNet, network).features(pixels, level).flatten(1).T.float()
 
     @property
     def least_side(self) -> int:
@@ -332,7 +363,8 @@ def check_side(height: int, width: int, least: int) -> None:
         )
 
 
-def _build_network(card: Card) -> HapticNet | VisualNet | FusionNet:
+def build_network(card: Card) -> HapticNet | VisualNet | FusionNet:
+    """The network that a card describes, with random weights."""
     classes = len(card.classes)
     if card.kind == "haptic":
         return HapticNet(classes, **card.haptic_network)

@@ -41,6 +41,7 @@ class DataConfig:
     test_fold: int | None = MISSING
     val_fold: int | None = None
     inverted: bool = MISSING
+    hold_out: list[str] | None = None
     cache_dir: str | None = None
     num_workers: int = MISSING
 
@@ -157,10 +158,33 @@ class ModelConfig:
 
 @dataclass
 class DecisionConfig:
-    """Max voting; ``pairs`` is FusionNet's K, drawn from a generator seeded with ``seed``."""
+    """How fragments become one label.
 
+    Attributes:
+        name: max_vote asks every fragment, sequential as few as the label needs.
+        pairs: FusionNet's K.
+        seed: Of the pairs, and of the order in which windows of a photo are drawn.
+        reject_below: Mean class probability below which no label is given.
+        alpha: Most chance that the windows left out would change the label; 0 takes no chance.
+        enough: Mean probability at which one modality, or the beginning of a trace, decides.
+        calibrated: Whether a checkpoint's own threshold takes the place of ``enough``.
+        disagreement: Share of decisions differing from the full one that this threshold may have.
+        confidence: Of the bound on that share.
+        alphas: Drawn in the curves.
+        enoughs: Drawn in the curves, and those that the threshold is chosen among.
+    """
+
+    name: str = MISSING
     pairs: int = MISSING
     seed: int = MISSING
+    reject_below: float | None = None
+    alpha: float = MISSING
+    enough: float = MISSING
+    calibrated: bool = MISSING
+    disagreement: float = MISSING
+    confidence: float = MISSING
+    alphas: list[float] = MISSING
+    enoughs: list[float] = MISSING
 
 
 @dataclass

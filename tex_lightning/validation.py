@@ -28,6 +28,7 @@ CHOICES = {
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
     "engine": ("fp32", "bf16"),
+    "decision": ("max_vote", "sequential"),
 }
 
 AUTO = "auto"
@@ -78,8 +79,7 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_least("trainer.threads", config.trainer.threads, 1),
         *_choice("engine.precision", config.engine.precision, CHOICES["engine"]),
         *_least("engine.tile", config.engine.tile, LEAST_TILE),
-        *_least("decision.pairs", config.decision.pairs, 1),
-        *_least("decision.seed", config.decision.seed, 0),
+        *_decision(config),
         *_profile(config),
         *_stability(config),
         *_positive("stream.chunk", config.stream.chunk),
@@ -87,7 +87,6 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *_least("top_k", config.top_k, 1),
         *_least("seed", config.seed, 0),
         *_most("seed", config.seed, 2**32 - 1),
-        *_most("decision.seed", config.decision.seed, 2**32 - 1),
         *_task(config),
     ]
     if complaints:
@@ -178,6 +177,33 @@ def _frontier(config: Config) -> Iterator[str]:
     for key in ("only", "max_latency_ms", "min_accuracy"):
         if getattr(frontier, key) is not None and config.task != "frontier":
             yield f"frontier.{key} is read by task=frontier alone, not by task={config.task}"
+
+
+def _decision(config: Config) -> Iterator[str]:
+    decision = config.decision
+    yield from _choice("decision.name", decision.name, CHOICES["decision"])
+    yield from _least("decision.pairs", decision.pairs, 1)
+    yield from _least("decision.seed", decision.seed, 0)
+    yield from _most("decision.seed", decision.seed, 2**32 - 1)
+    for key in ("alpha", "disagreement", "confidence"):
+        if not 0 <= (value := getattr(decision, key)) < 1:
+            yield f"decision.{key} is {value:g}: choose from 0 up to 1"
+    for alpha in decision.alphas:
+        if not 0 <= alpha < 1:
+            yield f"decision.alphas has {alpha:g}: choose from 0 up to 1"
+    for enough in (decision.enough, *decision.enoughs):
+        yield from _within("decision.enough", enough, 0, 1)
+    if decision.reject_below is not None:
+        yield from _within("decision.reject_below", decision.reject_below, 0, 1)
+    if decision.name == "sequential" and config.model.baseline is not None:
+        yield (
+            "decision=sequential needs a network, and a baseline looks at the whole recording at "
+            "once: use decision=max_vote"
+        )
+    if decision.name == "sequential" and config.task in ("profile", "stream"):
+        yield f"decision=sequential is not read by task={config.task}: leave it out"
+    if config.data.hold_out and config.task not in ("fit", "crossval", "evaluate"):
+        yield f"data.hold_out is not read by task={config.task}: leave it out"
 
 
 def _stream_axes(axes: int) -> Iterator[str]:

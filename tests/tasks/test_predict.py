@@ -87,7 +87,10 @@ def test_what_a_prediction_holds(cli, surfaces, trained, tmp_path, monkeypatch):
         "task=predict", checkpoint(trained, "haptic"), f"haptic={wav}", "predict.fast_decode=true"
     )
     assert json.loads(fast.out)["label"] == prediction["label"]
-    assert set(prediction) == {"haptic", "label", "confidence", "top_k", "fragments", "latency_ms"}
+    contract = {"haptic", "label", "confidence", "top_k", "fragments", "latency_ms"}
+    assert set(prediction) == contract | {"probability", "evidence"}
+    assert 0 < prediction["probability"] <= 1
+    assert prediction["evidence"] == 1
     assert len(prediction["top_k"]) == 2
     assert prediction["top_k"][0] == {
         "label": prediction["label"],

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import torch
 from torch import Tensor
@@ -16,14 +15,23 @@ class Vote:
         label: Index of the class that won.
         shares: (classes,) share of the fragments that voted for each class, sums to 1.
         fragments: (fragments,) class index of every fragment.
+        probabilities: (classes,) float64, mean class probabilities of the fragments, sum to 1.
+        evidence: Arithmetic that was done, as a share of what all fragments take.
     """
 
     label: int
     shares: Tensor
     fragments: Tensor
+    probabilities: Tensor
+    evidence: float = 1.0
+
+    @property
+    def probability(self) -> float:
+        """Mean probability of the class that won."""
+        return float(self.probabilities[self.label])
 
 
-def max_vote(logits: Tensor) -> Vote:
+def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     """Let every fragment vote for its most probable class; the class with most votes wins.
 
     Ties are broken by the larger mean probability over all fragments, then by the lower class
@@ -31,13 +39,15 @@ def max_vote(logits: Tensor) -> Vote:
 
     Args:
         logits: (classes, fragments), at least one fragment.
+        temperature: The logits are divided by it before they become probabilities.
     """
     classes, count = logits.shape
     if count == 0:
         raise ValueError("a vote needs at least one fragment")
     fragments = logits.argmax(dim=0)
     votes = torch.bincount(fragments, minlength=classes)
-    return Vote(winner(votes, partial(probabilities, logits)), votes / count, fragments)
+    sums = probabilities(logits, temperature)
+    return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
 
 
 def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:
@@ -56,9 +66,9 @@ def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:
     return max(tied, key=lambda label: (sums[label], -label))
 
 
-def probabilities(logits: Tensor) -> Tensor:
+def probabilities(logits: Tensor, temperature: float = 1.0) -> Tensor:
     """Sums (classes,), in float64, of the class probabilities of all fragments."""
-    return logits.double().softmax(dim=0).sum(dim=1)
+    return (logits.double() / temperature).softmax(dim=0).sum(dim=1)
 
 
 def random_pairs(haptic: int, visual: int, count: int, seed: int) -> Tensor:

@@ -34,6 +34,8 @@ class Outcome:
         correct_fragments: Those that voted for the true class.
         latency_ms: Time from decoded recordings to the label.
         votes: Number of fragments for each class that has any, as JSON.
+        evidence: Arithmetic done, as a share of what all fragments take.
+        probabilities: Mean class probabilities of the fragments, as JSON.
     """
 
     haptic: str
@@ -45,6 +47,14 @@ class Outcome:
     correct_fragments: int
     latency_ms: float
     votes: str = "{}"
+    evidence: float = 1.0
+    probabilities: str = "{}"
+
+    @property
+    def class_probabilities(self) -> dict[str, float]:
+        """Mean probability of each class."""
+        probabilities: dict[str, float] = json.loads(self.probabilities)
+        return probabilities
 
     @property
     def fragment_votes(self) -> dict[str, int]:

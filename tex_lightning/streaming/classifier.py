@@ -25,6 +25,7 @@ class StreamingClassifier:
 
     Attributes:
         frames: Spectrogram frames of the movement so far.
+        votes: (classes,) fragments that cannot change any more.
 
     Raises:
         UserError: If the classifier is of another kind, or its features need the whole trace.
@@ -42,10 +43,20 @@ class StreamingClassifier:
         self.layers = streaming_layers([network.trunk, network.head.hidden, network.head.scores])
         self.search = int(SEARCH_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
-        self.start_known = not features.skip_impact
-        self.beginning: Tensor | None = None  # all samples, until it is known where to start
+        self.temperature = classifier.card.temperature
         self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
+        self.restart(start_known=not features.skip_impact)
+
+    def restart(self, *, start_known: bool) -> None:
+        """Begin another recording; ``start_known`` says that it begins with steady movement."""
+        self.start_known = start_known
+        self.beginning: Tensor | None = None  # all samples, until it is known where to start
         self._start(0)
+
+    @property
+    def macs(self) -> int:
+        """Multiply-accumulates of the network for this recording so far."""
+        return sum(layer.macs for layer in self.layers)
 
     @torch.inference_mode()
     def push(self, chunk: Tensor) -> Vote | None:
@@ -118,10 +129,11 @@ class StreamingClassifier:
         if settled:
             self.labels = fragments[: len(self.labels) + settled]
             self.votes += self._votes(labels[:settled])
-            self.probabilities += probabilities(scores[:, :settled])
+            self.probabilities += probabilities(scores[:, :settled], self.temperature)
         votes = self.votes + self._votes(labels[settled:])
-        label = winner(votes, lambda: self.probabilities + probabilities(scores[:, settled:]))
-        return Vote(label, votes / len(fragments), fragments)
+        sums = self.probabilities + probabilities(scores[:, settled:], self.temperature)
+        count = len(fragments)
+        return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
 
     def _votes(self, labels: Tensor) -> Tensor:
         return torch.bincount(labels, minlength=len(self.votes))

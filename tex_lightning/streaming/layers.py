@@ -20,7 +20,14 @@ Columns = Tensor | None
 
 
 class StreamingLayer(Protocol):
-    """What every layer of a stream can do."""
+    """What every layer of a stream can do.
+
+    Attributes:
+        macs: Multiply-accumulates since the restart.
+    """
+
+    @property
+    def macs(self) -> int: ...  # noqa: D102  (see above)
 
     def push(self, columns: Columns, settled: int) -> tuple[Columns, int]:
         """Take the next columns and give those of the output.
@@ -64,12 +71,19 @@ class Pointwise:
     def __init__(self, function: Callable[[Tensor], Tensor]) -> None:
         self.function = function
 
+    @property
+    def macs(self) -> int:
+        """Of a linear function; others multiply nothing."""
+        return self.function.macs if isinstance(self.function, Linear) else 0
+
     def push(self, columns: Columns, settled: int) -> tuple[Columns, int]:
         """Apply the function."""
         return None if columns is None else self.function(columns), settled
 
     def restart(self) -> None:
-        """Nothing was kept."""
+        """Nothing was kept but the count."""
+        if isinstance(self.function, Linear):
+            self.function.macs = 0
 
 
 class Linear:
@@ -80,8 +94,11 @@ class Linear:
         self.weight = conv.weight.detach().flatten(1)
         self.bias = None if conv.bias is None else conv.bias.detach()
 
+        self.macs = 0
+
     def __call__(self, columns: Tensor) -> Tensor:
         """Weigh the channels."""
+        self.macs += columns.shape[2] * columns.shape[3] * self.weight.numel()
         x = functional.linear(columns.permute(0, 2, 3, 1), self.weight, self.bias)
         return x.permute(0, 3, 1, 2)
 
@@ -96,6 +113,7 @@ class StreamingPool:
     def __init__(self, pool: nn.MaxPool2d) -> None:
         if (pool.kernel_size, pool.stride, pool.padding, pool.ceil_mode) != (2, 2, 0, True):
             raise ValueError(f"{pool} is not by 2x2 in ceil mode")
+        self.macs = 0
         self.restart()
 
     def restart(self) -> None:
@@ -142,6 +160,7 @@ class StreamingConv:
 
     def restart(self) -> None:
         """Drop the partial sums."""
+        self.macs = 0
         self.sums: Tensor | None = None  # (taps - 1, bands, outputs): of the next outputs
         self.early = self.taps - 1 - self.padding  # next outputs that begin before the input
 
@@ -182,6 +201,7 @@ class StreamingConv:
     def _products(self, x: Tensor, places: int) -> Tensor:
         """What columns add to the outputs from their first on: (count, places, bands, outputs)."""
         size = places * self.outputs
+        self.macs += x.numel() * size
         products = torch.addmm(self.bias[:size], x.flatten(0, 1), self.weight[:, :size])
         return products.view(*x.shape[:2], places, self.outputs).transpose(1, 2)
 

@@ -23,7 +23,9 @@ from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks import profile
 from tex_lightning.tasks.fit import fit_fold, results_frame
-from tex_lightning.tasks.testing import draw_figures
+from tex_lightning.tasks.novelty import pool_unknown
+from tex_lightning.tasks.sequential import pool_sequential
+from tex_lightning.tasks.testing import believed, draw_figures
 from tex_lightning.tasks.workspace import Workspace, open_workspace
 
 log = logging.getLogger(__name__)
@@ -104,10 +106,14 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     ]
     write_outcomes(outcomes, workspace.directory / "predictions" / f"{name}.csv")
     draw_figures(outcomes, workspace.classes, name, workspace.directory)
+    directories = [_fold_directory(workspace, fold) for fold in folds]
     first = next(iter(entries.values()))
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     return {
         **summarise(outcomes),
+        **believed(outcomes, workspace.classes, workspace.config),
+        **pool_sequential(directories, name, workspace.directory, workspace.config.decision),
+        **pool_unknown(directories, name, outcomes, workspace.directory),
         "parameters": first["parameters"],
         "macs_per_sample": first["macs_per_sample"],
         "fit_seconds": sum(entry["fit_seconds"] for entry in entries.values()),

@@ -5,18 +5,21 @@ from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.folds import NEEDS, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.sequential import decide
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config, DataConfig
+from tex_lightning.tasks.novelty import report_unknown
 from tex_lightning.tasks.testing import report_network
-from tex_lightning.tasks.workspace import check_sizes, refuse_leak
+from tex_lightning.tasks.workspace import check_sizes, hold_out, refuse_leak
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
@@ -32,17 +35,21 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
     test = recordings_to_test(config.data, classifier, "The checkpoint")
+    unknown = _held_out(config.data, classifier)
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
-    store.fill(test)
-    check_sizes(test, store, classifier.haptic_features, classifier.least_side)
+    both = Recordings(test.rows + unknown.rows)
+    store.fill(both)
+    check_sizes(both, store, classifier.haptic_features, classifier.least_side)
     samples = make_samples(test, kind)
     if not samples:
         raise UserError(
             f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
             "data.test_fold=null for everything."
         )
-    network, _ = report_network(classifier, checkpoint, samples, store, directory, config.engine)
+    network, _ = report_network(classifier, checkpoint, samples, store, directory, config)
+    decider = decide(accelerate(classifier, config.engine), config.decision)
+    network |= report_unknown(decider, make_samples(unknown, kind), store, directory)
     results = {
         "task": config.task,
         "model": kind,
@@ -59,7 +66,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
 
 
 def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str) -> Recordings:
-    """The recordings to test on.
+    """The recordings to test on, without the classes in ``data.hold_out``.
 
     Args:
         data: Where they come from and which fold.
@@ -70,13 +77,27 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
         UserError: If their classes are unknown to the checkpoint, or it was trained on them.
     """
     card = classifier.card
-    rows = read_recordings(data)
+    rows, _ = hold_out(read_recordings(data), data.hold_out)
     unknown = [label for label in rows.classes if label not in card.classes]
     if unknown:
         raise UserError(
             f"{who} does not know the class {', '.join(unknown)}; leave it out of the "
-            "data or train on it."
+            "data, name it in data.hold_out or train on it."
         )
+    return _tested(rows, data, card, who)
+
+
+def _held_out(data: DataConfig, classifier: SurfaceClassifier) -> Recordings:
+    """The recordings of the classes in ``data.hold_out`` in the test fold.
+
+    Raises:
+        UserError: If there is no such class, or the checkpoint was trained on it.
+    """
+    _, held = hold_out(read_recordings(data), data.hold_out)
+    return _tested(held, data, classifier.card, "The checkpoint")
+
+
+def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
     wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
     test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
     refuse_leak(test, card, who)

@@ -11,6 +11,8 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.sequential import decide
 from tex_lightning.learning.share import train_shared
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
@@ -18,6 +20,8 @@ from tex_lightning.report.events import log_test
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
+from tex_lightning.tasks.calibrate import calibrate
+from tex_lightning.tasks.novelty import report_unknown
 from tex_lightning.tasks.testing import report_network
 from tex_lightning.tasks.workspace import (
     Workspace,
@@ -98,10 +102,12 @@ def _fit_network(
         checkpoint = train_network(training)
     classifier = load_classifier(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
+    config, store = workspace.config, workspace.store
+    calibrate(classifier, checkpoint, make_samples(parts.val, kind), store, config)
     samples = make_samples(parts.test, kind)
-    result, figures = report_network(
-        classifier, checkpoint, samples, workspace.store, directory, workspace.config.engine
-    )
+    result, figures = report_network(classifier, checkpoint, samples, store, directory, config)
+    decider = decide(accelerate(classifier, config.engine), config.decision)
+    result |= report_unknown(decider, workspace.unknown_samples(kind), store, directory)
     if workspace.config.logger.tensorboard:
         log_test(directory, kind, asdict(workspace.config), result, figures)
     log.info("%s: %d of %d votes right.", card.title, result["correct"], result["test_samples"])

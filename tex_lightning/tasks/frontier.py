@@ -26,6 +26,7 @@ from tex_lightning.decision.choice import Candidate, one_standard_error, pareto,
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.sequential import decide
 from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.report.frontier import Point, draw_frontier, print_frontier, write_frontier
 from tex_lightning.report.results import (
@@ -167,7 +168,9 @@ def _measure_fold(workspace: Workspace, fold: int, directory: Path) -> None:
     rows = tuple(row for row in workspace.recordings if row.group % folds == held)
     samples = make_samples(Recordings(rows), workspace.kind)
     classifier = load_classifier(entry["checkpoint"])
-    outcomes = run_test(accelerate(classifier, workspace.config.engine), samples, workspace.store)
+    config = workspace.config
+    classifier = decide(accelerate(classifier, config.engine), config.decision)
+    outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, directory / "validation.csv")
     seconds = sum(network["fit_seconds"] for network in networks.values())
     write_results(directory / DONE, {**entry, "fit_seconds": seconds})
@@ -180,6 +183,7 @@ def _latencies(measured: list[Measured], config: Config) -> dict[str, tuple[floa
         device = pick_device(system.member.config.trainer.accelerator)
         classifier = load_classifier(system.entry["checkpoint"]).to(device)
         classifier = accelerate(classifier, system.member.config.engine)
+        classifier = decide(classifier, system.member.config.decision)
         workspace = open_workspace(system.member.config, Path(system.entry["checkpoint"]).parent)
         sample = make_samples(workspace.recordings, workspace.kind)[0]
         trace, photo = load_sample(sample, workspace.store)

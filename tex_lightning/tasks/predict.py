@@ -16,6 +16,7 @@ from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.sequential import decide
 from tex_lightning.parts import part_for
 from tex_lightning.schema import Config
 
@@ -37,6 +38,7 @@ def run(config: Config, directory: Path) -> None:
         classifier = part_for(classifier, "image")
     said = {"modalities": list(NEEDS[classifier.card.kind])} if fused else {}
     classifier = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
+    classifier = decide(classifier, config.decision)
     for haptic, image in samples:
         line = {**_predict(classifier, config, haptic, image), **said}
         print(json.dumps(line), flush=True)
@@ -72,7 +74,7 @@ def _predict(
     given = {"haptic": haptic, "image": image}
     return {
         **{key: str(file) for key, file in given.items() if file is not None},
-        **_report(vote, classifier.card.classes, config.top_k),
+        **_report(vote, classifier.card.classes, config),
         "latency_ms": round(latency, 3),
     }
 
@@ -81,15 +83,20 @@ def _photo(path: Path, settings: DecodeSettings, fast: bool) -> Tensor:
     return torch.from_numpy(decode_image(path, settings, fast=fast))
 
 
-def _report(vote: Vote, classes: list[str], top_k: int) -> dict[str, Any]:
+def _report(vote: Vote, classes: list[str], config: Config) -> dict[str, Any]:
     """Label first whatever the tie; then the others by votes, then by their place."""
     shares = vote.shares.tolist()
     ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
+    least = config.decision.reject_below
+    rejected = least is not None and vote.probability < least
     return {
-        "label": classes[vote.label],
+        "label": None if rejected else classes[vote.label],
+        **({} if least is None else {"rejected": rejected}),
         "confidence": shares[vote.label],
-        "top_k": [{"label": classes[i], "share": shares[i]} for i in ranked[:top_k]],
+        "probability": vote.probability,
+        "top_k": [{"label": classes[i], "share": shares[i]} for i in ranked[: config.top_k]],
         "fragments": len(vote.fragments),
+        "evidence": round(vote.evidence, 6),
     }
 
 

@@ -1,7 +1,6 @@
 """Test a checkpoint sample by sample, as prediction would classify it, and write what came out."""
 
 import json
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,15 @@ from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote
-from tex_lightning.devices import synchronise
-from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.sequential import SequentialClassifier, decide
 from tex_lightning.profiling.roofline import count_macs
 from tex_lightning.progress import track
+from tex_lightning.report.calibration import (
+    calibration,
+    calibration_figure,
+    selective,
+)
 from tex_lightning.report.figures import (
     class_accuracy_figure,
     confusion_counts,
@@ -25,30 +28,11 @@ from tex_lightning.report.figures import (
     save_figure,
 )
 from tex_lightning.report.results import Outcome, summarise, write_outcomes
-from tex_lightning.schema import EngineConfig
+from tex_lightning.schema import Config
+from tex_lightning.tasks.samples import classify_sample
+from tex_lightning.tasks.sequential import report_sequential
 
 WARM_UP = 2
-
-
-def classify_sample(
-    classifier: SurfaceClassifier, sample: Sample, store: Store
-) -> tuple[Vote, float]:
-    """Classify one sample; the time in ms runs from decoded recordings to the label.
-
-    Raises:
-        UserError: Naming the file, if a recording cannot be used.
-    """
-    trace, photo = load_sample(sample, store)
-    device = classifier.device
-    synchronise(device)
-    begin = time.perf_counter()
-    try:
-        vote = classifier.classify(trace, photo)
-    except UserError as error:
-        files = [str(row.path) for row in (sample.haptic, sample.image) if row is not None]
-        raise UserError(f"{' and '.join(files)}: {error}") from error
-    synchronise(device)
-    return vote, (time.perf_counter() - begin) * 1000
 
 
 def run_test(
@@ -61,7 +45,7 @@ def run_test(
     outcomes = []
     for sample in track(samples, f"Testing {classifier.card.title}"):
         vote, latency = classify_sample(classifier, sample, store)
-        truth = classes.index(sample.label)
+        truth = classes.index(sample.label) if sample.label in classes else -1
         outcomes.append(
             Outcome(
                 haptic="" if sample.haptic is None else str(sample.haptic.path),
@@ -73,6 +57,10 @@ def run_test(
                 correct_fragments=int((vote.fragments == truth).sum()),
                 latency_ms=latency,
                 votes=_votes(vote, classes),
+                evidence=vote.evidence,
+                probabilities=json.dumps(
+                    dict(zip(classes, vote.probabilities.tolist(), strict=True))
+                ),
             )
         )
     return outcomes
@@ -89,7 +77,7 @@ def report_network(
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
-    engine: EngineConfig,
+    config: Config,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Test a network as prediction runs it; write its predictions and figures into the run folder.
 
@@ -97,16 +85,28 @@ def report_network(
         Its entry of ``results.json``, and the figures by title.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
-    outcomes = run_test(accelerate(classifier, engine), samples, store)
+    decider = decide(accelerate(classifier, config.engine), config.decision)
+    outcomes = run_test(decider, samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     entry = {
         **summarise(outcomes),
+        **believed(outcomes, classes, config),
         **network_facts(classifier, samples[0], store),
         "fit_seconds": stored["fit_seconds"],
         "checkpoint": str(checkpoint.resolve()),
     }
+    if isinstance(decider, SequentialClassifier):
+        entry["sequential"] = report_sequential(decider, config.decision, samples, store, directory)
     return entry, draw_figures(outcomes, classes, kind, directory)
+
+
+def believed(outcomes: Sequence[Outcome], classes: list[str], config: Config) -> dict[str, Any]:
+    """What ``results.json`` says of the probabilities, and of the samples left without a label."""
+    entry: dict[str, Any] = {"calibration": calibration(outcomes, classes)}
+    if config.decision.reject_below is not None:
+        entry["selective"] = selective(outcomes, config.decision.reject_below)
+    return entry
 
 
 def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -
 def draw_figures(
     outcomes: Sequence[Outcome], classes: list[str], name: str, directory: Path
 ) -> dict[str, Any]:
-    """Save the confusion matrix and the accuracy per class; return them for other uses."""
+    """Save confusions, accuracy per class and calibration; return the figures for other uses."""
     counts = confusion_counts(
         [outcome.label for outcome in outcomes],
         [outcome.predicted for outcome in outcomes],
@@ -134,6 +134,7 @@ def draw_figures(
     figures = {
         "confusion": confusion_figure(counts, classes, f"{name}: votes on {count} test samples"),
         "class_accuracy": class_accuracy_figure(counts, classes, f"{name}: {count} test samples"),
+        "calibration": calibration_figure(outcomes, f"{name}: {count} test samples"),
     }
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{name}_{title}.png")

@@ -15,7 +15,7 @@ from tex_lightning.classifier import (
 )
 from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.decode import DecodeSettings
-from tex_lightning.data.folds import NEEDS, Kind, Split, check_split, split
+from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root, fingerprint
@@ -38,6 +38,7 @@ class Workspace:
         kind: haptic, visual or fusion.
         classes: Class names in natural order.
         recordings: Those of the modalities that the kind needs.
+        unknown: The same of the classes held out of everything but a test of their own.
         store: Decoded files.
         directory: The run folder.
     """
@@ -46,6 +47,7 @@ class Workspace:
     kind: Kind
     classes: list[str]
     recordings: Recordings
+    unknown: Recordings
     store: Store
     directory: Path
 
@@ -61,6 +63,12 @@ class Workspace:
         check_split(parts, self.classes, self.kind, cast(int, data.test_fold))
         return parts
 
+    def unknown_samples(self, kind: Kind) -> list[Sample]:
+        """Samples of the held-out classes in the test fold."""
+        data = self.config.data
+        parts = split(self.unknown, data.folds, data.test_fold, data.val_fold, data.inverted)
+        return make_samples(parts.test, kind)
+
 
 def open_workspace(config: Config, directory: Path) -> Workspace:
     """Read the data set and decode what the cache does not have.
@@ -71,7 +79,8 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
     kind = cast(Kind, config.model.kind)
     least_side = check_networks(config)
     rows = read_recordings(config.data)
-    recordings = Recordings(tuple(row for row in rows if row.modality in NEEDS[kind]))
+    needed = Recordings(tuple(row for row in rows if row.modality in NEEDS[kind]))
+    recordings, unknown = hold_out(needed, config.data.hold_out)
     store = Store(cache_root(config.data.cache_dir), decode_settings(config.data))
     if len(recordings.classes) < 2:
         raise UserError(
@@ -79,9 +88,25 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
             f"{' '.join(recordings.classes) or 'no class'} for a {kind} network, and telling "
             "classes apart takes two; choose another model or add recordings."
         )
-    store.fill(recordings)
-    check_sizes(recordings, store, HapticFeatures(**_haptic_features(config)), least_side)
-    return Workspace(config, kind, recordings.classes, recordings, store, directory)
+    store.fill(needed)
+    check_sizes(needed, store, HapticFeatures(**_haptic_features(config)), least_side)
+    return Workspace(config, kind, recordings.classes, recordings, unknown, store, directory)
+
+
+def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordings, Recordings]:
+    """Divide recordings into those of known classes and those of the classes named.
+
+    Raises:
+        UserError: If there is no such class.
+    """
+    absent = sorted(set(classes or ()) - set(recordings.classes))
+    if absent:
+        raise UserError(
+            f"data.hold_out names {', '.join(absent)}, and the data has no such class; choose from "
+            f"{', '.join(recordings.classes)}."
+        )
+    known = [label for label in recordings.classes if label not in (classes or ())]
+    return recordings.in_classes(known), recordings.in_classes(classes or [])
 
 
 def check_sizes(
@@ -173,7 +198,7 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
         kind=kind,
         classes=classes,
         decode=decode_settings(config.data).to_dict(),
-        decision=asdict(config.decision),
+        decision={"pairs": config.decision.pairs, "seed": config.decision.seed},
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
         image_features={"scales": model.visual.scales} if network and kind == "visual" else {},
         haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},

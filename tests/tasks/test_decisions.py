@@ -1,0 +1,147 @@
+"""Sequential decisions, calibration, rejection and unknown materials from the command line."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from scipy.stats import beta
+
+from tex_lightning.report.results import read_outcomes
+from tex_lightning.tasks.calibrate import upper_bound
+
+
+@pytest.fixture(scope="module")
+def sequential(run_once, surfaces) -> Path:
+    return run_once(
+        "model=fusion",
+        "decision=sequential",
+        "decision.disagreement=0.9",
+        "decision.reject_below=0.5",
+        "data=folder",
+        f"data.root={surfaces}",
+        "data.half_scale=false",
+        "debug=tiny",
+        "trainer.threads=1",
+        "logger=csv",
+    )
+
+
+def networks(directory: Path) -> dict:
+    return json.loads((directory / "results.json").read_text())["networks"]
+
+
+def test_a_sequential_run_says_what_it_saved(sequential):
+    for name, knobs in (
+        ("haptic", {"used", "enough"}),
+        ("visual", {"used", "alpha"}),
+        ("fusion", {"used", "alpha", "enough"}),
+    ):
+        entry = networks(sequential)[name]["sequential"]
+        assert 0 < entry["evidence"] <= 1.5
+        assert 0 <= entry["agreement"] <= 1
+        assert entry["agreement_ci95"][0] <= entry["agreement"] <= entry["agreement_ci95"][1]
+        outcomes = read_outcomes(sequential / "predictions" / f"{name}.csv")
+        mean = sum(outcome.evidence for outcome in outcomes) / len(outcomes)
+        assert entry["evidence"] == pytest.approx(mean)
+        with (sequential / "sequential.csv").open() as stream:
+            rows = [row for row in csv.DictReader(stream) if row["network"] == name]
+        assert {row["knob"] for row in rows} == knobs
+        assert (sequential / "figures" / f"{name}_sequential.png").is_file()
+
+
+def test_a_sequential_run_says_how_far_to_believe_it(sequential):
+    for name in ("haptic", "visual", "fusion"):
+        entry = networks(sequential)[name]
+        assert set(entry["calibration"]) == {"ece", "brier", "nll", "augrc"}
+        assert 0 <= entry["selective"]["coverage"] <= 1
+        assert (sequential / "figures" / f"{name}_calibration.png").is_file()
+        path = sequential / "checkpoints" / f"{name}.ckpt"
+        card = torch.load(path, weights_only=True)["hyper_parameters"]["card"]
+        assert 0.1 <= card["calibration"]["temperature"] <= 10
+        assert ("disagreement" in card["calibration"]) == (name != "visual")
+    enough = networks(sequential)["haptic"]["sequential"]["enough"]
+    card = torch.load(sequential / "checkpoints/haptic.ckpt", weights_only=True)
+    assert enough == card["hyper_parameters"]["card"]["calibration"]["enough"]
+
+
+def test_predictions_say_what_they_looked_at(cli, sequential, surfaces):
+    files = [
+        f"checkpoint={sequential}/checkpoints/fusion.ckpt",
+        f"haptic={surfaces}/alpha/haptic/alpha_0.wav",
+        f"image={surfaces}/alpha/image/alpha_0.png",
+    ]
+    sure = ["decision=sequential", "decision.calibrated=false", "decision.enough=0"]
+    quick = cli("task=predict", *files, *sure)
+    assert quick.status == 0, quick.err
+    line = json.loads(quick.out)
+    assert 0 < line["evidence"] < 1
+    assert line["fragments"] < 10
+    assert "rejected" not in line
+    whole = json.loads(cli("task=predict", *files, "decision.reject_below=1").out)
+    assert whole["evidence"] == 1
+    assert whole["fragments"] == 50  # pairs of debug=tiny
+    assert whole["rejected"] is True
+    assert whole["label"] is None
+    kept = json.loads(cli("task=predict", *files, "decision.reject_below=0").out)
+    assert kept["rejected"] is False
+    assert kept["label"] in ("alpha", "beta", "gamma")
+
+
+def test_held_out_classes_are_tested_and_never_trained_on(cli, surfaces, tmp_path):
+    outcome = cli(
+        "task=crossval",
+        "model=haptic",
+        "decision=sequential",
+        "crossval.only=[0,3]",
+        "data=folder",
+        f"data.root={surfaces}",
+        "data.hold_out=[gamma]",
+        "debug=tiny",
+        "logger=csv",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    haptic = networks(tmp_path)["haptic"]
+    card = torch.load(haptic["checkpoint"], weights_only=True)["hyper_parameters"]["card"]
+    assert card["classes"] == ["alpha", "beta"]
+    assert card["calibration"] == {}
+    assert haptic["test_samples"] == 4
+    assert haptic["unknown"]["classes"] == ["gamma"]
+    assert haptic["unknown"]["samples"] == 2
+    assert 0 <= haptic["unknown"]["auroc"] <= 1
+    assert haptic["sequential"]["enough"] == 0.9
+    with (tmp_path / "sequential.csv").open() as stream:
+        assert {row["test_samples"] for row in csv.DictReader(stream)} == {"4"}
+    again = cli(
+        "task=evaluate",
+        f"checkpoint={haptic['checkpoint']}",
+        "data=folder",
+        f"data.root={surfaces}",
+        "data.hold_out=[gamma]",
+        f"hydra.run.dir={tmp_path}/again",
+    )
+    assert again.status == 0, again.err
+    assert networks(tmp_path / "again")["haptic"]["unknown"]["samples"] == 1
+
+
+@pytest.mark.parametrize(
+    ("argument", "said"),
+    [
+        ("decision.alpha=1.5", "decision.alpha is 1.5"),
+        ("decision.reject_below=2", "decision.reject_below is 2"),
+        ("data.hold_out=[granite]", "data.hold_out names granite"),
+        ("model=minirocket", "a baseline looks at the whole recording"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(cli, surfaces, argument, said):
+    data = ["data=folder", f"data.root={surfaces}", "model=haptic"]
+    outcome = cli(*data, "decision=sequential", argument)
+    assert outcome.status == 2
+    assert said in outcome.err
+
+
+def test_the_bound_is_clopper_pearsons():
+    assert upper_bound(0, 29, 0.95) == pytest.approx(1 - 0.05 ** (1 / 29))
+    assert upper_bound(2, 40, 0.95) == pytest.approx(beta(3, 38).ppf(0.95))

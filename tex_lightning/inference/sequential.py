@@ -1,0 +1,242 @@
+"""Decisions that look at no more than the label needs, and compute no more than they look at.
+
+- A long trace is taken from its beginning, one fragment more at a time, until the rest cannot
+  change the vote or the mean probability is enough.
+- A large photo is taken window by window in random order (:class:`StoppingRule`). A single window
+  sees zeros beyond its edge where the dense pass sees the photo, so its score is not exactly the
+  dense one; it is what the network was trained on. Where the windows would cost more than the dense
+  pass, that is done instead.
+- Of two modalities the cheaper one comes first, and the other one if that is not sure enough.
+"""
+
+from collections.abc import Callable
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
+from tex_lightning.decision.sequential import StoppingRule, sure_enough
+from tex_lightning.decision.voting import Vote, max_vote, random_pairs
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import HapticFeatures, movement_start
+from tex_lightning.inference.costs import Costs
+from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.networks.windows import window_size
+from tex_lightning.schema import DecisionConfig
+from tex_lightning.streaming.classifier import StreamingClassifier
+
+MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
+BATCH = 16  # windows computed at once
+
+
+def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClassifier:
+    """Let a classifier decide as ``config`` says.
+
+    Args:
+        classifier: In evaluation mode, as it is to run.
+        config: ``name`` and the thresholds.
+
+    Raises:
+        UserError: If a baseline is to decide sequentially.
+    """
+    if config.name == MAX_VOTE:
+        return classifier
+    if classifier.card.baseline:
+        raise UserError(
+            f"decision=sequential needs a network of ours, and {classifier.card.title} looks at "
+            "the whole recording at once; use decision=max_vote."
+        )
+    return SequentialClassifier(classifier, config)
+
+
+class SequentialClassifier(SurfaceClassifier):
+    """A classifier that computes the fragments it asks for; see the module.
+
+    Args:
+        classifier: Computes; its full vote is the decision that is spared.
+        config: ``alpha``, and ``enough`` unless ``calibrated`` finds one in the card.
+
+    Attributes:
+        enough: Mean probability at which one modality, or the beginning of a trace, decides.
+    """
+
+    def __init__(self, classifier: SurfaceClassifier, config: DecisionConfig) -> None:
+        nn.Module.__init__(self)
+        self.card = classifier.card
+        self.full = classifier
+        self.costs = Costs(classifier.card)
+        self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
+        chosen = self.card.calibration if config.calibrated else {}
+        self.enough = chosen.get("enough", config.enough)
+        self.stream: StreamingClassifier | None = None
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+        return self.full.device
+
+    def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
+        """Class scores of all fragments; see the base class."""
+        return self.full.logits(trace, photo)
+
+    @torch.inference_mode()
+    def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
+        """Decide on one sample; ``evidence`` of the vote is the share of the arithmetic done."""
+        self._require(trace, photo)
+        if self.card.kind == "haptic":
+            return self._trace(cast(Tensor, trace))
+        if self.card.kind == "visual":
+            return self._photo(cast(Tensor, photo))
+        return self._both(cast(Tensor, trace), cast(Tensor, photo))
+
+    def _trace(self, trace: Tensor) -> Vote:
+        """Take more and more of a trace, nothing twice."""
+        features = cast(HapticFeatures, self.full.haptic_features)
+        network = cast(HapticNet, self.full.network)
+        if not _streams(features, network):
+            return self.full.classify(trace)
+        start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
+        movement = trace[:, start:]
+        frames = features.count_frames(trace)
+        check_frames(frames, features)
+        stream, whole = self._restarted_stream(), network.output_length(frames)
+        exact = StoppingRule(0, len(self.card.classes))  # what follows in time is no random draw
+        begin, seen = 0, HapticNet.min_frames
+        while True:
+            end = (seen - 1) * features.hop_length + features.window_length
+            vote = cast(Vote, stream.push(movement[:, begin:end]))
+            vote = _spent(vote, stream.macs, self.costs.haptic(frames))
+            left = whole - int(stream.votes.sum())
+            if seen >= frames or sure_enough(vote.probability, self.enough):
+                return vote
+            if exact.decided(stream.votes.tolist(), left):
+                return vote
+            begin, seen = end, min(frames, seen + HapticNet.stride)
+
+    def _restarted_stream(self) -> StreamingClassifier:
+        if self.stream is None:
+            self.stream = StreamingClassifier(self.full)
+        self.stream.restart(start_known=True)
+        return self.stream
+
+    def _photo(self, photo: Tensor) -> Vote:
+        """Vote over the positions of VisualNet in random order."""
+        check_side(photo.shape[0], photo.shape[1], self.full.least_side)
+        count = self._positions(photo)
+        generator = torch.Generator().manual_seed(self.full.seed(photo))
+        order = torch.randperm(count, generator=generator)
+        none = torch.zeros(len(self.card.classes), count, device=self.device)
+        return self._draw(photo, none, order, 0)
+
+    def _both(self, trace: Tensor, photo: Tensor) -> Vote:
+        """Ask the cheaper modality, then the pairs of both."""
+        network = cast(FusionNet, self.full.network)
+        check_side(photo.shape[0], photo.shape[1], self.full.least_side)
+        frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
+        check_frames(frames, cast(HapticFeatures, self.full.haptic_features))
+        visual = self.costs.visual(photo.shape[0], photo.shape[1])
+        haptic = self.costs.haptic(frames)
+        table: Tensor | None = None
+        if visual < haptic:
+            table = self._dense(photo)
+            vote = max_vote(table, self.card.temperature)
+            if sure_enough(vote.probability, self.enough):
+                return _spent(vote, visual, visual + haptic)
+        scores = network.project_haptic(self.full.haptic_positions(trace, network.level)[None])[0]
+        if table is None:
+            vote = max_vote(scores, self.card.temperature)
+            if sure_enough(vote.probability, self.enough):
+                return _spent(vote, haptic, visual + haptic)
+        seed, count = self.full.seed(trace, photo), self.card.decision["pairs"]
+        pairs = random_pairs(scores.shape[1], self._positions(photo), count, seed)
+        chosen = scores[:, pairs[:, 0].to(scores.device)]
+        if table is not None:
+            joined = chosen + table[:, pairs[:, 1].to(scores.device)]
+            return max_vote(joined, self.card.temperature)
+        return self._draw(photo, chosen, pairs[:, 1], haptic)
+
+    def _draw(self, photo: Tensor, others: Tensor, order: Tensor, before: int) -> Vote:
+        """Vote over fragments one after another, computing the windows that they need.
+
+        Args:
+            photo: The decoded photo.
+            others: (classes, fragments) what is added to the visual score of each fragment.
+            order: (fragments,) position of each in the photo, row by row.
+            before: Multiply-accumulates done before.
+        """
+        dense, one = self.costs.visual(photo.shape[0], photo.shape[1]), self._window_cost()
+        full, spent = before + dense, before
+        table = others.new_empty(len(others), self._positions(photo))
+        known = torch.zeros(table.shape[1], dtype=torch.bool)
+        votes, drawn = [0] * len(others), 0
+        while not self.rule.decided(votes, len(order) - drawn):
+            more = self.rule.least_more(votes, len(order) - drawn)
+            asked = torch.unique(order[drawn : drawn + more])
+            fresh = asked[~known[asked]]
+            if spent - before + len(fresh) * one > dense:
+                table, spent = self._dense(photo), spent + dense
+                drawn = len(order)
+                break
+            table[:, fresh.to(table.device)] = self._windows(photo, fresh)
+            known[fresh], spent = True, spent + len(fresh) * one
+            new = slice(drawn, drawn + more)
+            labels = (others[:, new] + table[:, order[new].to(table.device)]).argmax(dim=0)
+            counts = torch.bincount(labels, minlength=len(votes)).tolist()
+            votes = [old + count for old, count in zip(votes, counts, strict=True)]
+            drawn += more
+        logits = others[:, :drawn] + table[:, order[:drawn].to(table.device)]
+        return _spent(max_vote(logits, self.card.temperature), spent, full)
+
+    def _positions(self, photo: Tensor) -> int:
+        rows, columns = self._visual_network.output_size(photo.shape[0], photo.shape[1])
+        return rows * columns
+
+    @property
+    def _visual_network(self) -> VisualNet:
+        network = self.full.network
+        return network.visual if isinstance(network, FusionNet) else cast(VisualNet, network)
+
+    def _window_cost(self) -> int:
+        return self.costs.visual(*window_size(self._visual_network))
+
+    def _dense(self, photo: Tensor) -> Tensor:
+        """Visual scores (classes, positions) of the whole photo."""
+        network = self.full.network
+        if isinstance(network, FusionNet):
+            features = self.full.visual_positions(photo, network.level).flatten(1)
+            return network.project_visual(features[None])[0]
+        return self.full.visual_positions(photo, "fc3").flatten(1)
+
+    def _windows(self, photo: Tensor, places: Tensor) -> Tensor:
+        """Visual scores (classes, places) of single windows; those at the far edge lie inside."""
+        network, visual = self.full.network, self._visual_network
+        columns = visual.output_size(photo.shape[0], photo.shape[1])[1]
+        side = torch.tensor(window_size(visual))
+        corners = torch.stack((places // columns, places % columns), dim=1) * visual.stride
+        corners = corners.minimum((torch.tensor(photo.shape[:2]) - side).clamp(min=0))
+        score: Callable[[Tensor], Tensor]
+        if isinstance(network, FusionNet):
+            level, score = network.level, lambda x: network.project_visual(x[None])[0]
+        else:
+            level, score = "fc3", lambda x: x
+        return torch.cat(
+            [
+                score(self.full.visual_windows(photo, part, level))
+                for part in torch.split(corners, BATCH)
+            ],
+            dim=1,
+        )
+
+
+def _spent(vote: Vote, macs: int, full: int) -> Vote:
+    """The vote with its share of the full decision's arithmetic."""
+    return Vote(vote.label, vote.shares, vote.fragments, vote.probabilities, macs / full)
+
+
+def _streams(features: HapticFeatures, network: HapticNet) -> bool:
+    """Whether features and weights are such that a trace can be taken piece by piece."""
+    local = features.axes == "frame" and features.normalisation == "standard"
+    return local and all(p.dtype == torch.float32 for p in network.parameters())
