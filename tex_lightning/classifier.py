@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind
-from tex_lightning.decision.voting import Vote, max_vote, random_pairs
+from tex_lightning.decision.voting import RULES, Vote, random_pairs
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.features.spectrogram import HapticFeatures
@@ -177,7 +177,8 @@ class SurfaceClassifier(nn.Module):
     @torch.inference_mode()
     def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
         """Decide on one sample; see :meth:`logits`."""
-        return max_vote(self.logits(trace, photo), self.card.temperature)
+        rule = RULES[str(self.card.decision.get("rule", "vote"))]
+        return rule(self.logits(trace, photo), self.card.temperature)
 
     def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
         """Class scores of every fragment of one sample of decoded recordings.

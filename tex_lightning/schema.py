@@ -163,6 +163,8 @@ class DecisionConfig:
     Attributes:
         name: max_vote asks every fragment, sequential as few as the label needs.
         pairs: FusionNet's K.
+        rule: vote lets every fragment vote, mean averages their class probabilities; a checkpoint
+            keeps the rule it was trained with.
         seed: Of the pairs, and of the order in which windows of a photo are drawn.
         reject_below: Mean class probability below which no label is given.
         alpha: Most chance that the windows left out would change the label; 0 takes no chance.
@@ -176,6 +178,7 @@ class DecisionConfig:
 
     name: str = MISSING
     pairs: int = MISSING
+    rule: str = MISSING
     seed: int = MISSING
     reject_below: float | None = None
     alpha: float = MISSING

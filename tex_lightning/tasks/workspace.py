@@ -198,7 +198,7 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
         kind=kind,
         classes=classes,
         decode=decode_settings(config.data).to_dict(),
-        decision={"pairs": config.decision.pairs, "seed": config.decision.seed},
+        decision={key: getattr(config.decision, key) for key in ("pairs", "rule", "seed")},
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
         image_features={"scales": model.visual.scales} if network and kind == "visual" else {},
         haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
