@@ -358,7 +358,7 @@ class Config:
     haptic: Any = None
     image: Any = None
     top_k: int = MISSING
-    weights: str | None = None
+    weights: Any = None
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
