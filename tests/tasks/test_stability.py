@@ -186,7 +186,7 @@ def test_mistakes_end_in_one_sentence(cli, surfaces, fused, folds, tmp_path):
     refuse("stability.systems names nothing", "stability.systems=[]")
     refuse("does not exist; give a run folder", "stability.systems=[/nowhere]")
     refuse("holds no finished checkpoint", f"stability.systems=[{tmp_path}]")
-    refuse("has trained on 3 of the 3 test", f"stability.systems=[{fused}]", "data.test_fold=4")
+    refuse("has trained on 6 of the 6 test", f"stability.systems=[{fused}]", "data.test_fold=4")
     systems = f"stability.systems=[{folds}]"
     refuse("(did you mean white_noise?)", systems, "stability.only=[white_nose]")
     refuse("No system meets jpeg", systems, "stability.only=[jpeg]")
