@@ -8,8 +8,10 @@ import pytest
 import torch
 from scipy.stats import beta
 
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.recordings import Recording
 from tex_lightning.report.results import read_outcomes
-from tex_lightning.tasks.calibrate import upper_bound
+from tex_lightning.tasks.calibrate import independent, upper_bound
 
 
 @pytest.fixture(scope="module")
@@ -140,6 +142,15 @@ def test_what_cannot_be_meant_is_refused(cli, surfaces, argument, said):
     outcome = cli(*data, "decision=sequential", argument)
     assert outcome.status == 2
     assert said in outcome.err
+
+
+def test_samples_that_share_a_trace_count_once():
+    traces = [Recording("a", "haptic", Path(f"{n}.wav"), n) for n in range(2)]
+    photos = [Recording("a", "image", Path(f"{n}.png"), n) for n in range(4)]
+    samples = [Sample("a", traces[n % 2], photo) for n, photo in enumerate(photos)]
+    assert independent(samples) == ["0.wav", "1.wav"] * 2
+    alone = [Sample("a", None, photo) for photo in photos]
+    assert len(set(independent(alone))) == 4
 
 
 def test_the_bound_is_clopper_pearsons():

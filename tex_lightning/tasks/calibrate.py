@@ -17,7 +17,7 @@ from tex_lightning.files import write_atomically
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.sequential import SEQUENTIAL
 from tex_lightning.schema import Config, DecisionConfig
-from tex_lightning.tasks.sequential import full_labels, measure
+from tex_lightning.tasks.sequential import full_labels, sequential_votes
 
 log = logging.getLogger(__name__)
 
@@ -63,18 +63,23 @@ def choose_enough(
 
     From the strictest on, each threshold is tested and the first failure ends the search, so that
     the bound holds for the one chosen although several were tried (fixed-sequence testing).
+    Samples that share a recording count as one, which differs if any of them does.
 
     Returns:
-        ``enough`` and the Clopper-Pearson bound ``disagreement`` that it holds, each validation
-        sample counted; nothing if the strictest threshold has no such bound.
+        ``enough`` and the Clopper-Pearson bound ``disagreement`` that it holds; nothing if the
+        strictest threshold has no such bound.
     """
-    labels, found = full_labels(classifier, samples, store), {}
+    labels, units = full_labels(classifier, samples, store), independent(samples)
+    found: dict[str, float] = {}
     for enough in sorted(decision.enoughs, reverse=True):
         tried = replace(decision, calibrated=False, enough=enough)
-        setting = measure(classifier, tried, samples, labels, store, "enough", enough)
-        bound = upper_bound(
-            setting.test_samples - setting.agreed, setting.test_samples, decision.confidence
-        )
+        votes = sequential_votes(classifier, tried, samples, store)
+        differing = {
+            unit
+            for unit, vote, label in zip(units, votes, labels, strict=True)
+            if vote.label != label
+        }
+        bound = upper_bound(len(differing), len(set(units)), decision.confidence)
         if bound > decision.disagreement:
             break
         found = {"enough": enough, "disagreement": bound}
@@ -85,6 +90,14 @@ def choose_enough(
             decision.disagreement, decision.enough,
         )  # fmt: skip
     return found
+
+
+def independent(samples: Sequence[Sample]) -> list[str]:
+    """For each sample its recording of the modality that has fewer of them."""
+    traces = [str(sample.haptic and sample.haptic.path) for sample in samples]
+    photos = [str(sample.image and sample.image.path) for sample in samples]
+    recorded = [paths for paths in (traces, photos) if "None" not in paths]
+    return min(recorded, key=lambda paths: len(set(paths)))
 
 
 def upper_bound(count: int, samples: int, confidence: float) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
+from tex_lightning.decision.voting import Vote
 from tex_lightning.inference.sequential import SEQUENTIAL, SequentialClassifier
 from tex_lightning.progress import track
 from tex_lightning.report.figures import save_figure
@@ -83,6 +84,15 @@ def full_labels(
     return [classify_sample(classifier, sample, store)[0].label for sample in samples]
 
 
+def sequential_votes(
+    classifier: SurfaceClassifier, decision: DecisionConfig, samples: Sequence[Sample], store: Store
+) -> list[Vote]:
+    """The vote on every sample by as many fragments as ``decision`` asks for."""
+    sequential = SequentialClassifier(classifier, decision)
+    title = f"alpha {decision.alpha:g}, enough {decision.enough:g}"
+    return [classify_sample(sequential, sample, store)[0] for sample in track(samples, title)]
+
+
 def measure(
     classifier: SurfaceClassifier,
     decision: DecisionConfig,
@@ -103,11 +113,7 @@ def measure(
         knob: Name of the threshold, for the table.
         value: Of the threshold.
     """
-    sequential = SequentialClassifier(classifier, decision)
-    votes = [
-        classify_sample(sequential, sample, store)[0]
-        for sample in track(samples, f"{knob} {value:g}")
-    ]
+    votes = sequential_votes(classifier, decision, samples, store)
     names, count = classifier.card.classes, len(samples)
     return Setting(
         network=classifier.card.kind,
