@@ -122,7 +122,6 @@ class VisualConfig:
     norm: str = MISSING
     dropout: float = MISSING
     fc1_kernel: int | None = None
-    scales: list[float] = MISSING
     head: list[int] = MISSING
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 

@@ -319,8 +319,6 @@ def _model(model: ModelConfig) -> Iterator[str]:
         yield from _positive(f"model.{name}.width", section.width)
         if not 0 <= section.dropout < 1:
             yield f"model.{name}.dropout is {section.dropout}: choose from 0 up to 1"
-    if not model.visual.scales or not all(0.1 <= scale <= 10 for scale in model.visual.scales):
-        yield f"model.visual.scales is {model.visual.scales}: give factors from 0.1 to 10"
     if len(model.visual.head) != 2 or min(model.visual.head) < 1:
         yield f"model.visual.head is {list(model.visual.head)}: give channels of FC1 and FC2"
     yield from _least("model.haptic.fit.frames", model.haptic.fit.frames, 177)

@@ -18,9 +18,7 @@ class FusionModule(SurfaceModule):
         """Spectrograms (batch, 1, 50, 192) and rotated patches (batch, 3, 224, 224)."""
         features = cast(ImageFeatures, self.classifier.image_features)
         patch = self.network.visual.patch
-        return batch["spectrogram"], features.rotated(
-            batch["crop"], batch["degrees"], patch, batch["zoom"]
-        )
+        return batch["spectrogram"], features.rotated(batch["crop"], batch["degrees"], patch)
 
     @property
     def network(self) -> FusionNet:

@@ -17,8 +17,7 @@ class VisualModule(SurfaceModule):
     def inputs(self, batch: Batch) -> tuple[Tensor, ...]:
         """Normalised, rotated patches (batch, 3, patch, patch)."""
         features = cast(ImageFeatures, self.classifier.image_features)
-        patch = self.fit_config["patch"]
-        return (features.rotated(batch["crop"], batch["degrees"], patch, batch["zoom"]),)
+        return (features.rotated(batch["crop"], batch["degrees"], self.fit_config["patch"]),)
 
     @property
     def network(self) -> VisualNet:
