@@ -100,7 +100,8 @@ def _run(more: list[str]) -> int:
         return INTERRUPTED
     from tex_lightning.report.sweep import SweepSummary
 
-    return FAILED_SWEEP if SweepSummary.failures else 0
+    failures, SweepSummary.failures = SweepSummary.failures, 0  # the next call starts afresh
+    return FAILED_SWEEP if failures else 0
 
 
 if __name__ == "__main__":

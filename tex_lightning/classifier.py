@@ -4,7 +4,9 @@ A :class:`Card` of plain values rebuilds it, and a checkpoint holds the card and
 that prediction from raw files does exactly what testing did.
 """
 
+import math
 import zlib
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Self, cast
@@ -16,7 +18,7 @@ from torch import Tensor, nn
 
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind
-from tex_lightning.decision.voting import Vote, max_vote, random_pairs
+from tex_lightning.decision.voting import RULES, Vote, random_pairs
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.features.spectrogram import HapticFeatures
@@ -26,10 +28,8 @@ from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import window_size
 
-LATER: dict[str, Any] = {
-    "baseline": {},
-    "calibration": {},
-}  # values that cards of older checkpoints lack
+# values that cards of older checkpoints lack
+LATER: dict[str, Any] = {"baseline": {}, "calibration": {}, "image_features": {}}
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ class Card:
         classes: Class names; the network's outputs in order.
         decode: :class:`DecodeSettings` as a dictionary.
         haptic_features: Arguments of :class:`HapticFeatures`; empty for VisualNet.
+        image_features: Arguments of :class:`ImageFeatures`; empty for HapticNet.
         haptic_network: Arguments of :class:`HapticNet` but the classes.
         visual_network: Arguments of :class:`VisualNet` but the classes.
         fusion: ``level`` of FusionNet; empty for the others.
@@ -58,6 +59,7 @@ class Card:
     decode: dict[str, Any]
     decision: dict[str, int]
     haptic_features: dict[str, Any] = field(default_factory=dict)
+    image_features: dict[str, Any] = field(default_factory=dict)
     haptic_network: dict[str, Any] = field(default_factory=dict)
     visual_network: dict[str, Any] = field(default_factory=dict)
     fusion: dict[str, Any] = field(default_factory=dict)
@@ -116,7 +118,7 @@ class SurfaceClassifier(nn.Module):
         self.card = card
         needs = NEEDS[card.kind]
         self.haptic_features = HapticFeatures(**card.haptic_features) if "haptic" in needs else None
-        self.image_features = ImageFeatures() if "image" in needs else None
+        self.image_features = ImageFeatures(**card.image_features) if "image" in needs else None
         self.network = build_network(card)
 
     @classmethod
@@ -175,7 +177,8 @@ class SurfaceClassifier(nn.Module):
     @torch.inference_mode()
     def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
         """Decide on one sample; see :meth:`logits`."""
-        return max_vote(self.logits(trace, photo), self.card.temperature)
+        rule = RULES[str(self.card.decision.get("rule", "vote"))]
+        return rule(self.logits(trace, photo), self.card.temperature)
 
     def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
         """Class scores of every fragment of one sample of decoded recordings.
@@ -194,8 +197,8 @@ class SurfaceClassifier(nn.Module):
         if isinstance(self.network, HapticNet):
             return self.haptic_positions(cast(Tensor, trace), "fc3")
         if isinstance(self.network, VisualNet):
-            return self.visual_positions(cast(Tensor, photo), "fc3").flatten(1)
-        visual = self.visual_positions(cast(Tensor, photo), self.network.level).flatten(1)
+            return self.visual_positions(cast(Tensor, photo), "fc3")
+        visual = self.visual_positions(cast(Tensor, photo), self.network.level)
         haptic = self.haptic_positions(cast(Tensor, trace), self.network.level)
         halves = self.network.project(haptic[None], visual[None])
         return self.pair_scores(*halves, self.seed(trace, photo))
@@ -231,9 +234,18 @@ class SurfaceClassifier(nn.Module):
         return cast(HapticNet, network).features(self.haptic_input(trace), level)[0]
 
     def visual_positions(self, photo: Tensor, level: Level) -> Tensor:
-        """Features (D, M, N) of a decoded photo at every position of VisualNet."""
+        """Features (D, M * N) of a decoded photo at every position of VisualNet, of all scales."""
+        features = cast(ImageFeatures, self.image_features)
+        check_side(photo.shape[0], photo.shape[1], self.least_side)
+        maps = [self.visual_map(pixels, level) for pixels in features.pyramid(photo)]
+        return torch.cat([positions.flatten(1) for positions in maps], dim=1)
+
+    def visual_map(self, pixels: Tensor, level: Level) -> Tensor:
+        """Features (D, M, N) of pixels (1, 3, height, width) from 0 to 255."""
         network = self.network.visual if isinstance(self.network, FusionNet) else self.network
-        return cast(VisualNet, network).features(self.visual_input(photo), level)[0]
+        features = cast(ImageFeatures, self.image_features)
+        pixels = features(pixels.to(features.mean.device))
+        return cast(VisualNet, network).features(pixels, level)[0]
 
     def haptic_input(self, trace: Tensor) -> Tensor:
         """Spectrogram (1, 1, 50, frames) of a decoded trace, on the module's device."""
@@ -244,7 +256,7 @@ class SurfaceClassifier(nn.Module):
         return cast(Tensor, spectrogram)
 
     def visual_input(self, photo: Tensor) -> Tensor:
-        """Normalised pixels (1, 3, height, width) of a decoded photo, on the module's device."""
+        """Normalised pixels (1, 3, height, width) of a decoded photo as it is, on the device."""
         features = cast(ImageFeatures, self.image_features)
         check_side(photo.shape[0], photo.shape[1], self.least_side)
         return cast(Tensor, features(photo.permute(2, 0, 1)[None].to(features.mean.device)))
@@ -273,7 +285,7 @@ class SurfaceClassifier(nn.Module):
         if isinstance(self.network, HapticNet):
             return 0
         network = self.network.visual if isinstance(self.network, FusionNet) else self.network
-        return network.min_side
+        return least_side(network, cast(ImageFeatures, self.image_features).scales)
 
     def _require(self, trace: Tensor | None, photo: Tensor | None) -> None:
         given = {"haptic": trace is not None, "image": photo is not None}
@@ -315,6 +327,11 @@ def damaged(path: Path, error: Exception) -> UserError:
         f"Checkpoint {path} is damaged or was not written by tex_lightning "
         f"({type(error).__name__}); give a file from a run's checkpoints folder."
     )
+
+
+def least_side(network: VisualNet, scales: Sequence[float]) -> int:
+    """Smallest side in pixels of a photo that gives a fragment at every scale."""
+    return math.ceil(network.min_side / min(scales))
 
 
 def check_frames(frames: int, features: HapticFeatures) -> None:

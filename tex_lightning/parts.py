@@ -39,7 +39,9 @@ def unimodal_parts(classifier: SurfaceClassifier) -> Iterator[SurfaceClassifier]
 def part_card(fusion: Card, kind: Kind) -> Card:
     """The card of one half of a fusion."""
     if kind == "haptic":
-        return replace(fusion, kind=kind, visual_network={}, fusion={}, calibration={})
+        return replace(
+            fusion, kind=kind, visual_network={}, image_features={}, fusion={}, calibration={}
+        )
     return replace(
         fusion, kind=kind, haptic_features={}, haptic_network={}, fusion={}, calibration={}
     )

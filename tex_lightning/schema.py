@@ -122,6 +122,7 @@ class VisualConfig:
     norm: str = MISSING
     dropout: float = MISSING
     fc1_kernel: int | None = None
+    scales: list[float] = MISSING
     head: list[int] = MISSING
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
@@ -162,6 +163,8 @@ class DecisionConfig:
     Attributes:
         name: max_vote asks every fragment, sequential as few as the label needs.
         pairs: FusionNet's K.
+        rule: vote lets every fragment vote, mean averages their class probabilities; a checkpoint
+            keeps the rule it was trained with.
         seed: Of the pairs, and of the order in which windows of a photo are drawn.
         reject_below: Mean class probability below which no label is given.
         alpha: Most chance that the windows left out would change the label; 0 takes no chance.
@@ -175,6 +178,7 @@ class DecisionConfig:
 
     name: str = MISSING
     pairs: int = MISSING
+    rule: str = MISSING
     seed: int = MISSING
     reject_below: float | None = None
     alpha: float = MISSING
@@ -354,7 +358,7 @@ class Config:
     haptic: Any = None
     image: Any = None
     top_k: int = MISSING
-    weights: str | None = None
+    weights: Any = None
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.baselines.registry import BASELINES
+from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.fusion import LEAST_FACTOR, MOST_FACTOR
 from tex_lightning.perturbations.table import perturbations
@@ -28,6 +29,7 @@ CHOICES = {
     "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
     "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
     "engine": ("fp32", "bf16"),
+    "rule": tuple(RULES),
     "decision": ("max_vote", "sequential"),
 }
 
@@ -182,6 +184,9 @@ def _frontier(config: Config) -> Iterator[str]:
 def _decision(config: Config) -> Iterator[str]:
     decision = config.decision
     yield from _choice("decision.name", decision.name, CHOICES["decision"])
+    yield from _choice("decision.rule", decision.rule, CHOICES["rule"])
+    if decision.name == "sequential" and decision.rule != "vote":
+        yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
     yield from _least("decision.pairs", decision.pairs, 1)
     yield from _least("decision.seed", decision.seed, 0)
     yield from _most("decision.seed", decision.seed, 2**32 - 1)
@@ -314,6 +319,8 @@ def _model(model: ModelConfig) -> Iterator[str]:
         yield from _positive(f"model.{name}.width", section.width)
         if not 0 <= section.dropout < 1:
             yield f"model.{name}.dropout is {section.dropout}: choose from 0 up to 1"
+    if not model.visual.scales or not all(0.1 <= scale <= 10 for scale in model.visual.scales):
+        yield f"model.visual.scales is {model.visual.scales}: give factors from 0.1 to 10"
     if len(model.visual.head) != 2 or min(model.visual.head) < 1:
         yield f"model.visual.head is {list(model.visual.head)}: give channels of FC1 and FC2"
     yield from _least("model.haptic.fit.frames", model.haptic.fit.frames, 177)

@@ -81,7 +81,7 @@ def test_a_batch_depends_on_seed_and_number_alone(surfaces, photos):
     first, again = batches(surfaces, store), batches(surfaces, store)
     for step in (5, 0, 5):
         left, right = first[step], again[step]
-        assert left.keys() == {"spectrogram", "crop", "degrees", "label"}
+        assert left.keys() == {"spectrogram", "crop", "degrees", "zoom", "label"}
         assert all(torch.equal(left[key], right[key]) for key in left)
     assert not torch.equal(first[0]["crop"], first[1]["crop"])
     assert not torch.equal(first[0]["crop"], batches(surfaces, store, seed=1)[0]["crop"])

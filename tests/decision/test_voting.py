@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tex_lightning.decision.voting import max_vote, random_pairs
+from tex_lightning.decision.voting import max_vote, mean_vote, random_pairs
 
 LOGITS = arrays(
     np.float32,
@@ -58,3 +58,12 @@ def test_pairs_are_uniform_independent_and_repeatable():
     assert not torch.equal(pairs, random_pairs(4, 6, 24_000, seed=8))
     counts = torch.bincount(pairs[:, 0] * 6 + pairs[:, 1], minlength=24).double()
     assert ((counts - 1000) ** 2 / 1000).sum() < 49.7  # chi-squared, 23 degrees, 0.1 %
+
+
+def test_mean_vote_follows_the_sure_fragments():
+    """Two fragments lean to the first class, one is certain of the second."""
+    logits = torch.tensor([[0.6, 0.6, 0.01], [0.4, 0.4, 0.99]]).log()
+    assert max_vote(logits).label == 0
+    vote = mean_vote(logits)
+    assert vote.label == 1
+    torch.testing.assert_close(vote.probabilities.float(), torch.tensor([1.21, 1.79]) / 3)

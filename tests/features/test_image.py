@@ -38,3 +38,23 @@ def test_the_crop_is_just_large_enough():
     assert crop_side(100, 0) == 100
     assert crop_side(100, 45) == crop_side(100, 180)
     assert 100 * np.sqrt(2) <= crop_side(100, 90) <= 100 * np.sqrt(2) + 3
+
+
+def test_scales_agree_with_opencv():
+    photo = np.random.default_rng(3).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    same, double = ImageFeatures(scales=(1.0, 2.0)).pyramid(torch.from_numpy(photo))
+    np.testing.assert_array_equal(same[0].permute(1, 2, 0), photo)
+    expected = cv2.resize(photo.astype(np.float32), (120, 80), interpolation=cv2.INTER_LINEAR)
+    np.testing.assert_allclose(double[0].permute(1, 2, 0), expected, atol=1e-3)
+
+
+def test_zoom_shows_the_middle_enlarged():
+    """Twice as large, a patch is the middle half of the crop, interpolated."""
+    features = ImageFeatures()
+    crop = torch.arange(33.0).expand(1, 3, 33, 33).to(torch.uint8)  # a ramp from left to right
+    still = torch.zeros(1)
+    plain = features.rotated(crop, still, 17)
+    zoomed = features.rotated(crop, still, 17, torch.tensor([2.0]))
+    steps = (zoomed[0, 0, 8].diff() / plain[0, 0, 8].diff()).round(decimals=4)
+    assert torch.equal(steps, torch.full((16,), 0.5))
+    torch.testing.assert_close(zoomed[..., 8, 8], plain[..., 8, 8])

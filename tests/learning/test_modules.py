@@ -122,6 +122,7 @@ def test_fusion_keeps_the_statistics_of_batch_normalisation():
     assert any(layer.training for layer in model.modules() if isinstance(layer, nn.Dropout))
     crops = torch.randint(0, 256, (1, 3, 320, 320), dtype=torch.uint8)
     batch = {"spectrogram": torch.randn(1, 1, 50, 192), "crop": crops, "degrees": torch.zeros(1)}
+    batch["zoom"] = torch.ones(1)
     assert model.classifier.network(*model.inputs(batch)).shape == (1, 3, 1)
 
 

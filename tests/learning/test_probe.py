@@ -22,7 +22,7 @@ def batch(step: int):
     label = torch.randint(3, (6,), generator=generator)
     noise = torch.randint(0, 40, (6, 3, 224, 224), generator=generator, dtype=torch.uint8)
     crop = COLOURS[label][:, :, None, None] + noise
-    return {"crop": crop, "degrees": torch.zeros(6), "label": label}
+    return {"crop": crop, "degrees": torch.zeros(6), "zoom": torch.ones(6), "label": label}
 
 
 def visual_module(norm: str = "none") -> VisualModule:

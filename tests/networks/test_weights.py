@@ -177,6 +177,7 @@ def test_features_are_the_published_ones_divided_by_one_number(tmp_path, trunk):
     kinds = ("weight", "bias")
     published.trunk.load_state_dict(
         {f"{ours}.{kind}": state[f"{theirs}.{kind}"] for theirs, ours in names for kind in kinds}
+        | dict(published.trunk.named_buffers())
     )
     torch.manual_seed(0)
     image = torch.randn(1, 3, 224, 224)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import torch
 from sklearn.mixture import GaussianMixture
 from sklearn.svm import SVC
+from threadpoolctl import threadpool_limits
 from torch import Tensor, nn
 
 from tex_lightning.baselines.base import Array, State
@@ -98,7 +99,10 @@ class FisherVectors(TrunkBaseline):
             covariance_type="diag",
             reg_covar=VARIANCE_FLOOR * float(features.var(axis=0).max()),
             random_state=int(rng.integers(2**31)),
-        ).fit(features)
+        )
+        # Its threads wait for each other longer than they compute where others use the processor.
+        with threadpool_limits(limits=1):
+            mixture.fit(features)
         found = (mixture.weights_, mixture.means_, mixture.covariances_)
         return dict(zip(MIXTURE, (torch.from_numpy(array).float() for array in found), strict=True))
 

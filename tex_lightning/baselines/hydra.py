@@ -16,7 +16,7 @@ from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import StandardScaler
 
 from tex_lightning.baselines.base import Array
-from tex_lightning.baselines.rocket import ALPHAS, LEAST_KERNELS, Rocket
+from tex_lightning.baselines.rocket import ALPHAS, LEAST_KERNELS, Rocket, same_threads
 
 
 @dataclass
@@ -86,11 +86,9 @@ class Hydra(TransformerMixin, BaseEstimator):  # type: ignore[misc]
 
     def _aeon(self) -> Any:  # noqa: ANN401
         """A transformer fitted to the length, leaving PyTorch's generator and threads alone."""
-        threads = torch.get_num_threads()
         counter = HydraTransformer(self.kernels, self.groups, random_state=self.seed)
-        with torch.random.fork_rng(devices=[]):
+        with torch.random.fork_rng(devices=[]), same_threads():
             counter.fit(np.zeros((2, 1, self.samples_), dtype=np.float32))
-        torch.set_num_threads(threads)
         return counter
 
 

@@ -4,7 +4,8 @@ Dempster, Schmidt and Webb (2021), as aeon has it; the strongest quick classifie
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -27,6 +28,16 @@ from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 
 LEAST_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
 ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
+
+
+@contextmanager
+def same_threads() -> Iterator[None]:
+    """Leave PyTorch its number of threads, which aeon sets, and Numba by their common OpenMP."""
+    threads = torch.get_num_threads()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 @dataclass
@@ -53,11 +64,14 @@ class Rocket(Baseline):
         traces = list(recordings)
         self.length = max(map(len, traces))
         self.estimator = self.make_estimator(seed)
-        self.estimator.fit(np.stack([self._series(trace) for trace in traces]), labels)
+        series = np.stack([self._series(trace) for trace in traces])
+        with same_threads():
+            self.estimator.fit(series, labels)
 
     def logits(self, recording: Array) -> Tensor:
         """Distances from the ridge classifier's planes, one fragment."""
-        scores = self.estimator.decision_function(self._series(recording)[None])
+        with same_threads():
+            scores = self.estimator.decision_function(self._series(recording)[None])
         if scores.ndim == 1:  # two classes share one plane
             scores = np.stack([-scores, scores], axis=1)
         return torch.from_numpy(np.asarray(scores, dtype=np.float64).T.copy())

@@ -95,6 +95,7 @@ class TrainingBatches(Dataset[Batch]):
         batch_size: Samples in a batch.
         rotation: Largest angle in degrees that photos are turned by.
         seed: Of everything random.
+        scales: Factors by which photos are enlarged, one of them for each sample.
         share: The part of every batch that is handed out; the others are drawn all the same, so
             that the shares of several processes make the batch that one would have.
     """
@@ -104,10 +105,14 @@ class TrainingBatches(Dataset[Batch]):
     batch_size: int
     rotation: float
     seed: int
+    scales: Sequence[float] = (1.0,)
     share: slice = field(default_factory=lambda: WHOLE)
 
     def __getitem__(self, step: int) -> Batch:
-        """Assemble batch ``step``: spectrogram, crop, degrees and label, as far as they exist."""
+        """Assemble batch ``step``: label and, as far as they exist, spectrogram or photo.
+
+        A photo is a crop with the degrees and the zoom it is to be turned and enlarged by.
+        """
         rng = np.random.default_rng([self.seed, step])
         leader, follower = self._leader_first()
         _, labels = leader
@@ -122,6 +127,8 @@ class TrainingBatches(Dataset[Batch]):
             batch["crop"] = self.photos[0].cut(chosen[id(self.photos)], rng, self.share)
             angles = rng.uniform(-self.rotation, self.rotation, len(lead))
             batch["degrees"] = torch.from_numpy(angles[self.share]).float()
+            zoom = rng.choice(self.scales, len(lead))
+            batch["zoom"] = torch.from_numpy(zoom[self.share]).float()
         return batch
 
     def _leader_first(self) -> tuple[Any, Any]:

@@ -1,7 +1,7 @@
 """Max voting over fragments and the random pairs of FusionNet (paper, section III-B)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -50,6 +50,15 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
 
 
+def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
+    """Choose the class with the largest mean probability; otherwise as :func:`max_vote`.
+
+    Fragments that are unsure count for less than those that are sure.
+    """
+    vote = max_vote(logits, temperature)
+    return replace(vote, label=int(vote.probabilities.argmax()))
+
+
 def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:
     """The class with most votes, under the rule for ties of :func:`max_vote`.
 
@@ -89,3 +98,6 @@ def random_pairs(haptic: int, visual: int, count: int, seed: int) -> Tensor:
     left = torch.randint(haptic, (count,), generator=generator)
     right = torch.randint(visual, (count,), generator=generator)
     return torch.stack((left, right), dim=1)
+
+
+RULES: dict[str, Callable[[Tensor, float], Vote]] = {"vote": max_vote, "mean": mean_vote}

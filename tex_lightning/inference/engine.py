@@ -7,7 +7,7 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier import SurfaceClassifier, check_side
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.inference.rewrite import fold_batch_norm, speed_up_response_norm
@@ -103,12 +103,10 @@ class Accelerated(SurfaceClassifier):
 
         return in_tiles(features, self.haptic_input(trace), _windows(network), self.tile)[0, :, 0]
 
-    def visual_positions(self, photo: Tensor, level: Level) -> Tensor:
+    def visual_map(self, pixels: Tensor, level: Level) -> Tensor:
         """Features (D, M, N), float32; a large photo is normalised piece by piece."""
         network = cast(VisualNet, self.visual_network)
         normalise = cast(ImageFeatures, self.image_features)
-        check_side(photo.shape[0], photo.shape[1], self.least_side)
-        pixels = photo.permute(2, 0, 1)[None]
 
         def features(pixels: Tensor) -> Tensor:
             pixels = normalise(pixels.to(normalise.mean.device))

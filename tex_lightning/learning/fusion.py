@@ -18,7 +18,9 @@ class FusionModule(SurfaceModule):
         """Spectrograms (batch, 1, 50, 192) and rotated patches (batch, 3, 224, 224)."""
         features = cast(ImageFeatures, self.classifier.image_features)
         patch = self.network.visual.patch
-        return batch["spectrogram"], features.rotated(batch["crop"], batch["degrees"], patch)
+        return batch["spectrogram"], features.rotated(
+            batch["crop"], batch["degrees"], patch, batch["zoom"]
+        )
 
     @property
     def network(self) -> FusionNet:

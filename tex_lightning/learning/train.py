@@ -144,6 +144,8 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
     fit, kind = training.fit_values, training.card.kind
     train, network = training.parts.train, module.classifier.network
     traces = photos = None
+    images = module.classifier.image_features
+    scales = (1.0,) if images is None else images.scales
     if kind != "visual":
         frames = HapticNet.window if kind == "fusion" else fit["frames"]
         bank = SpectrogramBank(_spectrograms(training, module), frames)
@@ -151,10 +153,12 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
     if kind != "haptic":
         patch = network.visual.patch if isinstance(network, FusionNet) else fit["patch"]
         rows = train.of("image").rows
-        photo_bank = PhotoBank(rows, training.store, crop_side(patch, fit["rotation"]))
+        largest = math.ceil(patch / min(scales))
+        photo_bank = PhotoBank(rows, training.store, crop_side(largest, fit["rotation"]))
         photos = photo_bank, _class_indices(rows, training.card.classes)
     rotation = fit.get("rotation", 0.0)
-    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.config.seed)
+    seed = training.config.seed
+    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, seed, scales)
     samples = make_samples(training.parts.val, kind)
     validation = SampleSet(samples, training.store, training.card.classes)
     workers = training.config.data.num_workers

@@ -17,7 +17,8 @@ class VisualModule(SurfaceModule):
     def inputs(self, batch: Batch) -> tuple[Tensor, ...]:
         """Normalised, rotated patches (batch, 3, patch, patch)."""
         features = cast(ImageFeatures, self.classifier.image_features)
-        return (features.rotated(batch["crop"], batch["degrees"], self.fit_config["patch"]),)
+        patch = self.fit_config["patch"]
+        return (features.rotated(batch["crop"], batch["degrees"], patch, batch["zoom"]),)
 
     @property
     def network(self) -> VisualNet:

@@ -74,7 +74,7 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
     state = _select(trunk, content, layout, path)
     if layout == "caffe":
         _fold_caffe_input(state, "layers.conv1.0", caffe_input)
-    trunk.load_state_dict(state)
+    trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     _scale_features(trunk)
     return f"{_name(trunk)} trunk from {path} ({layout} layout, {len(state)} tensors)"
 

@@ -91,7 +91,7 @@ class Judge:
             features = self.classifier.haptic_positions(tensor, network.level)
             summand = network.project_haptic(features[None])[0]
         else:
-            features = self.classifier.visual_positions(tensor, network.level).flatten(1)
+            features = self.classifier.visual_positions(tensor, network.level)
             summand = network.project_visual(features[None])[0]
         scores = summand if network.level == "fc2" else features
         return Percept(recording, scores.cpu(), summand.cpu())

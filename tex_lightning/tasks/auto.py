@@ -13,6 +13,7 @@ from omegaconf import OmegaConf
 from tex_lightning.errors import UserError
 from tex_lightning.schema import Config
 from tex_lightning.tasks import frontier
+from tex_lightning.tasks.weights import pick_weights
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +36,8 @@ def resolve_auto(config: Config, directory: Path) -> Config:
         overrides = _read_choice(Path(config.frontier.run).expanduser())
     given = [item for item in HydraConfig.get().overrides.task if not item.startswith("model=")]
     log.info("model=auto is %s.", " ".join(overrides))
-    return cast(Config, OmegaConf.to_object(compose("config", overrides=[*given, *overrides])))
+    composed = compose("config", overrides=[*given, *overrides])
+    return pick_weights(cast(Config, OmegaConf.to_object(composed)))
 
 
 def _read_choice(folder: Path) -> list[str]:

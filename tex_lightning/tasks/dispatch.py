@@ -28,6 +28,7 @@ from tex_lightning.tasks import (
     stream,
 )
 from tex_lightning.tasks.auto import resolve_auto
+from tex_lightning.tasks.weights import pick_weights
 from tex_lightning.validation import AUTO, check_config, check_known, check_missing, check_shares
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
@@ -56,7 +57,7 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     """
     check_known(composed)
     check_missing(composed)
-    config = cast(Config, OmegaConf.to_object(composed))
+    config = pick_weights(cast(Config, OmegaConf.to_object(composed)))
     check_config(config, tuple(TASKS))
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)

@@ -41,6 +41,7 @@ from tex_lightning.schema import Config
 from tex_lightning.tasks.crossval import chosen_folds
 from tex_lightning.tasks.fit import fit_fold
 from tex_lightning.tasks.testing import run_test
+from tex_lightning.tasks.weights import pick_weights
 from tex_lightning.tasks.workspace import Workspace, open_workspace
 from tex_lightning.validation import check_config
 
@@ -127,7 +128,7 @@ def _members(config: Config, shared: Path) -> Iterator[Member]:
     for name in only or family:
         overrides = tuple(family[name].split())
         composed = compose("config", overrides=[*given, "task=crossval", *overrides])
-        member = cast(Config, OmegaConf.to_object(composed))
+        member = pick_weights(cast(Config, OmegaConf.to_object(composed)))
         if member.model.kind == "haptic":
             member = replace(member, weights=None)  # for the photos' networks of the family
         member = replace(member, crossval=replace(member.crossval, share=str(shared)))

@@ -6,7 +6,13 @@ from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.baselines.registry import make_baseline
-from tex_lightning.classifier import Card, SurfaceClassifier, check_frames, check_side
+from tex_lightning.classifier import (
+    Card,
+    SurfaceClassifier,
+    check_frames,
+    check_side,
+    least_side,
+)
 from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
@@ -142,11 +148,11 @@ def check_networks(config: Config) -> int:
     given = given_checkpoints(config) if model.kind == "fusion" else {}
     starts = {kind: SurfaceClassifier.from_checkpoint(path, kind) for kind, path in given.items()}
     if "visual" in starts:
-        return cast(VisualNet, starts["visual"].network).min_side
+        return starts["visual"].least_side
     network = VisualNet(2, **_network(model.visual, *VISUAL_KEYS))
     if config.weights is not None:
         load_trunk_weights(network, config.weights)
-    return network.min_side
+    return least_side(network, model.visual.scales)
 
 
 def given_checkpoints(config: Config) -> dict[Kind, Path]:
@@ -178,6 +184,7 @@ def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> C
     return replace(
         card,
         haptic_features=haptic.haptic_features,
+        image_features=visual.image_features,
         haptic_network=haptic.haptic_network,
         visual_network=visual.visual_network,
         fusion={"level": config.model.fusion.level},
@@ -191,8 +198,9 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
         kind=kind,
         classes=classes,
         decode=decode_settings(config.data).to_dict(),
-        decision={"pairs": config.decision.pairs, "seed": config.decision.seed},
+        decision={key: getattr(config.decision, key) for key in ("pairs", "rule", "seed")},
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
+        image_features={"scales": model.visual.scales} if network and kind == "visual" else {},
         haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
         visual_network=_network(model.visual, *VISUAL_KEYS) if network and kind == "visual" else {},
         baseline={} if network else _baseline(model, config.weights),

@@ -48,16 +48,27 @@ class Fire(nn.Module):
 
 
 class PoolFeatures(nn.Module):
-    """Average and maximum over the same windows, one after the other in the channels."""
+    """Roots of the average and the maximum over the same windows, one after the other.
+
+    The root keeps a few strong features from outweighing all others (Perronnin et al. 2010, for
+    Fisher vectors).
+
+    Attributes:
+        power: That the features are raised to; with it a checkpoint of features without roots
+            cannot be mistaken for one of these.
+    """
+
+    power: Tensor
 
     def __init__(self, window: Window) -> None:
         super().__init__()
+        self.register_buffer("power", torch.tensor(0.5))
         self.average = nn.AvgPool2d(window.kernel, window.stride)
         self.maximum = window.max_pool()
 
     def forward(self, x: Tensor) -> Tensor:
         """Map (B, D, M, N) to (B, 2 * D, M', N')."""
-        return torch.cat([self.average(x), self.maximum(x)], dim=1)
+        return torch.cat([self.average(x), self.maximum(x)], dim=1).clamp_(min=1e-8).sqrt_()
 
 
 class SqueezeNetTrunk(Trunk):
