@@ -17,7 +17,7 @@ def test_the_scale_of_overconfident_logits_is_found(scale):
 
 
 def test_a_few_right_samples_do_not_make_infinitely_sure():
-    logits = [torch.tensor([[4.0], [0.0]])] * 8
+    logits = [torch.tensor([[4.0], [0.0], [0.0]])] * 8
     temperature = fit_temperature(logits, [0] * 8)
     likelihood = float(max_vote(logits[0], temperature).probabilities[0])
     assert likelihood == pytest.approx(9 / 10, abs=1e-3)  # Platt's target

@@ -13,7 +13,7 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
     """The temperature under which mean probabilities over fragments fit the labels best.
 
     It minimises the cross entropy against labels that are softened as Platt (1999) does: with n
-    samples and K classes the true class has (n + 1) / (n + K). A network that errs on none of a few
+    samples the true class has (n + 1) / (n + 2), and the others share the rest. A network that errs on none of a few
     samples would otherwise be made infinitely sure.
 
     Args:
@@ -24,8 +24,9 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
         From 0.1 to 10.
     """
     classes, count = len(logits[0]), len(labels)
-    target = torch.full((count, classes), 1 / (count + classes), dtype=torch.float64)
-    target[torch.arange(count), torch.tensor(labels)] = (count + 1) / (count + classes)
+    rest = 1 / (count + 2)
+    target = torch.full((count, classes), rest / (classes - 1), dtype=torch.float64)
+    target[torch.arange(count), torch.tensor(labels)] = 1 - rest
 
     def loss(log_temperature: float) -> float:
         means = [probabilities(scores, 10**log_temperature) / scores.shape[1] for scores in logits]
