@@ -13,6 +13,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.__main__ import CONF
 from tex_lightning.mistakes import config_groups
+from tex_lightning.perturbations.augment import trainable
 from tex_lightning.schema import register
 
 REPOSITORY = CONF.parent
@@ -170,3 +171,38 @@ def test_presets_hold_the_papers_table_of_hyper_parameters(preset, kind, expecte
     assert found == expected
     assert fit.weight_decay == 5e-4
     assert fit.optimizer == "adam"
+
+
+@pytest.mark.parametrize("preset", ["haptic", "visual", "fusion"])
+def test_robust_presets_train_on_what_is_not_held_out(preset):
+    register()
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = compose("config", overrides=[f"experiment=robust/{preset}"])
+        plain = compose("config", overrides=[f"model={config.model.name}"])
+    assert config.model.kind == preset
+    assert {*config.model.haptic.fit.perturb} < {*trainable("haptic")}
+    assert {*config.model.visual.fit.perturb} < {*trainable("image")}
+    assert plain.model.haptic.fit.perturb == plain.model.visual.fit.perturb == []
+    assert plain.model.fusion.fit.modality_dropout == 0
+
+
+def test_a_robust_preset_runs(cli, tmp_path):
+    arguments = ["debug=tiny", "data.classes=2", "logger=csv", "trainer.threads=1"]
+    outcome = cli("experiment=robust/fusion", *arguments, f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 0, outcome.err
+    fits = {
+        kind: torch.load(tmp_path / f"checkpoints/{kind}.ckpt", weights_only=True)[
+            "hyper_parameters"
+        ]["fit"]
+        for kind in ("haptic", "visual", "fusion")
+    }
+    assert "white_noise" in fits["haptic"]["perturb"]
+    assert "jpeg" in fits["visual"]["perturb"]
+    assert fits["fusion"]["modality_dropout"] > 0
+
+
+def test_a_held_out_perturbation_is_not_trained_on(cli, tmp_path):
+    key = "model.haptic.fit.perturb"
+    outcome = cli(f"{key}=[mains_hum]", f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 2
+    assert f"{key} is mains_hum" in outcome.err

@@ -69,9 +69,15 @@ class FitConfig:
 
 @dataclass
 class HapticFitConfig(FitConfig):
-    """Training of HapticNet on sub-samples of ``frames`` spectrogram frames."""
+    """Training of HapticNet on sub-samples of ``frames`` spectrogram frames.
+
+    With names of perturbations in ``perturb``, every trace is there in ``perturbed_copies`` more
+    versions, each changed by one of them; FusionNet is trained on the same.
+    """
 
     frames: int = MISSING
+    perturb: list[str] = MISSING
+    perturbed_copies: int = MISSING
 
 
 @dataclass
@@ -86,18 +92,28 @@ class ProbeConfig:
 
 @dataclass
 class VisualFitConfig(FitConfig):
-    """Training of VisualNet on square patches, rotated by up to ``rotation`` degrees."""
+    """Training of VisualNet on square patches, rotated by up to ``rotation`` degrees.
+
+    With names of perturbations in ``perturb``, a ``perturbed_share`` of the patches is changed by
+    one of them each; FusionNet is trained on the same.
+    """
 
     patch: int = MISSING
     rotation: float = MISSING
+    perturb: list[str] = MISSING
+    perturbed_share: float = MISSING
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
 
 @dataclass
 class FusionFitConfig(FitConfig):
-    """Training of FusionNet on receptive-field-sized inputs, photos rotated as above."""
+    """Training of FusionNet on receptive-field-sized inputs, photos rotated as above.
+
+    With a probability of ``modality_dropout``, the trace or the photo of a pair says nothing.
+    """
 
     rotation: float = MISSING
+    modality_dropout: float = MISSING
 
 
 @dataclass

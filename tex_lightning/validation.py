@@ -12,6 +12,7 @@ from tex_lightning.baselines.registry import BASELINES
 from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.fusion import LEAST_FACTOR, MOST_FACTOR
+from tex_lightning.perturbations.augment import trainable
 from tex_lightning.perturbations.table import perturbations
 from tex_lightning.schema import Config, DataConfig, FitConfig, ModelConfig
 
@@ -326,6 +327,15 @@ def _model(model: ModelConfig) -> Iterator[str]:
         rotation = getattr(model, name).fit.rotation
         if not 0 <= rotation <= 180:
             yield f"model.{name}.fit.rotation is {rotation}: choose from 0 to 180 degrees"
+    for name in model.haptic.fit.perturb:
+        yield from _choice("model.haptic.fit.perturb", name, trainable("haptic"))
+    yield from _least("model.haptic.fit.perturbed_copies", model.haptic.fit.perturbed_copies, 1)
+    for name in model.visual.fit.perturb:
+        yield from _choice("model.visual.fit.perturb", name, trainable("image"))
+    share = model.visual.fit.perturbed_share
+    yield from _within("model.visual.fit.perturbed_share", share, 0, 1)
+    dropped = model.fusion.fit.modality_dropout
+    yield from _within("model.fusion.fit.modality_dropout", dropped, 0, 1)
     for name in ("haptic", "visual", "fusion"):
         yield from _fit(f"model.{name}.fit", getattr(model, name).fit)
     factor = model.fusion.fit.head_factor

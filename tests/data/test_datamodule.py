@@ -15,6 +15,7 @@ from tex_lightning.data.datamodule import (
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.store import Store
+from tex_lightning.perturbations.augment import Augmentation
 
 
 def ramp(frames: int, start: int) -> torch.Tensor:
@@ -125,3 +126,26 @@ def test_partners_have_the_label_and_are_drawn_evenly():
     assert np.array_equal(pool[drawn], labels)
     assert stats.chisquare(np.bincount(drawn[:3000], minlength=6)[[1, 3, 5]]).pvalue > 0.01
     assert stats.chisquare(np.bincount(drawn[6000:], minlength=6)[[0, 4]]).pvalue > 0.01
+
+
+def test_every_version_of_a_recording_is_cut_alike():
+    versions = [ramp(20, 100 * number) for number in range(6)]  # two recordings, three versions
+    bank = SpectrogramBank(versions, frames=10, versions=3)
+    cut = bank.cut(np.repeat([0, 1], 3000), np.random.default_rng(0))
+    number = (cut[:, 0, 0, 0] // 100).long().numpy()
+    assert {*number[:3000]} == {0, 2, 4}
+    assert {*number[3000:]} == {1, 3, 5}
+    assert stats.chisquare(np.bincount(number[:3000])[::2]).pvalue > 0.01
+
+
+def test_perturbed_crops_keep_their_size_and_place_in_shares(surfaces, photos):
+    _, store = photos
+    clean = batches(surfaces, store)
+    perturbed = batches(surfaces, store)
+    names = ["darkness", "scale_down", "scale_up"]
+    perturbed.photos[0].augmentation = Augmentation.of(names)
+    whole = perturbed[4]
+    assert whole["crop"].shape == clean[4]["crop"].shape
+    assert (whole["crop"] != clean[4]["crop"]).flatten(1).any(1).all()
+    shares = [replace(perturbed, share=slice(rank, None, 3))[4]["crop"] for rank in range(3)]
+    assert torch.equal(torch.stack(shares, dim=1).flatten(0, 1), whole["crop"])

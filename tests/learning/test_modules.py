@@ -29,6 +29,7 @@ FIT = {
     "label_smoothing": 0.0,
     "head_factor": 20.0,
     "patch": 224,
+    "modality_dropout": 0.0,
 }
 MODULES = {"haptic": HapticModule, "visual": VisualModule, "fusion": FusionModule}
 
@@ -130,3 +131,18 @@ def test_the_head_factor_has_the_papers_range(factor):
     with pytest.raises(UserError, match="from 10 to 50"):
         FusionStart(Path("h.ckpt"), Path("v.ckpt"), factor)
     FusionStart(Path("h.ckpt"), Path("v.ckpt"), 10.0)
+
+
+def test_a_dropped_modality_leaves_the_other_halfs_scores(monkeypatch):
+    model = module("fusion", modality_dropout=0.4)
+    haptic, visual = torch.randn(2, 4000, 3, 1)
+    monkeypatch.setattr(model, "inputs", lambda batch: ())
+    monkeypatch.setattr(model.network, "parts", lambda: (haptic, visual))
+    scores = model.scores({})
+    count = {
+        name: int((scores == expected).flatten(1).all(1).sum())
+        for name, expected in {"h": haptic, "v": visual, "both": haptic + visual}.items()
+    }
+    assert sum(count.values()) == 4000
+    assert count["h"] == pytest.approx(800, abs=100)
+    assert count["v"] == pytest.approx(800, abs=100)

@@ -19,6 +19,7 @@ from tex_lightning.data.decode import Photo
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
+from tex_lightning.perturbations.augment import Augmentation
 
 Batch = dict[str, Tensor]
 Indices = npt.NDArray[np.int64]
@@ -27,9 +28,16 @@ UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
 
 
 class SpectrogramBank:
-    """Spectrograms (bands, frames) of unequal length in one tensor, cut in one indexing step."""
+    """Spectrograms (bands, frames) of unequal length in one tensor, cut in one indexing step.
 
-    def __init__(self, spectrograms: Sequence[Tensor], frames: int) -> None:
+    Args:
+        spectrograms: All recordings in their first version, then all in their second, and so on.
+        frames: Length of the sub-samples.
+        versions: How many there are of every recording; which one is cut is drawn.
+    """
+
+    def __init__(self, spectrograms: Sequence[Tensor], frames: int, versions: int = 1) -> None:
+        self.versions = versions
         whole = [_at_least(item.cpu(), frames) for item in spectrograms]
         self.frames = frames
         self.lengths = np.array([item.shape[1] for item in whole])
@@ -41,6 +49,9 @@ class SpectrogramBank:
 
         Only a ``share`` of them is cut, but all are drawn.
         """
+        if self.versions > 1:
+            version = rng.integers(0, self.versions, len(indices))
+            indices = indices + version * (len(self.lengths) // self.versions)
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
         columns = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
         return self.flat[:, torch.from_numpy(columns)].transpose(0, 1).unsqueeze(1)
@@ -51,9 +62,22 @@ class PhotoBank:
 
     A crop is copied row by row out of a memory map, in a loop over the samples: for photos of any
     size that was faster than one indexing step over all of them, which needs an index per pixel.
+
+    Args:
+        recordings: Of photos.
+        store: Decoded files.
+        side: Of a crop in pixels.
+        augmentation: What becomes of a crop after it is cut; None leaves it.
     """
 
-    def __init__(self, recordings: Sequence[Recording], store: Store, side: int) -> None:
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        store: Store,
+        side: int,
+        augmentation: Augmentation | None = None,
+    ) -> None:
+        self.augmentation = augmentation
         self.recordings = recordings
         self.store = store
         self.side = side
@@ -75,6 +99,11 @@ class PhotoBank:
         for crop, (index, top, left) in zip(crops, places, strict=True):
             piece = self.photo(index)[top : top + self.side, left : left + self.side]
             crop[:] = _mirrored(piece, self.side)
+        if self.augmentation is not None:
+            seeds = rng.integers(1 << 63, size=len(indices))  # of all, whoever cuts which
+            for crop, seed in zip(crops, seeds[share], strict=True):
+                changed = self.augmentation(crop, np.random.default_rng(seed))
+                crop[:] = _mirrored(changed[: self.side, : self.side], self.side)
         return torch.from_numpy(crops).permute(0, 3, 1, 2)
 
     def _place(self, index: int, rng: np.random.Generator) -> tuple[int, int]:

@@ -51,13 +51,18 @@ class SurfaceModule(LightningModule, ABC):
     def head_parameters(self) -> Iterator[nn.Parameter]:
         """Parameters at ``head_factor`` times the base learning rate."""
 
+    def scores(self, batch: Batch) -> Tensor:
+        """Class scores (batch, classes, fragments) of a training batch."""
+        scores: Tensor = self.classifier.network(*self.inputs(batch))
+        return scores.flatten(2)
+
     def on_train_epoch_start(self) -> None:
         """Make dropout a function of seed, epoch and process: a resumed run repeats it exactly."""
         torch.manual_seed(self.global_rank * APART + self.seed * 100_003 + self.current_epoch)
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Cross entropy of every fragment against the label of its sample."""
-        logits = self.classifier.network(*self.inputs(batch)).flatten(2)
+        logits = self.scores(batch)
         labels = batch["label"][:, None].expand(-1, logits.shape[2])
         loss = nn.functional.cross_entropy(
             logits, labels, label_smoothing=self.fit_config["label_smoothing"]

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Self, cast
 
+import torch
 from torch import Tensor, nn
 
 from tex_lightning.data.datamodule import Batch
@@ -19,6 +20,20 @@ class FusionModule(SurfaceModule):
         features = cast(ImageFeatures, self.classifier.image_features)
         patch = self.network.visual.patch
         return batch["spectrogram"], features.rotated(batch["crop"], batch["degrees"], patch)
+
+    def scores(self, batch: Batch) -> Tensor:
+        """As for the others, but for a share of the pairs either summand alone.
+
+        What a trace or a photo says alone is trained to be right, and to be weak where it is not:
+        a modality that is missing, or out of order, then leaves the decision to the other.
+        """
+        dropout: float = self.fit_config["modality_dropout"]
+        if dropout == 0:
+            return super().scores(batch)
+        haptic, visual = self.network.parts(*self.inputs(batch))
+        draw = torch.rand(len(haptic), 1, 1, device=haptic.device)
+        haptic = haptic * (draw >= dropout / 2)
+        return self.network.join(haptic, visual * (draw < 1 - dropout / 2))
 
     @property
     def network(self) -> FusionNet:

@@ -29,6 +29,7 @@ from tex_lightning.devices import pick_device
 from tex_lightning.distributed.team import agreed, shared
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import crop_side
+from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
@@ -39,6 +40,7 @@ from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.weights import load_trunk_weights
+from tex_lightning.perturbations.augment import Augmentation
 from tex_lightning.progress import track
 
 log = logging.getLogger(__name__)
@@ -146,12 +148,22 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
     traces = photos = None
     if kind != "visual":
         frames = HapticNet.window if kind == "fusion" else fit["frames"]
-        bank = SpectrogramBank(_spectrograms(training, module), frames)
+        spectrograms = _spectrograms(training, module)
+        versions = len(spectrograms) // len(train.of("haptic").rows)
+        bank = SpectrogramBank(spectrograms, frames, versions)
         traces = bank, _class_indices(train.of("haptic").rows, training.card.classes)
     if kind != "haptic":
         patch = network.visual.patch if isinstance(network, FusionNet) else fit["patch"]
         rows = train.of("image").rows
+<<<<<<< HEAD
         photo_bank = PhotoBank(rows, training.store, crop_side(patch, fit["rotation"]))
+=======
+        largest = math.ceil(patch / min(scales))
+        recipe = training.config.model.visual.fit
+        augmentation = Augmentation.of(recipe.perturb, recipe.perturbed_share)
+        side = crop_side(largest, fit["rotation"])
+        photo_bank = PhotoBank(rows, training.store, side, augmentation)
+>>>>>>> robust
         photos = photo_bank, _class_indices(rows, training.card.classes)
     rotation = fit.get("rotation", 0.0)
     batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.config.seed)
@@ -164,7 +176,8 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
 def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tensor]:
     """Normalised spectrograms of all training traces; fits the normalisation for HapticNet.
 
-    FusionNet takes the normalisation of the HapticNet it starts from.
+    FusionNet takes the normalisation of the HapticNet it starts from. Perturbed copies of all of
+    them may follow, as often as the recipe says; the normalisation is that of the clean ones.
     """
     features = module.classifier.haptic_features
     assert features is not None
@@ -181,7 +194,28 @@ def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tenso
     ]
     if not fitted:
         features.fit(spectra)
+    spectra += _perturbed_magnitudes(training, features, rows)
     return [features.normalise(item).cpu() for item in spectra]
+
+
+def _perturbed_magnitudes(
+    training: Training, features: HapticFeatures, rows: tuple[Recording, ...]
+) -> list[torch.Tensor]:
+    """Spectrograms of all traces perturbed, once for each copy; seeded by recording and copy."""
+    recipe, device = training.config.model.haptic.fit, features.window.device
+    augmentation = Augmentation.of(recipe.perturb, rate=features.sampling_rate)
+    if augmentation is None:
+        return []
+    spectra = []
+    for copy in range(recipe.perturbed_copies):
+        for number, row in enumerate(track(rows, "Perturbed spectrograms")):
+            rng = np.random.default_rng([training.config.seed, copy, number])
+            trace = torch.from_numpy(augmentation(np.array(training.store.trace(row)), rng))
+            try:
+                spectra.append(features.magnitudes(trace.to(device)))
+            except UserError:  # hardly anything was left of it
+                spectra.append(features.magnitudes(load_trace(row, training.store).to(device)))
+    return spectra
 
 
 def _class_indices(rows: tuple[Recording, ...], classes: list[str]) -> np.ndarray[Any, Any]:
