@@ -155,15 +155,10 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
     if kind != "haptic":
         patch = network.visual.patch if isinstance(network, FusionNet) else fit["patch"]
         rows = train.of("image").rows
-<<<<<<< HEAD
-        photo_bank = PhotoBank(rows, training.store, crop_side(patch, fit["rotation"]))
-=======
-        largest = math.ceil(patch / min(scales))
         recipe = training.config.model.visual.fit
         augmentation = Augmentation.of(recipe.perturb, recipe.perturbed_share)
-        side = crop_side(largest, fit["rotation"])
+        side = crop_side(patch, fit["rotation"])
         photo_bank = PhotoBank(rows, training.store, side, augmentation)
->>>>>>> robust
         photos = photo_bank, _class_indices(rows, training.card.classes)
     rotation = fit.get("rotation", 0.0)
     batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.config.seed)
