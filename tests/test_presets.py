@@ -1,0 +1,65 @@
+"""Presets compose, and the rows of tables and frontiers exist."""
+
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from tex_lightning.__main__ import CONF
+from tex_lightning.report.paper import paper_table
+from tex_lightning.schema import register
+
+EXPERIMENTS = sorted(
+    str(path.relative_to(CONF / "experiment").with_suffix(""))
+    for path in (CONF / "experiment").rglob("*.yaml")
+)
+MODELS = {path.stem for path in (CONF / "model").glob("*.yaml")} - {"base"}
+
+
+def composed(*overrides: str):
+    register()
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return compose("config", overrides=list(overrides), return_hydra_config=True)
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_experiment_composes_and_its_rows_exist(experiment):
+    config = composed(f"experiment={experiment}")
+    rows = (OmegaConf.select(config, "hydra.sweeper.params.model") or "").split(",")
+    assert set(filter(None, rows)) <= MODELS
+    if "table" in experiment:
+        assert config.task == "crossval"
+        assert config.data.val_fold is None
+        assert config.hydra.mode.name == "MULTIRUN"
+
+
+@pytest.mark.parametrize("path", sorted((CONF / "frontier").glob("*.yaml")), ids=lambda p: p.stem)
+def test_every_system_of_a_frontier_composes(path: Path):
+    systems = OmegaConf.load(path).systems
+    assert len(systems) >= 12
+    for overrides in systems.values():
+        assert composed(*overrides.split()).model.name in MODELS
+
+
+def test_all_of_the_papers_rows_are_swept():
+    swept = set(composed("experiment=paper/all").hydra.sweeper.params.model.split(","))
+    for table in ("haptic", "visual", "fusion", "kylberg", "kth_tips2b"):
+        for row in paper_table(table)["rows"]:
+            if "vote" in row or "fragment" in row:
+                assert row["model"] in swept, row
+
+
+def test_papers_hyper_parameters():
+    """Table "allParams": N = 100,000 iterations; learning rate, gamma, k and batch size."""
+    model = composed("experiment=paper/all").model
+    for name, rate, gamma, step, batch in (
+        ("haptic", 1e-4, 0.3, 4e4, 10),
+        ("visual", 3e-5, 0.75, 4e4, 2),
+        ("fusion", 1e-6, 0.1, 4e6, 1),
+    ):
+        fit = model[name].fit
+        assert fit.epochs * fit.steps_per_epoch == 100_000
+        assert (fit.learning_rate, fit.gamma, fit.step_every, fit.batch_size) == (
+            rate, gamma, step, batch,
+        )  # fmt: skip
