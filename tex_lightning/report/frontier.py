@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 from rich.table import Table
 
 from tex_lightning.files import write_atomically
@@ -89,7 +90,7 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
     """Accuracy with intervals over latency (log axis); dominated systems are grey."""
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.subplots()
-    for point in points:
+    for place, point in enumerate(sorted(points, key=lambda item: item.latency_ms_median)):
         colour = COLOURS[point.kind] if point.on_frontier else GREY
         low, high = point.vote_accuracy - point.ci_low, point.ci_high - point.vote_accuracy
         axes.errorbar(
@@ -102,7 +103,7 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
         )  # fmt: skip
         axes.annotate(
             point.system, (point.latency_ms_median, point.vote_accuracy), fontsize=7,
-            xytext=(4, 4), textcoords="offset points",
+            xytext=(4, (4, -10, 16, -22)[place % 4]), textcoords="offset points",
         )  # fmt: skip
     line = _line(points)
     axes.plot([item.latency_ms_median for item in line], [item.vote_accuracy for item in line],
@@ -117,6 +118,9 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
         "error on validation",
     )
     axes.title.set_fontsize(9)
+    axes.margins(x=0.15)
+    for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
+        formatter(LogFormatter(minor_thresholds=(2, 0.5)))
     axes.grid(alpha=0.3, which="both")
     return figure
 
