@@ -16,7 +16,7 @@ from tex_lightning.schema import Config, flatten
 log = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
-WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
+WORK = ("checkpoints", "folds", "systems", "predictions", "results.json", "trials.jsonl")
 
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (

@@ -8,6 +8,7 @@ from sklearn.metrics import roc_auc_score
 
 from tex_lightning.perturbations.table import Perturbation
 from tex_lightning.stability.judge import REFUSED, Decision
+from tex_lightning.stability.record import Record
 from tex_lightning.stability.summary import auroc, corruption_error, mean_errors
 from tex_lightning.stability.trial import Bench
 
@@ -40,9 +41,9 @@ class Stub:
         return True
 
 
-def test_the_breaking_point_is_bisected_to_the_stated_width():
+def test_the_breaking_point_is_bisected_to_the_stated_width(tmp_path):
     system = Stub()
-    bench = Bench([system])
+    bench = Bench([system], Record(tmp_path / "trials.jsonl"))
     found = bench.breaking_point(system, NOISE, 0.8, 5)
     assert found.clean == 1
     assert found.least == pytest.approx(0.8)
@@ -51,15 +52,25 @@ def test_the_breaking_point_is_bisected_to_the_stated_width():
     assert len(system.asked) == len(set(system.asked))
 
 
-def test_what_does_not_break_says_so():
+def test_a_stopped_search_goes_on_without_what_is_done(tmp_path):
+    record, whole = tmp_path / "trials.jsonl", Stub()
+    first = list(Bench([whole], Record(record)).grid([NOISE]))
+    record.write_text(record.read_text()[:-40])  # stopped while the last was written
+    again = Stub()
+    second = list(Bench([again], Record(record)).grid([NOISE]))
+    assert again.asked == [5]
+    assert [trial.decisions for trial in second] == [trial.decisions for trial in first]
+
+
+def test_what_does_not_break_says_so(tmp_path):
     system = Stub(breaks_at=9)
-    found = Bench([system]).breaking_point(system, NOISE, 0.8, 5)
+    found = Bench([system], Record(tmp_path / "trials.jsonl")).breaking_point(system, NOISE, 0.8, 5)
     assert found.below is None
 
 
-def test_accuracy_flips_refusals_and_probabilities():
+def test_accuracy_flips_refusals_and_probabilities(tmp_path):
     system = Stub()
-    trials = list(Bench([system]).grid([NOISE]))
+    trials = list(Bench([system], Record(tmp_path / "trials.jsonl")).grid([NOISE]))
     assert [trial.severity for trial in trials] == [0, 1, 2, 3, 4, 5]
     clean, broken = trials[0], trials[-1]
     assert (clean.accuracy, clean.flip_rate, clean.refused) == (1, 0, 0)

@@ -8,6 +8,7 @@ import numpy as np
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.progress import track
 from tex_lightning.stability.judge import Decision
+from tex_lightning.stability.record import Record
 from tex_lightning.stability.system import System
 
 MOST_CLASSES = 3  # named as those that go first
@@ -100,23 +101,22 @@ class Bench:
 
     Args:
         systems: Those under test.
+        record: Of the trials that are done.
     """
 
-    def __init__(self, systems: Sequence[System]) -> None:
+    def __init__(self, systems: Sequence[System], record: Record) -> None:
         self.systems = systems
+        self.record = record
         self._clean = {system.name: system.clean() for system in systems}
         self._labels = {system.name: system.wanted for system in systems}
-        self._trials: dict[tuple[str, str, float], Trial] = {}
 
     def trial(self, system: System, perturbation: Perturbation, severity: float) -> Trial:
         """The decisions of one system."""
-        key = (system.name, perturbation.name, severity)
-        if key not in self._trials:
-            clean = self._clean[system.name]
-            made = system.decide(perturbation, severity) if severity > 0 else clean
-            labels = self._labels[system.name]
-            self._trials[key] = Trial(system, perturbation, severity, labels, clean, made)
-        return self._trials[key]
+        key, clean = (system.name, perturbation.name, severity), self._clean[system.name]
+        if severity > 0 and key not in self.record.trials:
+            self.record.add(key, system.decide(perturbation, severity))
+        made = self.record.trials[key] if severity > 0 else clean
+        return Trial(system, perturbation, severity, self._labels[system.name], clean, made)
 
     def grid(self, perturbations: Sequence[Perturbation]) -> Iterator[Trial]:
         """Trials of every perturbation, severity 0 to 5, and system that meets it."""

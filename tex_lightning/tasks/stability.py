@@ -17,6 +17,7 @@ from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.stability import Break, print_stability, write_breaks, write_trials
 from tex_lightning.report.stability_figures import stability_figures
 from tex_lightning.schema import Config
+from tex_lightning.stability.record import RECORD, Record
 from tex_lightning.stability.summary import conflict_summary, mean_errors, summarise_system
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import Bench, Trial
@@ -28,13 +29,14 @@ log = logging.getLogger(__name__)
 def run(config: Config, directory: Path) -> dict[str, Any]:
     """Test ``stability.systems`` under all perturbations that they meet; write tables and figures.
 
-    The first system is the reference of the mean corruption error.
+    The first system is the reference of the mean corruption error. A run that was stopped goes on
+    with the same command and ``hydra.run.dir``.
     """
     begin = time.perf_counter()
     device = pick_device(config.trainer.accelerator)
     systems = load_systems(config)
     chosen = _chosen(config, systems)
-    bench = Bench(systems)
+    bench = Bench(systems, Record(directory / RECORD))
     trials = list(bench.grid(chosen))
     breaks = _search(config, bench, chosen)
     directory.mkdir(parents=True, exist_ok=True)

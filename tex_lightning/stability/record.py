@@ -1,0 +1,39 @@
+"""Decisions of finished trials on disk, so that an interrupted run goes on where it stopped."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import astuple
+from pathlib import Path
+
+from tex_lightning.stability.judge import Decision
+
+Key = tuple[str, str, float]  # system, perturbation, severity
+
+RECORD = "trials.jsonl"
+
+
+class Record:
+    """One JSON line per trial, added when the trial is done.
+
+    Args:
+        path: The file; what it holds already is read. A last line that is cut off is left out.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.trials: dict[Key, list[Decision]] = {}
+        if path.is_file():
+            lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+            whole = [line for line in lines if line.endswith("\n")]
+            path.write_text("".join(whole), encoding="utf-8")
+            for line in whole:
+                system, perturbation, severity, made = json.loads(line)
+                self.trials[system, perturbation, severity] = [Decision(*each) for each in made]
+
+    def add(self, key: Key, decisions: Sequence[Decision]) -> None:
+        """Keep the decisions of one trial."""
+        self.trials[key] = list(decisions)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        line = json.dumps([*key, [astuple(each) for each in decisions]])
+        with self.path.open("a", encoding="utf-8") as stream:
+            stream.write(line + "\n")
