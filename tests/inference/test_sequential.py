@@ -199,6 +199,13 @@ def test_fusion_draws_the_pairs_of_the_full_vote():
     assert vote.evidence < 0.5
 
 
+def test_a_mean_of_probabilities_is_refused():
+    model = classifier("haptic")
+    model.card = replace(model.card, decision={**model.card.decision, "rule": "mean"})
+    with pytest.raises(UserError, match="counts votes"):
+        decide(model, CONFIG)
+
+
 def test_a_baseline_is_refused():
     model = classifier("haptic")
     model.card = replace(model.card, baseline={"name": "rocket", "settings": {}})

@@ -13,8 +13,8 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
     """The temperature under which mean probabilities over fragments fit the labels best.
 
     It minimises the cross entropy against labels that are softened as Platt (1999) does: with n
-    samples the true class has (n + 1) / (n + 2), and the others share the rest. A network that
-    errs on none of a few samples would otherwise be made infinitely sure.
+    samples the true class has (n + 1) / (n + 2), and the others share the rest. A network
+    that errs on none of a few samples would otherwise be made infinitely sure.
 
     Args:
         logits: (classes, fragments) of each sample.

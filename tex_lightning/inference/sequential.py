@@ -40,7 +40,7 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         config: ``name`` and the thresholds.
 
     Raises:
-        UserError: If a baseline is to decide sequentially.
+        UserError: If a baseline, or a checkpoint with ``rule=mean``, is to decide sequentially.
     """
     if config.name == MAX_VOTE:
         return classifier
@@ -48,6 +48,11 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         raise UserError(
             f"decision=sequential needs a network of ours, and {classifier.card.title} looks at "
             "the whole recording at once; use decision=max_vote."
+        )
+    if classifier.card.decision.get("rule", "vote") != "vote":
+        raise UserError(
+            "decision=sequential counts votes, and this checkpoint was trained with "
+            "decision.rule=mean, which does not; use decision=max_vote."
         )
     return SequentialClassifier(classifier, config)
 

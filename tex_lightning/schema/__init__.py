@@ -1,0 +1,87 @@
+"""The configuration, typed: a wrong key or type fails while it is composed.
+
+Values live in ``conf/``; here stand their types and meaning only. ``???`` (``MISSING``) marks what
+a configuration file or the user has to fill in.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING
+
+from tex_lightning.schema.data import DataConfig, SyntheticConfig
+from tex_lightning.schema.model import (
+    FitConfig,
+    FusionConfig,
+    FusionFitConfig,
+    HapticConfig,
+    HapticFitConfig,
+    ModelConfig,
+    ProbeConfig,
+    VisualConfig,
+    VisualFitConfig,
+)
+from tex_lightning.schema.tasks import (
+    CrossvalConfig,
+    DecisionConfig,
+    EngineConfig,
+    FrontierConfig,
+    GenerateConfig,
+    LoggerConfig,
+    PredictConfig,
+    ProfileConfig,
+    StabilityConfig,
+    StreamConfig,
+    TrainerConfig,
+)
+
+__all__ = [
+    "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig", "FitConfig",
+    "FrontierConfig", "FusionConfig", "FusionFitConfig", "GenerateConfig", "HapticConfig",
+    "HapticFitConfig", "LoggerConfig", "ModelConfig", "PredictConfig", "ProbeConfig",
+    "ProfileConfig", "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig",
+    "VisualConfig", "VisualFitConfig", "flatten", "register",
+]  # fmt: skip
+
+
+@dataclass
+class Config:
+    """The whole configuration."""
+
+    task: str = MISSING
+    seed: int = MISSING
+    checkpoint: str | None = MISSING
+    haptic: Any = None
+    image: Any = None
+    top_k: int = MISSING
+    weights: Any = None
+    data: DataConfig = field(default_factory=DataConfig)
+    model: ModelConfig = field(default_factory=ModelConfig)
+    decision: DecisionConfig = field(default_factory=DecisionConfig)
+    trainer: TrainerConfig = field(default_factory=TrainerConfig)
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    logger: LoggerConfig = field(default_factory=LoggerConfig)
+    crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
+    predict: PredictConfig = field(default_factory=PredictConfig)
+    stream: StreamConfig = field(default_factory=StreamConfig)
+    generate: GenerateConfig = field(default_factory=GenerateConfig)
+    profile: ProfileConfig = field(default_factory=ProfileConfig)
+    frontier: FrontierConfig = field(default_factory=FrontierConfig)
+    stability: StabilityConfig = field(default_factory=StabilityConfig)
+
+
+def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested plain values as one dictionary with dotted keys."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, dict):
+            flat.update(flatten(value, f"{prefix}{key}."))
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def register() -> None:
+    """Make the schema known to Hydra under the name ``schema``."""
+    ConfigStore.instance().store(name="schema", node=Config)

@@ -1,0 +1,101 @@
+"""What types cannot say of a configuration: ranges, choices, and keys that need each other.
+
+Everything is checked before any work, and all complaints are made at once.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from omegaconf import DictConfig, OmegaConf
+
+from tex_lightning.errors import UserError
+from tex_lightning.schema import Config
+from tex_lightning.validation.data import check_data
+from tex_lightning.validation.model import check_model
+from tex_lightning.validation.ranges import choice, least, most, positive
+from tex_lightning.validation.tasks import AUTO, check_decision, check_task
+
+__all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares"]
+
+CHOICES = {
+    "layout": ("folder", "tum"),
+    "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
+    "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
+    "engine": ("fp32", "bf16"),
+}
+LEAST_TILE = 100_000  # smaller pieces are nearly all margin
+
+
+def check_missing(composed: DictConfig) -> None:
+    """Refuse a configuration with open ``???`` values, naming all of them."""
+    missing = sorted(OmegaConf.missing_keys(composed))
+    if missing:
+        example = " ".join(f"{key}=VALUE" for key in missing)
+        raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
+
+
+def check_known(composed: DictConfig) -> None:
+    """Refuse keys that were added with ``+`` and that nothing would read."""
+    unknown = list(_unknown(composed, OmegaConf.structured(Config), ""))
+    if unknown:
+        raise UserError(
+            f"There is no key {', '.join(unknown)}; `python -m tex_lightning --help` lists all."
+        )
+
+
+def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]:
+    for key in map(str, given):
+        if key not in known.keys():  # noqa: SIM118  (`in known` is false for open values)
+            yield f"{prefix}{key}"
+        elif OmegaConf.get_type(known, key) is dict:
+            continue  # a baseline's settings, which it checks itself
+        elif OmegaConf.is_dict(known._get_node(key)) and not OmegaConf.is_missing(given, key):
+            yield from _unknown(given[key], known[key], f"{prefix}{key}.")
+
+
+def check_config(config: Config, tasks: Sequence[str]) -> None:
+    """Refuse values that cannot be meant, naming all of them in one sentence."""
+    complaints = [
+        *choice("task", config.task, tasks),
+        *check_data(config.data),
+        *check_model(config.model),
+        *choice("generate.layout", config.generate.layout, CHOICES["layout"]),
+        *choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
+        *choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
+        *least("trainer.devices", config.trainer.devices, 1),
+        *least("trainer.num_nodes", config.trainer.num_nodes, 1),
+        *least("trainer.threads", config.trainer.threads, 1),
+        *choice("engine.precision", config.engine.precision, CHOICES["engine"]),
+        *least("engine.tile", config.engine.tile, LEAST_TILE),
+        *check_decision(config),
+        *positive("stream.chunk", config.stream.chunk),
+        *least("top_k", config.top_k, 1),
+        *least("seed", config.seed, 0),
+        *most("seed", config.seed, 2**32 - 1),
+        *check_task(config),
+    ]
+    if complaints:
+        raise UserError("; ".join(complaints) + ".")
+
+
+def check_shares(config: Config, processes: int) -> None:
+    """Refuse batches that ``processes`` processes cannot share evenly.
+
+    Raises:
+        UserError: Naming the batch sizes.
+    """
+    model = config.model
+    given = (model.fusion.haptic_checkpoint, model.fusion.visual_checkpoint)
+    parts = [kind for kind, path in zip(("haptic", "visual"), given, strict=True) if not path]
+    complaints: list[str] = []
+    for kind in (*parts, "fusion") if model.kind == "fusion" else (model.kind,):
+        size = getattr(model, kind).fit.batch_size
+        # the statistics of one sample at one position are no statistics
+        normalised = kind != "fusion" and getattr(model, kind).norm == "batch"
+        least = 2 if normalised and processes > 1 else 1
+        if size % processes or size < least * processes:
+            complaints.append(
+                f"model.{kind}.fit.batch_size is {size}, but {processes} processes share every "
+                f"batch: choose a multiple of {processes}, {least * processes} or more"
+            )
+    if complaints:
+        raise UserError("; ".join(complaints) + ".")

@@ -1,0 +1,150 @@
+"""What is asked of each task, and of the keys that only one task reads."""
+
+from collections.abc import Iterator
+
+from tex_lightning.decision.voting import RULES
+from tex_lightning.perturbations.table import perturbations
+from tex_lightning.schema import Config
+from tex_lightning.validation.ranges import choice, least, most, positive, within
+
+CHOICES = {
+    "rule": tuple(RULES),
+    "decision": ("max_vote", "sequential"),
+}
+AUTO = "auto"
+READ_CHECKPOINTS = ("evaluate", "predict", "profile", "stream")
+LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
+LEAST_SIDE, MOST_SIDE = 224, 8192  # one patch; what the renderer makes
+
+
+def check_task(config: Config) -> Iterator[str]:
+    """What cannot be meant of the task and of the keys that belong to one task."""
+    data = config.data
+    if config.task == "fit" and data.test_fold is None:
+        yield "data.test_fold is null, but task=fit tests on a fold: give its number"
+    training = config.task in ("fit", "crossval", "frontier")
+    if not training and (config.trainer.devices, config.trainer.num_nodes) != (1, 1):
+        yield (
+            f"several devices are used when training, not by task={config.task}: leave out "
+            "trainer=ddp, trainer.devices and trainer.num_nodes"
+        )
+    if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
+        yield (
+            f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
+            "task=predict, task=profile, task=stream or model.fusion.haptic_checkpoint"
+        )
+    if config.task == "stream" and (config.haptic is None or config.image is not None):
+        yield "task=stream reads one trace and no image: give haptic=FILE, or haptic=- for a pipe"
+    files = config.haptic is not None or config.image is not None
+    if files and config.task not in ("predict", "profile", "stream"):
+        yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
+    if config.predict.fast_decode and config.task != "predict":
+        yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
+    yield from _frontier(config)
+    yield from _profile(config)
+    yield from _stability(config)
+    yield from _stream_axes(config.stream.axes)
+    if config.weights is not None and not training:
+        yield f"weights are read when training, not by task={config.task}: leave it null"
+    fusion = config.model.fusion
+    if config.task == "crossval" and (fusion.haptic_checkpoint or fusion.visual_checkpoint):
+        yield (
+            "unimodal checkpoints fit one fold only, so task=crossval cannot start from them: "
+            "leave model.fusion.haptic_checkpoint and visual_checkpoint null"
+        )
+    if config.task == "crossval" and data.val_fold is not None:
+        yield (
+            "data.val_fold is set, but task=crossval trains on all folds but the tested one: "
+            "leave it null"
+        )
+    if (
+        config.weights is not None
+        and config.model.kind == "haptic"
+        and config.task != "frontier"  # whose family may have networks on photos
+    ):
+        yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
+    if config.weights is not None and config.model.fusion.visual_checkpoint is not None:
+        yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
+
+
+def _frontier(config: Config) -> Iterator[str]:
+    frontier = config.frontier
+    if config.model.name == AUTO and config.task not in ("fit", "frontier"):
+        yield f"model=auto trains one network, task={config.task} does not: use task=fit"
+    if frontier.run is not None and config.model.name != AUTO:
+        yield "frontier.run is read by model=auto alone: leave it out"
+    yield from least("frontier.rounds", frontier.rounds, 1)
+    if frontier.max_latency_ms is not None:
+        yield from positive("frontier.max_latency_ms", frontier.max_latency_ms)
+    if frontier.min_accuracy is not None:
+        yield from within("frontier.min_accuracy", frontier.min_accuracy, 0, 1)
+    for key in ("only", "max_latency_ms", "min_accuracy"):
+        if getattr(frontier, key) is not None and config.task != "frontier":
+            yield f"frontier.{key} is read by task=frontier alone, not by task={config.task}"
+
+
+def check_decision(config: Config) -> Iterator[str]:
+    """What cannot be meant of ``decision``."""
+    decision = config.decision
+    yield from choice("decision.name", decision.name, CHOICES["decision"])
+    yield from choice("decision.rule", decision.rule, CHOICES["rule"])
+    if decision.name == "sequential" and decision.rule != "vote":
+        yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
+    yield from least("decision.pairs", decision.pairs, 1)
+    yield from least("decision.seed", decision.seed, 0)
+    yield from most("decision.seed", decision.seed, 2**32 - 1)
+    for key in ("alpha", "disagreement", "confidence"):
+        if not 0 <= (value := getattr(decision, key)) < 1:
+            yield f"decision.{key} is {value:g}: choose from 0 up to 1"
+    for alpha in decision.alphas:
+        if not 0 <= alpha < 1:
+            yield f"decision.alphas has {alpha:g}: choose from 0 up to 1"
+    for enough in (decision.enough, *decision.enoughs):
+        yield from within("decision.enough", enough, 0, 1)
+    if decision.reject_below is not None:
+        yield from within("decision.reject_below", decision.reject_below, 0, 1)
+    if decision.name == "sequential" and config.model.baseline is not None:
+        yield (
+            "decision=sequential needs a network, and a baseline looks at the whole recording at "
+            "once: use decision=max_vote"
+        )
+    if decision.name == "sequential" and config.task in ("profile", "stream"):
+        yield f"decision=sequential is not read by task={config.task}: leave it out"
+    if config.data.hold_out and config.task not in ("fit", "crossval", "evaluate"):
+        yield f"data.hold_out is not read by task={config.task}: leave it out"
+
+
+def _stream_axes(axes: int) -> Iterator[str]:
+    if axes not in (1, 3):
+        yield f"stream.axes is {axes}: choose 1 or 3"
+
+
+def _profile(config: Config) -> Iterator[str]:
+    profile = config.profile
+    yield from within("profile.classes", profile.classes, 2, 100_000)
+    yield from within("profile.seconds", profile.seconds, LEAST_TRACE_S, MOST_TRACE_S)
+    for side in ("width", "height"):
+        yield from within(f"profile.{side}", getattr(profile, side), LEAST_SIDE, MOST_SIDE)
+    yield from least("profile.rounds", profile.rounds, 1)
+    for name in ("budget_s", "max_seconds"):
+        yield from positive(f"profile.{name}", getattr(profile, name))
+    if profile.growth and config.task != "profile":
+        yield f"profile.growth is read by task=profile alone, not by task={config.task}"
+
+
+def _stability(config: Config) -> Iterator[str]:
+    stability, testing = config.stability, config.task == "stability"
+    if testing and not stability.systems:
+        yield "stability.systems names nothing: give run folders or checkpoints, e.g. [RUN]"
+    if stability.systems and not testing:
+        yield f"stability.systems is read by task=stability alone, not by task={config.task}"
+    for name in stability.only or []:
+        yield from choice("stability.only", name, tuple(perturbations()))
+    if stability.only is not None and not stability.only:
+        yield "stability.only names nothing: leave it null for all perturbations"
+    for fold in stability.folds or []:
+        yield from within("stability.folds", fold, 0, config.data.folds - 1)
+    yield from least("stability.limit", stability.limit, 1)
+    yield from least("stability.bisections", stability.bisections, 0)
+    if not 0 < stability.bound <= 1:
+        yield f"stability.bound is {stability.bound:g}: choose a share above 0 and up to 1"
