@@ -173,8 +173,11 @@ class SurfaceClassifier(nn.Module):
     @torch.inference_mode()
     def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
         """Decide on one sample; see :meth:`logits`."""
-        rule = RULES[str(self.card.decision.get("rule", "vote"))]
-        return rule(self.logits(trace, photo), self.card.temperature)
+        return self.decide(self.logits(trace, photo), self.card.temperature)
+
+    def decide(self, logits: Tensor, temperature: float) -> Vote:
+        """Decide by class scores (classes, fragments) with the card's rule."""
+        return RULES[str(self.card.decision.get("rule", "vote"))](logits, temperature)
 
     def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
         """Class scores of every fragment of one sample of decoded recordings.

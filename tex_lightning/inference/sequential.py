@@ -21,11 +21,12 @@ from tex_lightning.decision.voting import Vote, max_vote, random_pairs
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures, movement_start
 from tex_lightning.inference.costs import Costs
+from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import window_size
-from tex_lightning.schema import DecisionConfig
+from tex_lightning.schema import Config, DecisionConfig
 from tex_lightning.streaming.classifier import StreamingClassifier
 
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
@@ -55,6 +56,11 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
             "decision.rule=mean, which does not; use decision=max_vote."
         )
     return SequentialClassifier(classifier, config)
+
+
+def prepare(classifier: SurfaceClassifier, config: Config) -> SurfaceClassifier:
+    """A classifier as testing and prediction run it: accelerated, and deciding as configured."""
+    return decide(accelerate(classifier, config.engine), config.decision)
 
 
 class SequentialClassifier(SurfaceClassifier):

@@ -57,6 +57,11 @@ class Outcome:
         return probabilities
 
     @property
+    def sample(self) -> str:
+        """What names the sample among those of one kind: its files."""
+        return f"{self.haptic}|{self.image}"
+
+    @property
     def fragment_votes(self) -> dict[str, int]:
         """Number of fragments for each class that has any."""
         votes: dict[str, int] = json.loads(self.votes)

@@ -43,7 +43,7 @@ class System:
     @property
     def successes(self) -> dict[str, bool]:
         """Whether it was right, by sample."""
-        return {_sample(outcome): outcome.label == outcome.predicted for outcome in self.outcomes}
+        return {outcome.sample: outcome.label == outcome.predicted for outcome in self.outcomes}
 
     def successes_beside(self, other: "System") -> dict[str, bool]:
         """Whether it was right on the samples of another system, by those samples.
@@ -53,12 +53,8 @@ class System:
         if self.kind == "fusion" or other.kind == self.kind:
             return self.successes
         mine = {_own(out, self.kind): out.label == out.predicted for out in self.outcomes}
-        theirs = {_sample(out): _own(out, self.kind) for out in other.outcomes}
+        theirs = {out.sample: _own(out, self.kind) for out in other.outcomes}
         return {key: mine[part] for key, part in theirs.items() if part in mine}
-
-
-def _sample(outcome: Outcome) -> str:
-    return f"{outcome.haptic}|{outcome.image}"
 
 
 def _own(outcome: Outcome, kind: str) -> str:

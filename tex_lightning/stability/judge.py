@@ -13,7 +13,7 @@ from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier, content_seed
 from tex_lightning.data.recordings import Modality
-from tex_lightning.decision.voting import max_vote, probabilities
+from tex_lightning.decision.voting import probabilities
 from tex_lightning.errors import UserError
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.perturbations.scene import Array
@@ -99,7 +99,9 @@ class Judge:
     @torch.inference_mode()
     def alone(self, percept: Percept | None) -> Decision:
         """Decide by one recording; so does a FusionNet whose other modality is missing."""
-        return REFUSED if percept is None else _decide(percept.scores)
+        # a FusionNet's part has no temperature of its own: `part_card`
+        temperature = 1.0 if self.fused else self.classifier.card.temperature
+        return REFUSED if percept is None else self._decide(percept.scores, temperature)
 
     @torch.inference_mode()
     def together(
@@ -115,10 +117,11 @@ class Judge:
             content_seed(seed, haptic.recording, image.recording),
             pairs,
         )
-        return _decide(scores, float(haptic.belief @ image.belief))
+        temperature = self.classifier.card.temperature
+        return self._decide(scores, temperature, float(haptic.belief @ image.belief))
 
-
-def _decide(scores: Tensor, agreement: float | None = None) -> Decision:
-    vote = max_vote(scores)
-    mean = probabilities(scores)[vote.label] / scores.shape[1]
-    return Decision(vote.label, float(vote.shares[vote.label]), float(mean), agreement)
+    def _decide(
+        self, scores: Tensor, temperature: float, agreement: float | None = None
+    ) -> Decision:
+        vote = self.classifier.decide(scores, temperature)
+        return Decision(vote.label, float(vote.shares[vote.label]), vote.probability, agreement)

@@ -8,12 +8,11 @@ from typing import cast
 
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import OmegaConf
 
 from tex_lightning.errors import UserError
 from tex_lightning.schema import Config
 from tex_lightning.tasks import frontier
-from tex_lightning.tasks.weights import pick_weights
+from tex_lightning.tasks.weights import read_config
 
 log = logging.getLogger(__name__)
 
@@ -36,8 +35,7 @@ def resolve_auto(config: Config, directory: Path) -> Config:
         overrides = _read_choice(Path(config.frontier.run).expanduser())
     given = [item for item in HydraConfig.get().overrides.task if not item.startswith("model=")]
     log.info("model=auto is %s.", " ".join(overrides))
-    composed = compose("config", overrides=[*given, *overrides])
-    return pick_weights(cast(Config, OmegaConf.to_object(composed)))
+    return read_config(compose("config", overrides=[*given, *overrides]))
 
 
 def _read_choice(folder: Path) -> list[str]:

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import cast
 
 import torch
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from tex_lightning.distributed.launch import count_processes, leading
 from tex_lightning.distributed.place import follows
@@ -28,7 +27,7 @@ from tex_lightning.tasks import (
     stream,
 )
 from tex_lightning.tasks.auto import resolve_auto
-from tex_lightning.tasks.weights import pick_weights
+from tex_lightning.tasks.weights import read_config
 from tex_lightning.validation import AUTO, check_config, check_known, check_missing, check_shares
 
 TASKS: dict[str, Callable[[Config, Path], object]] = {
@@ -57,7 +56,7 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     """
     check_known(composed)
     check_missing(composed)
-    config = pick_weights(cast(Config, OmegaConf.to_object(composed)))
+    config = read_config(composed)
     check_config(config, tuple(TASKS))
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)

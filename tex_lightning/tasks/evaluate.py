@@ -12,12 +12,9 @@ from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
-from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.sequential import decide
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config, DataConfig
-from tex_lightning.tasks.novelty import report_unknown
 from tex_lightning.tasks.testing import report_network
 from tex_lightning.tasks.workspace import check_sizes, hold_out, refuse_leak
 
@@ -47,9 +44,9 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
             f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
             "data.test_fold=null for everything."
         )
-    network, _ = report_network(classifier, checkpoint, samples, store, directory, config)
-    decider = decide(accelerate(classifier, config.engine), config.decision)
-    network |= report_unknown(decider, make_samples(unknown, kind), store, directory)
+    network, _ = report_network(
+        classifier, checkpoint, samples, store, directory, config, make_samples(unknown, kind)
+    )
     results = {
         "task": config.task,
         "model": kind,

@@ -11,17 +11,15 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
-from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.sequential import decide
 from tex_lightning.learning.share import train_shared
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
+from tex_lightning.parts import UNIMODAL
 from tex_lightning.report.events import log_test
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.calibrate import calibrate
-from tex_lightning.tasks.novelty import report_unknown
 from tex_lightning.tasks.testing import report_network
 from tex_lightning.tasks.workspace import (
     Workspace,
@@ -32,8 +30,6 @@ from tex_lightning.tasks.workspace import (
 )
 
 log = logging.getLogger(__name__)
-
-UNIMODAL: tuple[Kind, ...] = ("haptic", "visual")
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
@@ -105,9 +101,10 @@ def _fit_network(
     config, store = workspace.config, workspace.store
     calibrate(classifier, checkpoint, make_samples(parts.val, kind), store, config)
     samples = make_samples(parts.test, kind)
-    result, figures = report_network(classifier, checkpoint, samples, store, directory, config)
-    decider = decide(accelerate(classifier, config.engine), config.decision)
-    result |= report_unknown(decider, workspace.unknown_samples(kind), store, directory)
+    unknown = workspace.unknown_samples(kind)
+    result, figures = report_network(
+        classifier, checkpoint, samples, store, directory, config, unknown
+    )
     if workspace.config.logger.tensorboard:
         log_test(directory, kind, asdict(workspace.config), result, figures)
     log.info("%s: %d of %d votes right.", card.title, result["correct"], result["test_samples"])

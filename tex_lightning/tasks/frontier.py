@@ -12,11 +12,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import OmegaConf
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.data.datamodule import load_sample
@@ -25,8 +24,7 @@ from tex_lightning.data.recordings import Recordings
 from tex_lightning.decision.choice import Candidate, one_standard_error, pareto, within_budget
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
-from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.sequential import decide
+from tex_lightning.inference.sequential import prepare
 from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.report.frontier import Point, draw_frontier, print_frontier, write_frontier
 from tex_lightning.report.results import (
@@ -40,8 +38,8 @@ from tex_lightning.report.results import (
 from tex_lightning.schema import Config
 from tex_lightning.tasks.crossval import chosen_folds
 from tex_lightning.tasks.fit import fit_fold
-from tex_lightning.tasks.testing import run_test
-from tex_lightning.tasks.weights import pick_weights
+from tex_lightning.tasks.samples import run_test
+from tex_lightning.tasks.weights import read_config
 from tex_lightning.tasks.workspace import Workspace, open_workspace
 from tex_lightning.validation import check_config
 
@@ -87,7 +85,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     folds = chosen_folds(config)
     measured = [_measure(member, folds, directory / "systems" / member.name) for member in members]
     timings = _latencies(measured, config)
-    points = _points(measured, timings)
+    candidates = _candidates(measured, timings)
+    points = _points(measured, timings, one_standard_error(candidates).name)
     write_frontier(points, directory / "frontier.csv")
     draw_frontier(points, directory)
     chosen = next(point for point in points if point.chosen)
@@ -105,7 +104,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     }
     write_results(directory / "results.json", results)
     print_frontier(points, directory, str(results["command"]))
-    _print_budget(config, members, points, measured)
+    _print_budget(config, members, candidates)
     return results
 
 
@@ -124,11 +123,11 @@ def _members(config: Config, shared: Path) -> Iterator[Member]:
             f"frontier.only names {unknown[0]}, which this family does not have: choose from "
             f"{', '.join(family)}."
         )
-    given = [item for item in HydraConfig.get().overrides.task if not item.startswith(OWN_KEYS)]
+    given = _given()
     for name in only or family:
         overrides = tuple(family[name].split())
         composed = compose("config", overrides=[*given, "task=crossval", *overrides])
-        member = pick_weights(cast(Config, OmegaConf.to_object(composed)))
+        member = read_config(composed)
         if member.model.kind == "haptic":
             member = replace(member, weights=None)  # for the photos' networks of the family
         member = replace(member, crossval=replace(member.crossval, share=str(shared)))
@@ -168,9 +167,7 @@ def _measure_fold(workspace: Workspace, fold: int, directory: Path) -> None:
     entry = networks[workspace.kind]
     rows = tuple(row for row in workspace.recordings if row.group % folds == held)
     samples = make_samples(Recordings(rows), workspace.kind)
-    classifier = load_classifier(entry["checkpoint"])
-    config = workspace.config
-    classifier = decide(accelerate(classifier, config.engine), config.decision)
+    classifier = prepare(load_classifier(entry["checkpoint"]), workspace.config)
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, directory / "validation.csv")
     seconds = sum(network["fit_seconds"] for network in networks.values())
@@ -179,27 +176,28 @@ def _measure_fold(workspace: Workspace, fold: int, directory: Path) -> None:
 
 def _latencies(measured: list[Measured], config: Config) -> dict[str, tuple[float, float]]:
     """Median and 95th percentile in ms of one sample, all systems by turns in one run."""
-    functions = {}
+    functions, recordings = {}, {}
     for system in measured:
-        device = pick_device(system.member.config.trainer.accelerator)
-        classifier = load_classifier(system.entry["checkpoint"]).to(device)
-        classifier = accelerate(classifier, system.member.config.engine)
-        classifier = decide(classifier, system.member.config.decision)
-        workspace = open_workspace(system.member.config, Path(system.entry["checkpoint"]).parent)
-        sample = make_samples(workspace.recordings, workspace.kind)[0]
-        trace, photo = load_sample(sample, workspace.store)
-        call = partial(classifier.classify, trace, photo)
+        member, kind = system.member.config, system.member.config.model.kind
+        device = pick_device(member.trainer.accelerator)
+        classifier = prepare(load_classifier(system.entry["checkpoint"]).to(device), member)
+        if kind not in recordings:  # all systems of a kind classify the same sample
+            workspace = open_workspace(member, Path(system.entry["checkpoint"]).parent)
+            sample = make_samples(workspace.recordings, workspace.kind)[0]
+            recordings[kind] = load_sample(sample, workspace.store)
+        call = partial(classifier.classify, *recordings[kind])
         functions[system.member.name] = waiting(call, device)
     timings = interleaved(functions, config.frontier.rounds, WARM_UP)
     return {name: (timing.median, timing.p95) for name, timing in timings.items()}
 
 
-def _points(measured: list[Measured], timings: dict[str, tuple[float, float]]) -> list[Point]:
+def _points(
+    measured: list[Measured], timings: dict[str, tuple[float, float]], chosen: str
+) -> list[Point]:
     summaries = {system.member.name: summarise(system.tests) for system in measured}
     line = pareto(
         {name: (timings[name][0], summaries[name]["vote_accuracy"]) for name in summaries}
     )
-    chosen = one_standard_error(_candidates(measured, timings)).name
     points = []
     for system in measured:
         name, tested = system.member.name, summaries[system.member.name]
@@ -233,10 +231,7 @@ def _candidates(
         Candidate(
             system.member.name,
             timings[system.member.name][0],
-            {
-                f"{item.haptic}|{item.image}": item.label == item.predicted
-                for item in system.validation
-            },
+            {item.sample: item.label == item.predicted for item in system.validation},
         )
         for system in measured
     ]
@@ -248,19 +243,20 @@ def _member(members: list[Member], name: str) -> Member:
 
 def _command(members: list[Member], name: str) -> str:
     """What trains a member on the user's data."""
-    given = [item for item in HydraConfig.get().overrides.task if not item.startswith(OWN_KEYS)]
-    return " ".join(["python -m tex_lightning", *_member(members, name).overrides, *given])
+    return " ".join(["python -m tex_lightning", *_member(members, name).overrides, *_given()])
 
 
-def _print_budget(
-    config: Config, members: list[Member], points: list[Point], measured: list[Measured]
-) -> None:
+def _given() -> list[str]:
+    """What the user asked for beside the family."""
+    return [item for item in HydraConfig.get().overrides.task if not item.startswith(OWN_KEYS)]
+
+
+def _print_budget(config: Config, members: list[Member], candidates: list[Candidate]) -> None:
     """Say which system to use under the user's limits."""
     most, least = config.frontier.max_latency_ms, config.frontier.min_accuracy
     if most is None and least is None:
         return
-    timings = {point.system: (point.latency_ms_median, 0.0) for point in points}
-    found = within_budget(_candidates(measured, timings), most, least)
+    found = within_budget(candidates, most, least)
     limits = [f"{most:g} ms" if most is not None else "", f"{least:.1%}" if least else ""]
     asked = " and ".join(limit for limit in limits if limit)
     if found is None:

@@ -9,7 +9,7 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
 from tex_lightning.report.calibration import unknown_auroc
 from tex_lightning.report.results import Outcome, read_outcomes, write_outcomes
-from tex_lightning.tasks.testing import run_test
+from tex_lightning.tasks.samples import run_test
 
 
 def report_unknown(

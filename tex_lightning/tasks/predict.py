@@ -15,8 +15,7 @@ from tex_lightning.data.folds import NEEDS
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
-from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.sequential import decide
+from tex_lightning.inference.sequential import prepare
 from tex_lightning.parts import part_for
 from tex_lightning.schema import Config
 
@@ -37,8 +36,7 @@ def run(config: Config, directory: Path) -> None:
     elif fused and config.haptic is None:
         classifier = part_for(classifier, "image")
     said = {"modalities": list(NEEDS[classifier.card.kind])} if fused else {}
-    classifier = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
-    classifier = decide(classifier, config.decision)
+    classifier = prepare(classifier.to(pick_device(config.trainer.accelerator)), config)
     for haptic, image in samples:
         line = {**_predict(classifier, config, haptic, image), **said}
         print(json.dumps(line), flush=True)

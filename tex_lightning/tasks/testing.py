@@ -1,6 +1,5 @@
 """Test a checkpoint sample by sample, as prediction would classify it, and write what came out."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,8 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
-from tex_lightning.decision.voting import Vote
-from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.sequential import SequentialClassifier, decide
+from tex_lightning.inference.sequential import SequentialClassifier, prepare
 from tex_lightning.profiling.roofline import count_macs
-from tex_lightning.progress import track
 from tex_lightning.report.calibration import (
     calibration,
     calibration_figure,
@@ -29,46 +25,9 @@ from tex_lightning.report.figures import (
 )
 from tex_lightning.report.results import Outcome, summarise, write_outcomes
 from tex_lightning.schema import Config
-from tex_lightning.tasks.samples import classify_sample
+from tex_lightning.tasks.novelty import report_unknown
+from tex_lightning.tasks.samples import run_test
 from tex_lightning.tasks.sequential import report_sequential
-
-WARM_UP = 2
-
-
-def run_test(
-    classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
-) -> list[Outcome]:
-    """Classify every sample, one at a time."""
-    classes = classifier.card.classes
-    for sample in samples[:WARM_UP]:
-        classify_sample(classifier, sample, store)
-    outcomes = []
-    for sample in track(samples, f"Testing {classifier.card.title}"):
-        vote, latency = classify_sample(classifier, sample, store)
-        truth = classes.index(sample.label) if sample.label in classes else -1
-        outcomes.append(
-            Outcome(
-                haptic="" if sample.haptic is None else str(sample.haptic.path),
-                image="" if sample.image is None else str(sample.image.path),
-                label=sample.label,
-                predicted=classes[vote.label],
-                share=float(vote.shares[vote.label]),
-                fragments=len(vote.fragments),
-                correct_fragments=int((vote.fragments == truth).sum()),
-                latency_ms=latency,
-                votes=_votes(vote, classes),
-                evidence=vote.evidence,
-                probabilities=json.dumps(
-                    dict(zip(classes, vote.probabilities.tolist(), strict=True))
-                ),
-            )
-        )
-    return outcomes
-
-
-def _votes(vote: Vote, classes: list[str]) -> str:
-    counts = vote.fragments.bincount(minlength=len(classes)).tolist()
-    return json.dumps({name: n for name, n in zip(classes, counts, strict=True) if n})
 
 
 def report_network(
@@ -78,14 +37,24 @@ def report_network(
     store: Store,
     directory: Path,
     config: Config,
+    unknown: Sequence[Sample] = (),
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Test a network as prediction runs it; write its predictions and figures into the run folder.
+
+    Args:
+        classifier: As loaded from ``checkpoint``, on its device.
+        checkpoint: Its file.
+        samples: What is tested, at least one.
+        store: Their recordings.
+        directory: The run folder.
+        config: Of the run.
+        unknown: Samples of classes that were held out.
 
     Returns:
         Its entry of ``results.json``, and the figures by title.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
-    decider = decide(accelerate(classifier, config.engine), config.decision)
+    decider = prepare(classifier, config)
     outcomes = run_test(decider, samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
@@ -98,6 +67,7 @@ def report_network(
     }
     if isinstance(decider, SequentialClassifier):
         entry["sequential"] = report_sequential(decider, config.decision, samples, store, directory)
+    entry |= report_unknown(decider, unknown, store, directory)
     return entry, draw_figures(outcomes, classes, kind, directory)
 
 

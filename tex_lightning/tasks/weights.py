@@ -1,10 +1,18 @@
 """Which pretrained weights a model starts from, where a sweep gives some for several trunks."""
 
 from dataclasses import replace
+from typing import cast
+
+from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.schema import Config
+
+
+def read_config(composed: DictConfig) -> Config:
+    """A composed configuration as a typed one, with the weights of its own model."""
+    return pick_weights(cast(Config, OmegaConf.to_object(composed)))
 
 
 def pick_weights(config: Config) -> Config:
