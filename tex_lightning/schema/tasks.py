@@ -95,13 +95,13 @@ class CrossvalConfig:
 
     Attributes:
         only: Which folds are run; None means all.
-        profile: Whether the network's speed is profiled afterwards.
+        profile: Unimodal models whose speed is profiled afterwards.
         share: Folder in which runs side by side find each other's HapticNets and VisualNets, so
             that each is trained once whatever it is fused into; None shares nothing.
     """
 
     only: list[int] | None = None
-    profile: bool = MISSING
+    profile: list[str] = MISSING
     share: str | None = None
 
 

@@ -7,12 +7,13 @@ where the last one stopped, in the middle of a fold if need be.
 import json
 import logging
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.errors import UserError
 from tex_lightning.report.document import write_report
+from tex_lightning.report.events import log_test
 from tex_lightning.report.results import (
     read_outcomes,
     summarise,
@@ -42,7 +43,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     networks = {name: _pool(workspace, folds, name) for name in names}
     seconds = sum(results["wall_seconds"] for results in folds.values())
     results = results_frame(workspace, networks, seconds)
-    if config.crossval.profile:
+    if config.model.name in config.crossval.profile:
         _profile(config, networks[workspace.kind]["checkpoint"], directory / "profile")
     write_results(directory / "results.json", results)
     write_report(directory, [directory])
@@ -51,11 +52,9 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
 
 
 def _profile(config: Config, checkpoint: str, directory: Path) -> None:
-    """Measure a unimodal network of ours as task=profile does; other models have no such twin."""
-    done = (directory / "results.json").is_file()
-    if done or config.model.baseline is not None or config.model.kind == "fusion":
-        return
-    profile.run(replace(config, task="profile", checkpoint=checkpoint), directory)
+    """Measure the network as task=profile does, once."""
+    if not (directory / "results.json").is_file():
+        profile.run(replace(config, task="profile", checkpoint=checkpoint), directory)
 
 
 def chosen_folds(config: Config) -> list[int]:
@@ -105,11 +104,11 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
         )
     ]
     write_outcomes(outcomes, workspace.directory / "predictions" / f"{name}.csv")
-    draw_figures(outcomes, workspace.classes, name, workspace.directory)
+    figures = draw_figures(outcomes, workspace.classes, name, workspace.directory)
     directories = [_fold_directory(workspace, fold) for fold in folds]
     first = next(iter(entries.values()))
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
-    return {
+    pooled = {
         **summarise(outcomes),
         **believed(outcomes, workspace.classes, workspace.config),
         **pool_sequential(directories, name, workspace.directory, workspace.config.decision),
@@ -122,3 +121,6 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
             {"fold": fold, **{key: entry[key] for key in kept}} for fold, entry in entries.items()
         ],
     }
+    if workspace.config.logger.tensorboard:
+        log_test(workspace.directory, name, asdict(workspace.config), pooled, figures)
+    return pooled

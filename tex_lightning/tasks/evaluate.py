@@ -15,7 +15,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config, DataConfig
-from tex_lightning.tasks.testing import report_network
+from tex_lightning.tasks.testing import draw_figures, report_network
 from tex_lightning.tasks.workspace import check_sizes, hold_out, refuse_leak
 
 
@@ -44,9 +44,10 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
             f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
             "data.test_fold=null for everything."
         )
-    network, _ = report_network(
+    network, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, config, make_samples(unknown, kind)
     )
+    draw_figures(outcomes, classes, kind, directory)
     results = {
         "task": config.task,
         "model": kind,

@@ -20,7 +20,7 @@ from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.calibrate import calibrate
-from tex_lightning.tasks.testing import report_network
+from tex_lightning.tasks.testing import draw_figures, report_network
 from tex_lightning.tasks.workspace import (
     Workspace,
     given_checkpoints,
@@ -102,9 +102,12 @@ def _fit_network(
     calibrate(classifier, checkpoint, make_samples(parts.val, kind), store, config)
     samples = make_samples(parts.test, kind)
     unknown = workspace.unknown_samples(kind)
-    result, figures = report_network(
+    result, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, config, unknown
     )
+    figures = {}
+    if config.task == "fit":  # others draw what they have pooled over the folds
+        figures = draw_figures(outcomes, workspace.classes, kind, directory)
     if workspace.config.logger.tensorboard:
         log_test(directory, kind, asdict(workspace.config), result, figures)
     log.info("%s: %d of %d votes right.", card.title, result["correct"], result["test_samples"])

@@ -38,8 +38,8 @@ def report_network(
     directory: Path,
     config: Config,
     unknown: Sequence[Sample] = (),
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Test a network as prediction runs it; write its predictions and figures into the run folder.
+) -> tuple[dict[str, Any], list[Outcome]]:
+    """Test a network as prediction runs it; write its predictions into the run folder.
 
     Args:
         classifier: As loaded from ``checkpoint``, on its device.
@@ -51,7 +51,7 @@ def report_network(
         unknown: Samples of classes that were held out.
 
     Returns:
-        Its entry of ``results.json``, and the figures by title.
+        Its entry of ``results.json``, and what became of each sample.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
     decider = prepare(classifier, config)
@@ -68,7 +68,7 @@ def report_network(
     if isinstance(decider, SequentialClassifier):
         entry["sequential"] = report_sequential(decider, config.decision, samples, store, directory)
     entry |= report_unknown(decider, unknown, store, directory)
-    return entry, draw_figures(outcomes, classes, kind, directory)
+    return entry, outcomes
 
 
 def believed(outcomes: Sequence[Outcome], classes: list[str], config: Config) -> dict[str, Any]:

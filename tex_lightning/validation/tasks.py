@@ -12,6 +12,7 @@ CHOICES = {
     "decision": ("max_vote", "sequential"),
 }
 AUTO = "auto"
+PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
 READ_CHECKPOINTS = ("evaluate", "predict", "profile", "stream")
 LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
 LEAST_SIDE, MOST_SIDE = 224, 8192  # one patch; what the renderer makes
@@ -57,6 +58,8 @@ def check_task(config: Config) -> Iterator[str]:
             "data.val_fold is set, but task=crossval trains on all folds but the tested one: "
             "leave it null"
         )
+    for name in config.crossval.profile:
+        yield from choice("crossval.profile", name, PROFILED)
     if (
         config.weights is not None
         and config.model.kind == "haptic"
