@@ -1,14 +1,19 @@
 """A FusionNet taken apart: a classifier for each modality, for when the other is absent."""
 
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import replace
+from typing import cast
 
 import torch
+from torch import Tensor
 
 from tex_lightning.classifier import Card, SurfaceClassifier
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.data.recordings import Modality
 from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.visualnet import VisualNet
 
 UNIMODAL: tuple[Kind, ...] = ("haptic", "visual")
 
@@ -19,21 +24,30 @@ def unimodal_parts(classifier: SurfaceClassifier) -> Iterator[SurfaceClassifier]
     Where FC2 is fused there is no FC3 of their own; each takes its half of the fusion layer, so
     that their scores add up to those of the fusion.
     """
-    fusion = classifier.network
-    if not isinstance(fusion, FusionNet):
+    if not isinstance(classifier.network, FusionNet):
         yield classifier
         return
-    halves = fusion.head.weight.tensor_split([fusion.haptic_size], dim=1)
-    biases = (torch.zeros_like(fusion.head.bias), fusion.head.bias)
-    for place, kind in enumerate(UNIMODAL):
-        part = SurfaceClassifier(part_card(classifier.card, kind))
-        part.adopt_haptic_features(classifier)
-        state = (fusion.haptic, fusion.visual)[place].state_dict()
-        if fusion.level == "fc2":
-            state["head.scores.1.weight"] = halves[place][:, :, None, None]
-            state["head.scores.1.bias"] = biases[place]
-        part.network.load_state_dict(state)
-        yield part
+    for kind in UNIMODAL:
+        yield _part(classifier, kind)
+
+
+@torch.no_grad()
+def _part(classifier: SurfaceClassifier, kind: Kind) -> SurfaceClassifier:
+    """A copy of one half, as trained or as the engine has rewritten it."""
+    fusion = cast(FusionNet, classifier.network)
+    part = SurfaceClassifier(part_card(classifier.card, kind))
+    if kind == "haptic":
+        part.haptic_features = deepcopy(classifier.haptic_features)
+    network = deepcopy(fusion.haptic if kind == "haptic" else fusion.visual)
+    if fusion.level == "fc2":
+        own = cast(HapticNet | VisualNet, part.network).head
+        halves = fusion.head.weight.tensor_split([fusion.haptic_size], dim=1)
+        own.score_layer.weight.copy_(halves[UNIMODAL.index(kind)][:, :, None, None])
+        bias = cast(Tensor, own.score_layer.bias)  # of the fusion: `project_visual` adds it
+        bias.copy_(fusion.head.bias if kind == "visual" else torch.zeros_like(bias))
+        network.head.scores = own.scores
+    part.network = network
+    return part
 
 
 def part_card(fusion: Card, kind: Kind) -> Card:
@@ -51,5 +65,5 @@ def part_for(classifier: SurfaceClassifier, modality: Modality) -> SurfaceClassi
     At level FC2 that is half of the fusion layer on one network: pairs would add the same score of
     the absent modality to all, and do not exist. At FC3 it is the network with its own scores.
     """
-    parts = {part.card.kind: part for part in unimodal_parts(classifier)}
-    return next(part for kind, part in parts.items() if NEEDS[kind] == (modality,)).eval()
+    kind = next(kind for kind in UNIMODAL if NEEDS[kind] == (modality,))
+    return _part(classifier, kind).to(classifier.device).eval()

@@ -13,6 +13,7 @@ from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.costs import Costs
 from tex_lightning.inference.sequential import SequentialClassifier, decide
+from tex_lightning.parts import part_for
 from tex_lightning.schema import DecisionConfig
 
 NEVER = 1.0
@@ -155,9 +156,9 @@ def test_single_windows_have_the_scores_of_isolated_crops():
     torch.testing.assert_close(scores, torch.cat((inside, edge), dim=1))
 
 
-@pytest.mark.parametrize("kind", ["visual", "fusion"])
-def test_the_dense_fallback_is_the_full_vote(kind):
-    model = classifier(kind)
+@pytest.mark.parametrize(("kind", "level"), [("visual", ""), ("fusion", "fc2"), ("fusion", "fc3")])
+def test_the_dense_fallback_is_the_full_vote(kind, level):
+    model = classifier(kind, level)
     sequential = SequentialClassifier(model, CONFIG)
     for seed in range(3):
         vote, full = (m.classify(**given(kind, seed)) for m in (sequential, model))
@@ -177,6 +178,19 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
     assert unsure.enough == NEVER
     unsure.classify(**given("fusion", 0))
     assert rows
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+def test_fusion_takes_no_more_of_a_trace_than_it_needs(level):
+    model = classifier("fusion", level)
+    long = {"trace": trace(0, 20.0), "photo": photo(0, 1400, 1600)}
+    whole = Costs(model.card)
+    haptic = whole.haptic(model.haptic_features.count_frames(long["trace"]))
+    share = haptic / (haptic + whole.visual(1400, 1600))
+    sure = SequentialClassifier(model, replace(CONFIG, enough=0.0)).classify(**long)
+    assert sure.evidence < 0.3 * share
+    beginning = part_for(model, "haptic").classify(trace(0, 3.0))
+    assert sure.label == beginning.label
 
 
 def test_the_cheaper_modality_comes_first(monkeypatch):

@@ -9,7 +9,7 @@
 - Of two modalities the cheaper one comes first, and the other one if that is not sure enough.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import cast
 
 import torch
@@ -26,6 +26,7 @@ from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import window_size
+from tex_lightning.parts import part_for
 from tex_lightning.schema import Config, DecisionConfig
 from tex_lightning.streaming.classifier import StreamingClassifier
 
@@ -82,7 +83,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
         chosen = self.card.calibration if config.calibrated else {}
         self.enough = chosen.get("enough", config.enough)
-        self.stream: StreamingClassifier | None = None
+        self.stream = _stream(classifier)
 
     @property
     def device(self) -> torch.device:
@@ -105,33 +106,32 @@ class SequentialClassifier(SurfaceClassifier):
 
     def _trace(self, trace: Tensor) -> Vote:
         """Take more and more of a trace, nothing twice."""
-        features = cast(HapticFeatures, self.full.haptic_features)
-        network = cast(HapticNet, self.full.network)
-        if not _streams(features, network):
+        if self.stream is None:
             return self.full.classify(trace)
+        frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
+        whole = cast(HapticNet, self.full.network).output_length(frames)
+        exact = StoppingRule(0, len(self.card.classes))  # what follows in time is no random draw
+        for vote in self._beginnings(trace, frames, self.stream):
+            left = whole - int(self.stream.votes.sum())
+            sure = sure_enough(vote.probability, self.enough)
+            if sure or exact.decided(self.stream.votes.tolist(), left):
+                break
+        return _spent(vote, self.stream.macs, self.costs.haptic(frames))
+
+    def _beginnings(
+        self, trace: Tensor, frames: int, stream: StreamingClassifier
+    ) -> Iterator[Vote]:
+        """Votes over longer and longer beginnings of a trace, a fragment more each time."""
+        features = stream.features
+        check_frames(frames, features)
         start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
         movement = trace[:, start:]
-        frames = features.count_frames(trace)
-        check_frames(frames, features)
-        stream, whole = self._restarted_stream(), network.output_length(frames)
-        exact = StoppingRule(0, len(self.card.classes))  # what follows in time is no random draw
-        begin, seen = 0, HapticNet.min_frames
-        while True:
+        stream.restart(start_known=True)
+        begin = 0
+        for seen in (*range(HapticNet.min_frames, frames, HapticNet.stride), frames):
             end = (seen - 1) * features.hop_length + features.window_length
-            vote = cast(Vote, stream.push(movement[:, begin:end]))
-            vote = _spent(vote, stream.macs, self.costs.haptic(frames))
-            left = whole - int(stream.votes.sum())
-            if seen >= frames or sure_enough(vote.probability, self.enough):
-                return vote
-            if exact.decided(stream.votes.tolist(), left):
-                return vote
-            begin, seen = end, min(frames, seen + HapticNet.stride)
-
-    def _restarted_stream(self) -> StreamingClassifier:
-        if self.stream is None:
-            self.stream = StreamingClassifier(self.full)
-        self.stream.restart(start_known=True)
-        return self.stream
+            yield cast(Vote, stream.push(movement[:, begin:end]))
+            begin = end
 
     def _photo(self, photo: Tensor) -> Vote:
         """Vote over the positions of VisualNet in random order."""
@@ -144,30 +144,51 @@ class SequentialClassifier(SurfaceClassifier):
 
     def _both(self, trace: Tensor, photo: Tensor) -> Vote:
         """Ask the cheaper modality, then the pairs of both."""
-        network = cast(FusionNet, self.full.network)
         check_side(photo.shape[0], photo.shape[1], self.full.least_side)
         frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
         check_frames(frames, cast(HapticFeatures, self.full.haptic_features))
         visual = self.costs.visual(photo.shape[0], photo.shape[1])
-        haptic = self.costs.haptic(frames)
-        table: Tensor | None = None
-        if visual < haptic:
+        full = visual + self.costs.haptic(frames)
+        if visual < full - visual:
             table = self._dense(photo)
-            vote = max_vote(table, self.card.temperature)
+            vote = max_vote(table)  # the temperature is that of the joined scores
             if sure_enough(vote.probability, self.enough):
-                return _spent(vote, visual, visual + haptic)
-        scores = network.project_haptic(self.full.haptic_positions(trace, network.level)[None])[0]
-        if table is None:
-            vote = max_vote(scores, self.card.temperature)
+                return _spent(vote, visual, full)
+            scores = self._haptic_summand(trace)
+            pairs = self._pairs(trace, photo, scores)
+            joined = scores[:, pairs[:, 0]] + table[:, pairs[:, 1]]
+            return max_vote(joined, self.card.temperature)
+        scores, vote, spent = self._listen(trace, frames)
+        if sure_enough(vote.probability, self.enough):
+            return _spent(vote, spent, full)
+        pairs = self._pairs(trace, photo, scores)
+        return self._draw(photo, scores[:, pairs[:, 0]], pairs[:, 1].cpu(), spent)
+
+    def _listen(self, trace: Tensor, frames: int) -> tuple[Tensor, Vote, int]:
+        """The haptic summand (classes, L) of a FusionNet, its vote and its cost, until it is sure.
+
+        Where it is sure the rest of the trace is left out, of the summand too.
+        """
+        if self.stream is None:
+            scores = self._haptic_summand(trace)
+            return scores, max_vote(scores), self.costs.haptic(frames)
+        for vote in self._beginnings(trace, frames, self.stream):
             if sure_enough(vote.probability, self.enough):
-                return _spent(vote, haptic, visual + haptic)
+                break
+        scores, network = self.stream.scores, cast(FusionNet, self.full.network)
+        if network.level == "fc3":
+            scores = network.project_haptic(scores[None])[0]
+        return scores, vote, self.stream.macs
+
+    def _haptic_summand(self, trace: Tensor) -> Tensor:
+        network = cast(FusionNet, self.full.network)
+        return network.project_haptic(self.full.haptic_positions(trace, network.level)[None])[0]
+
+    def _pairs(self, trace: Tensor, photo: Tensor, scores: Tensor) -> Tensor:
+        """The pairs of the full vote, on the device of the scores."""
         seed, count = self.full.seed(trace, photo), self.card.decision["pairs"]
         pairs = random_pairs(scores.shape[1], self._positions(photo), count, seed)
-        chosen = scores[:, pairs[:, 0].to(scores.device)]
-        if table is not None:
-            joined = chosen + table[:, pairs[:, 1].to(scores.device)]
-            return max_vote(joined, self.card.temperature)
-        return self._draw(photo, chosen, pairs[:, 1], haptic)
+        return pairs.to(scores.device)
 
     def _draw(self, photo: Tensor, others: Tensor, order: Tensor, before: int) -> Vote:
         """Vote over fragments one after another, computing the windows that they need.
@@ -247,7 +268,12 @@ def _spent(vote: Vote, macs: int, full: int) -> Vote:
     return Vote(vote.label, vote.shares, vote.fragments, vote.probabilities, macs / full)
 
 
-def _streams(features: HapticFeatures, network: HapticNet) -> bool:
-    """Whether features and weights are such that a trace can be taken piece by piece."""
+def _stream(classifier: SurfaceClassifier) -> StreamingClassifier | None:
+    """What takes a trace piece by piece, if features and weights are such that it can be."""
+    if classifier.haptic_features is None:
+        return None
+    part = part_for(classifier, "haptic") if classifier.card.kind == "fusion" else classifier
+    features = cast(HapticFeatures, part.haptic_features)
     local = features.axes == "frame" and features.normalisation == "standard"
-    return local and all(p.dtype == torch.float32 for p in network.parameters())
+    single = all(p.dtype == torch.float32 for p in part.network.parameters())
+    return StreamingClassifier(part) if local and single else None

@@ -25,7 +25,7 @@ class StreamingClassifier:
 
     Attributes:
         frames: Spectrogram frames of the movement so far.
-        votes: (classes,) fragments that cannot change any more.
+        votes: (classes,) fragments that cannot change any more, by class.
 
     Raises:
         UserError: If the classifier is of another kind, or its features need the whole trace.
@@ -57,6 +57,11 @@ class StreamingClassifier:
     def macs(self) -> int:
         """Multiply-accumulates of the network for this recording so far."""
         return sum(layer.macs for layer in self.layers)
+
+    @property
+    def scores(self) -> Tensor:
+        """Class scores (classes, fragments) of everything so far, once there is a vote."""
+        return torch.cat([*self.settled, self.edge], dim=1)
 
     @torch.inference_mode()
     def push(self, chunk: Tensor) -> Vote | None:
@@ -99,6 +104,8 @@ class StreamingClassifier:
         self.votes.zero_()
         self.probabilities = torch.zeros_like(self.votes, dtype=torch.float64)
         self.labels = self.votes[:0]
+        self.settled: list[Tensor] = []
+        self.edge = self.probabilities.new_empty(len(self.votes), 0)
         self.vote: Vote | None = None
 
     def _take(self, piece: Tensor) -> None:
@@ -129,7 +136,9 @@ class StreamingClassifier:
         if settled:
             self.labels = fragments[: len(self.labels) + settled]
             self.votes += self._votes(labels[:settled])
+            self.settled.append(scores[:, :settled])
             self.probabilities += probabilities(scores[:, :settled], self.temperature)
+        self.edge = scores[:, settled:]
         votes = self.votes + self._votes(labels[settled:])
         sums = self.probabilities + probabilities(scores[:, settled:], self.temperature)
         count = len(fragments)
