@@ -76,8 +76,9 @@ class Card:
         """
         values = {**LATER, **stored}
         card = cls(**{entry.name: values[entry.name] for entry in fields(cls)})
-        if card.haptic_features:  # before there was a choice, the whole trace was transformed
+        if card.haptic_features:  # what there was before there was a choice
             card.haptic_features.setdefault("axes", "trace")
+            card.haptic_features.setdefault("scale", "linear")
         return card
 
     @property

@@ -10,9 +10,11 @@ from torch import Tensor, nn
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
 from tex_lightning.features.lowband import LowBand
+from tex_lightning.features.mel import mel_centres, mel_filters
 
 Axes = Literal["frame", "trace"]
 Normalisation = Literal["standard", "paper"]
+Scale = Literal["mel", "linear"]
 
 QUIET_SECONDS = 0.1  # the level before the touch is taken over this time
 IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before it
@@ -23,11 +25,13 @@ FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is 
 
 
 class HapticFeatures(nn.Module):
-    """Movement segment, axes made one, Hamming spectrogram of the low channels, normalisation.
+    """Movement segment, axes made one, Hamming spectrogram in 50 bands, normalisation.
 
-    Convention: channel ``k`` is the magnitude at ``k * sampling_rate / window_length`` Hz (at
-    10 kHz 0 to 980 Hz in steps of 20), frame ``t`` starts at sample ``t * hop_length`` of the
-    movement and frames that would pass its end are left out. ``standard`` takes the logarithm and
+    Convention: band ``k`` of scale ``linear`` is the magnitude at ``k * sampling_rate /
+    window_length`` Hz (at 10 kHz 0 to 980 Hz in steps of 20), as in the paper; of scale ``mel`` the
+    root of the mean power in band ``k`` of 50 up to half the rate (:mod:`.mel`). Frame ``t`` starts
+    at sample ``t * hop_length`` of the movement and frames that would pass its end are left out.
+    ``standard`` takes the logarithm and
     standardises every channel with the mean and deviation of the training set, so that the level
     and the spectral envelope of a trace count; a channel that never varies becomes zero.
     ``paper`` brings every channel of every trace to [0, 1]; a constant channel becomes zero.
@@ -44,16 +48,18 @@ class HapticFeatures(nn.Module):
         normalisation: ``standard`` (needs :meth:`fit`) or ``paper``.
         skip_impact: Leave out what comes before steady movement.
         axes: ``frame`` or ``trace``.
+        scale: ``mel`` or ``linear``.
 
     Attributes:
-        low_band: Whether :class:`LowBand` computes the magnitudes, instead of a Fourier transform
-            of every frame. Faster, and as near to the exact values.
+        low_band: Whether :class:`LowBand` computes the magnitudes of scale ``linear``, instead of a
+            Fourier transform of every frame. Faster, and as near to the exact values.
     """
 
     window: Tensor
     level: Tensor
     channel_mean: Tensor
     channel_std: Tensor
+    filters: Tensor
 
     window_length = 500
     hop_length = 100
@@ -66,17 +72,21 @@ class HapticFeatures(nn.Module):
         normalisation: str = "standard",
         skip_impact: bool = True,
         axes: str = "frame",
+        scale: str = "linear",
     ) -> None:
         super().__init__()
         self.sampling_rate = sampling_rate
         self.normalisation = cast(Normalisation, normalisation)
         self.skip_impact = skip_impact
         self.axes = cast(Axes, axes)
+        self.scale = cast(Scale, scale)
         self.low_band = False
         # symmetric, as MATLAB's hamming(500)
         window = torch.hamming_window(self.window_length, periodic=False, dtype=torch.float64)
         self.products = LowBand(window, self.hop_length, self.bands, centred=axes == "frame")
         self.register_buffer("window", window.float(), persistent=False)
+        filters = mel_filters(sampling_rate, self.window_length, self.bands)
+        self.register_buffer("filters", filters, persistent=False)
         self.register_buffer("level", torch.ones(()))
         self.register_buffer("channel_mean", torch.zeros(self.bands, 1))
         self.register_buffer("channel_std", torch.ones(self.bands, 1))
@@ -113,8 +123,9 @@ class HapticFeatures(nn.Module):
     def spectra(self, movement: Tensor) -> Tensor:
         """:meth:`magnitudes` of samples that are all of them movement, at least one window."""
         movement = self._levelled(movement)
-        if self.low_band and movement.numel() > FEW:
+        if self.low_band and self.scale == "linear" and movement.numel() > FEW:
             return self._from_products(movement)
+        kept = self.bands if self.scale == "linear" else self.window_length // 2 + 1
         spectrum = torch.stft(
             movement,
             self.window_length,
@@ -122,12 +133,21 @@ class HapticFeatures(nn.Module):
             window=self.window,
             center=False,
             return_complex=True,
-        )[:, : self.bands]
+        )[:, :kept]
         if self.axes == "frame":
             means = movement.unfold(-1, self.window_length, self.hop_length).mean(dim=-1)
-            spectrum = spectrum - means[:, None] * torch.fft.rfft(self.window)[: self.bands, None]
-        magnitudes: Tensor = torch.view_as_real(spectrum).square().sum(dim=(0, -1)).sqrt()
-        return magnitudes
+            spectrum = spectrum - means[:, None] * torch.fft.rfft(self.window)[:kept, None]
+        power = torch.view_as_real(spectrum).square().sum(dim=(0, -1))
+        if self.scale == "mel":
+            power = self.filters @ power
+        return power.sqrt_()
+
+    @property
+    def frequencies(self) -> Tensor:
+        """Frequency in Hz of every band (bands,), of a triangle its centre."""
+        if self.scale == "mel":
+            return mel_centres(self.sampling_rate, self.bands)
+        return torch.arange(self.bands) * self.sampling_rate / self.window_length
 
     def _from_products(self, movement: Tensor) -> Tensor:
         hops = movement.unfold(-1, self.hop_length, self.hop_length)

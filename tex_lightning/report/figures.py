@@ -59,15 +59,21 @@ def class_accuracy_figure(
     return figure
 
 
-def spectrogram_figure(spectrograms: Tensor, titles: list[str], sampling_rate: float) -> Figure:
+def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: HapticFeatures) -> Figure:
     """Normalised spectrograms (count, bands, frames) side by side, over seconds and Hz."""
     figure, grid = _grid(len(titles))
-    seconds = spectrograms.shape[2] * HapticFeatures.hop_length / sampling_rate
-    top = HapticFeatures.bands * sampling_rate / HapticFeatures.window_length
+    seconds = spectrograms.shape[2] * features.hop_length / features.sampling_rate
+    marked = range(0, features.bands, 10)
+    frequencies = [f"{features.frequencies[band]:.0f}" for band in marked]
     for axes, spectrogram, title in zip(grid, spectrograms.numpy(), titles, strict=False):
         axes.imshow(
-            spectrogram, origin="lower", aspect="auto", cmap="magma", extent=(0, seconds, 0, top)
+            spectrogram,
+            origin="lower",
+            aspect="auto",
+            cmap="magma",
+            extent=(0, seconds, -0.5, features.bands - 0.5),
         )
+        axes.set_yticks(marked, frequencies)
         axes.set_title(title, fontsize=7)
         axes.set(xlabel="s", ylabel="Hz")
     return figure

@@ -86,6 +86,7 @@ class HapticConfig:
     normalisation: str = MISSING
     skip_impact: bool = MISSING
     axes: str = MISSING
+    scale: str = MISSING
     fit: HapticFitConfig = field(default_factory=HapticFitConfig)
 
 

@@ -66,7 +66,7 @@ class EngineConfig:
         fold_batch_norm: Batch normalisation becomes part of the convolution before it.
         fast_response_norm: Local response normalisation in a form that stays in the cache.
         channels_last: Weights with the channels innermost, as decoded photos have them.
-        low_band: On the CPU, the spectrogram's low channels alone, by matrix products.
+        low_band: On the CPU, a linear spectrogram's low channels alone, by matrix products.
         precision: Of convolutions, fp32 or bf16; class scores are float32 with either.
         compile: Whether ``torch.compile`` fuses layers.
         tile: Most pixels, or frames times 50 channels, that go through a network at once; larger

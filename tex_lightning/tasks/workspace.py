@@ -281,6 +281,7 @@ def _haptic_features(config: Config) -> dict[str, Any]:
         "normalisation": config.model.haptic.normalisation,
         "skip_impact": config.model.haptic.skip_impact,
         "axes": config.model.haptic.axes,
+        "scale": config.model.haptic.scale,
     }
 
 

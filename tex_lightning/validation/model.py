@@ -14,6 +14,7 @@ CHOICES = {
     "norm": ("batch", "lrn", "none"),
     "normalisation": ("standard", "paper"),
     "axes": ("frame", "trace"),
+    "scale": ("mel", "linear"),
     "level": ("fc2", "fc3"),
     "head_start": ("scores", "random"),
 }
@@ -33,6 +34,7 @@ def check_model(model: ModelConfig) -> Iterator[str]:
     known = CHOICES["normalisation"]
     yield from choice("model.haptic.normalisation", model.haptic.normalisation, known)
     yield from choice("model.haptic.axes", model.haptic.axes, CHOICES["axes"])
+    yield from choice("model.haptic.scale", model.haptic.scale, CHOICES["scale"])
     yield from choice("model.fusion.level", model.fusion.level, CHOICES["level"])
     starts = CHOICES["head_start"]
     yield from choice("model.fusion.head_start", model.fusion.head_start, starts)

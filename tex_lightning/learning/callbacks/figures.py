@@ -8,6 +8,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
+from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
 
@@ -28,11 +29,10 @@ class SampleFigures(Callback):
         writer = tensorboard_writer(trainer) if trainer.is_global_zero else None
         if trainer.global_step or writer is None or not isinstance(pl_module, SurfaceModule):
             return
-        card = pl_module.classifier.card
-        titles = [card.classes[int(index)] for index in batch["label"][:SHOWN]]
-        rate = card.settings.sampling_rate
+        classifier = pl_module.classifier
+        titles = [classifier.card.classes[int(index)] for index in batch["label"][:SHOWN]]
         for tensor in pl_module.inputs(batch):
-            name, figure = _figure(tensor[:SHOWN].cpu(), titles, rate)
+            name, figure = _figure(tensor[:SHOWN].cpu(), titles, classifier.haptic_features)
             writer.add_figure(name, figure, global_step=0)
 
 
@@ -45,7 +45,7 @@ def tensorboard_writer(trainer: Trainer) -> SummaryWriter | None:
     return None
 
 
-def _figure(tensor: Tensor, titles: list[str], sampling_rate: float) -> tuple[str, Any]:
-    if tensor.shape[1] == 1:
-        return "samples/spectrograms", spectrogram_figure(tensor[:, 0], titles, sampling_rate)
+def _figure(tensor: Tensor, titles: list[str], features: HapticFeatures | None) -> tuple[str, Any]:
+    if features is not None and tensor.shape[1] == 1:
+        return "samples/spectrograms", spectrogram_figure(tensor[:, 0], titles, features)
     return "samples/patches", patch_figure(tensor, titles)
