@@ -16,7 +16,7 @@ def card(kind: str, pairs: int = 200) -> Card:
         classes=["a", "b", "c"],
         decode=DecodeSettings().to_dict(),
         decision={"pairs": pairs, "seed": 0},
-        haptic_features={} if kind == "visual" else {"axes": "frame"},
+        haptic_features={} if kind == "visual" else {"axes": "frame", "scale": "mel"},
         haptic_network={} if kind == "visual" else NETWORK,
         visual_network={} if kind == "haptic" else {**NETWORK, "trunk": "alexnet_caffe"},
         fusion={"level": "fc2"} if kind == "fusion" else {},
@@ -85,11 +85,12 @@ def test_a_checkpoint_rebuilds_it(tmp_path, kind):
     assert not again.training
 
 
-def test_a_checkpoint_without_a_choice_of_axes_has_them_of_the_whole_trace(tmp_path):
+def test_an_older_checkpoint_has_the_features_that_there_were(tmp_path):
     model = classifier("haptic")
     older = {**model.card.to_dict(), "haptic_features": {"normalisation": "standard"}}
     save(model, tmp_path / "m.ckpt", hyper_parameters={"card": older})
-    assert SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt").haptic_features.axes == "trace"
+    features = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt").haptic_features
+    assert (features.axes, features.scale) == ("trace", "linear")
 
 
 def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):
