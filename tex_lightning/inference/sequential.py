@@ -9,7 +9,7 @@
 - Of two modalities the cheaper one comes first, and the other one if that is not sure enough.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import cast
 
 import torch
@@ -19,16 +19,15 @@ from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
 from tex_lightning.decision.sequential import StoppingRule, sure_enough
 from tex_lightning.decision.voting import Vote, max_vote, random_pairs
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import HapticFeatures, movement_start
+from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.inference.beginnings import beginnings, haptic_stream
 from tex_lightning.inference.costs import Costs
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import window_size
-from tex_lightning.parts import part_for
 from tex_lightning.schema import Config, DecisionConfig
-from tex_lightning.streaming.classifier import StreamingClassifier
 
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
 BATCH = 16  # windows computed at once
@@ -83,7 +82,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
         chosen = self.card.calibration if config.calibrated else {}
         self.enough = chosen.get("enough", config.enough)
-        self.stream = _stream(classifier)
+        self.stream = haptic_stream(classifier)
 
     @property
     def device(self) -> torch.device:
@@ -111,27 +110,12 @@ class SequentialClassifier(SurfaceClassifier):
         frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
         whole = cast(HapticNet, self.full.network).output_length(frames)
         exact = StoppingRule(0, len(self.card.classes))  # what follows in time is no random draw
-        for vote in self._beginnings(trace, frames, self.stream):
+        for vote in beginnings(trace, frames, self.stream):
             left = whole - int(self.stream.votes.sum())
             sure = sure_enough(vote.probability, self.enough)
             if sure or exact.decided(self.stream.votes.tolist(), left):
                 break
         return _spent(vote, self.stream.macs, self.costs.haptic(frames))
-
-    def _beginnings(
-        self, trace: Tensor, frames: int, stream: StreamingClassifier
-    ) -> Iterator[Vote]:
-        """Votes over longer and longer beginnings of a trace, a fragment more each time."""
-        features = stream.features
-        check_frames(frames, features)
-        start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
-        movement = trace[:, start:]
-        stream.restart(start_known=True)
-        begin = 0
-        for seen in (*range(HapticNet.min_frames, frames, HapticNet.stride), frames):
-            end = (seen - 1) * features.hop_length + features.window_length
-            yield cast(Vote, stream.push(movement[:, begin:end]))
-            begin = end
 
     def _photo(self, photo: Tensor) -> Vote:
         """Vote over the positions of VisualNet in random order."""
@@ -172,7 +156,7 @@ class SequentialClassifier(SurfaceClassifier):
         if self.stream is None:
             scores = self._haptic_summand(trace)
             return scores, max_vote(scores), self.costs.haptic(frames)
-        for vote in self._beginnings(trace, frames, self.stream):
+        for vote in beginnings(trace, frames, self.stream):
             if sure_enough(vote.probability, self.enough):
                 break
         scores, network = self.stream.scores, cast(FusionNet, self.full.network)
@@ -266,14 +250,3 @@ class SequentialClassifier(SurfaceClassifier):
 def _spent(vote: Vote, macs: int, full: int) -> Vote:
     """The vote with its share of the full decision's arithmetic."""
     return Vote(vote.label, vote.shares, vote.fragments, vote.probabilities, macs / full)
-
-
-def _stream(classifier: SurfaceClassifier) -> StreamingClassifier | None:
-    """What takes a trace piece by piece, if features and weights are such that it can be."""
-    if classifier.haptic_features is None:
-        return None
-    part = part_for(classifier, "haptic") if classifier.card.kind == "fusion" else classifier
-    features = cast(HapticFeatures, part.haptic_features)
-    local = features.axes == "frame" and features.normalisation == "standard"
-    single = all(p.dtype == torch.float32 for p in part.network.parameters())
-    return StreamingClassifier(part) if local and single else None

@@ -1,0 +1,50 @@
+"""A trace taken from its beginning, a fragment more at a time, and nothing of it twice."""
+
+from collections.abc import Iterator
+from typing import cast
+
+import torch
+from torch import Tensor
+
+from tex_lightning.classifier import SurfaceClassifier, check_frames
+from tex_lightning.decision.voting import Vote
+from tex_lightning.features.spectrogram import HapticFeatures, movement_start
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.parts import part_for
+from tex_lightning.streaming.classifier import StreamingClassifier
+
+
+def haptic_stream(classifier: SurfaceClassifier) -> StreamingClassifier | None:
+    """What takes a trace piece by piece, of a FusionNet its haptic part.
+
+    None if there is no such part, or features or weights are such that it needs the whole trace.
+    """
+    if classifier.haptic_features is None:
+        return None
+    part = part_for(classifier, "haptic") if classifier.card.kind == "fusion" else classifier
+    features = cast(HapticFeatures, part.haptic_features)
+    local = features.axes == "frame" and features.normalisation == "standard"
+    single = all(p.dtype == torch.float32 for p in part.network.parameters())
+    return StreamingClassifier(part) if local and single else None
+
+
+def beginnings(trace: Tensor, frames: int, stream: StreamingClassifier) -> Iterator[Vote]:
+    """Votes over longer and longer beginnings of a trace; what is not asked for is not computed.
+
+    Args:
+        trace: (axes, samples), decoded.
+        frames: Of its spectrogram.
+        stream: Computes; it is restarted.
+
+    Raises:
+        UserError: If there is not one fragment.
+    """
+    features = stream.features
+    check_frames(frames, features)
+    start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
+    movement, begin = trace[:, start:], 0
+    stream.restart(start_known=True)
+    for seen in (*range(HapticNet.min_frames, frames, HapticNet.stride), frames):
+        end = (seen - 1) * features.hop_length + features.window_length
+        yield cast(Vote, stream.push(movement[:, begin:end]))
+        begin = end
