@@ -45,7 +45,7 @@ def measure(threads: int = 2) -> dict[str, Any]:
 def _traces(axes: int, seconds: float) -> dict[str, float]:
     trace = torch.randn(axes, int(seconds * RATE))
     fourier, products, whole = HapticFeatures(), HapticFeatures(), HapticFeatures(axes="trace")
-    products.low_band = True
+    products.low_band, mel = True, HapticFeatures(scale="mel")
     stft = partial(
         torch.stft,
         trace[0],
@@ -58,6 +58,7 @@ def _traces(axes: int, seconds: float) -> dict[str, float]:
     functions = {
         "fourier": lambda: fourier(trace),
         "products": lambda: products(trace),
+        "mel": lambda: mel(trace),
         "fourier_whole_trace": lambda: whole(trace),
         "stft_alone": stft,
     }
@@ -65,7 +66,7 @@ def _traces(axes: int, seconds: float) -> dict[str, float]:
     least = found["products"].median
     return {f"{name}_ms": timing.median for name, timing in found.items()} | {
         f"{name}_to_products_ratio": found[name].median / least
-        for name in ("fourier", "stft_alone")
+        for name in ("fourier", "mel", "stft_alone")
     }
 
 

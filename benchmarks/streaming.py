@@ -43,7 +43,7 @@ def _classifier(norm: Norm) -> SurfaceClassifier:
         classes=[str(number) for number in range(69)],
         decode=DecodeSettings().to_dict(),
         decision={"pairs": 1, "seed": 0},
-        haptic_features={"axes": "frame"},
+        haptic_features={"axes": "frame", "scale": "mel"},
         haptic_network={"width": 1.0, "norm": norm},
     )
     return accelerate(SurfaceClassifier(card).eval(), DEFAULT)

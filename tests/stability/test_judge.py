@@ -20,7 +20,7 @@ def fusion(request) -> SurfaceClassifier:
         classes=["a", "b", "c"],
         decode=DecodeSettings().to_dict(),
         decision={"pairs": 200, "seed": 3},
-        haptic_features={"axes": "frame"},
+        haptic_features={"axes": "frame", "scale": "mel"},
         haptic_network=NETWORK,
         visual_network={**NETWORK, "trunk": "tcnn"},
         fusion={"level": request.param},

@@ -23,7 +23,7 @@ CARD = Card(
     classes=["a", "b", "c"],
     decode=DecodeSettings().to_dict(),
     decision={"pairs": 10, "seed": 0},
-    haptic_features={"axes": "frame"},
+    haptic_features={"axes": "frame", "scale": "mel"},
     haptic_network={"width": 0.1, "norm": "batch"},
 )
 
