@@ -11,7 +11,8 @@ import numpy as np
 import torch
 
 from benchmarks.engine import DEFAULT
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.blocks import Norm

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.classifier import Card, SurfaceClassifier, content_seed
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier, content_seed
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.decision.voting import random_pairs
 from tex_lightning.errors import UserError

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.classifier import Card, SurfaceClassifier, content_seed
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier, content_seed
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.errors import UserError

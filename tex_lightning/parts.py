@@ -8,7 +8,8 @@ from typing import cast
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.data.recordings import Modality
 from tex_lightning.networks.fusionnet import FusionNet

@@ -7,7 +7,8 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.classifier import Card
+from tex_lightning.card import Card
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.fusion import FusionStart

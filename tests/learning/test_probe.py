@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.classifier import Card
+from tex_lightning.card import Card
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.learning.probe import _fold_standardisation, probe_head
 from tex_lightning.learning.visual import VisualModule

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from tex_lightning.classifier import Card
+from tex_lightning.card import Card
 from tex_lightning.profiling.memory import forward_peak_mib
 from tex_lightning.schema import EngineConfig
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.parts import part_for
 from tex_lightning.stability.judge import REFUSED, Judge

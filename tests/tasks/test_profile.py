@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.parts import unimodal_parts
 
 CONTRACT = {

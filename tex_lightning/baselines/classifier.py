@@ -11,14 +11,8 @@ from scipy.fft import prev_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.baselines.registry import make_baseline
-from tex_lightning.classifier import (
-    Card,
-    SurfaceClassifier,
-    check_finite,
-    check_side,
-    damaged,
-    read_checkpoint,
-)
+from tex_lightning.card import Card, damaged, read_checkpoint
+from tex_lightning.classifier import SurfaceClassifier, check_finite, check_side
 from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store

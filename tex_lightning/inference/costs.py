@@ -6,7 +6,8 @@ from typing import cast
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import Card, build_network
+from tex_lightning.card import Card
+from tex_lightning.classifier import build_network
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.profiling.roofline import count_macs

@@ -8,7 +8,8 @@ import torch
 from lightning import LightningModule
 from torch import Tensor, nn
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import max_vote
 

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier import Card
+from tex_lightning.card import Card
 from tex_lightning.data.folds import Kind, Split
 from tex_lightning.data.store import Store
 from tex_lightning.schema import Config

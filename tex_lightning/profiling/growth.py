@@ -10,7 +10,8 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
 from tex_lightning.profiling.subject import Subject, like_weights, network_of

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import torch
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
 from tex_lightning.profiling.subject import dense_pass, like_weights, network_of

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier import Card, read_checkpoint
+from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.files import write_text
 from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure

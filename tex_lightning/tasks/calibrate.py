@@ -8,7 +8,8 @@ from pathlib import Path
 import torch
 from scipy.stats import binomtest
 
-from tex_lightning.classifier import Card, SurfaceClassifier, read_checkpoint
+from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store

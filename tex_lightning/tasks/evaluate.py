@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import NEEDS, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier import Card
+from tex_lightning.card import Card
 from tex_lightning.devices import pick_device
 from tex_lightning.profiling.comparison import compare
 from tex_lightning.profiling.growth import growth

@@ -7,7 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import Card, SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import decode_image, decode_trace
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.data.synthetic import make_materials

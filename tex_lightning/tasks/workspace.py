@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.baselines.registry import make_baseline
-from tex_lightning.classifier import Card, SurfaceClassifier, check_frames, check_side
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
 from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
