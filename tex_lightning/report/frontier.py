@@ -87,10 +87,14 @@ def draw_frontier(points: Sequence[Point], directory: Path) -> None:
 
 
 def frontier_figure(points: Sequence[Point]) -> Figure:
-    """Accuracy with intervals over latency (log axis); dominated systems are grey."""
-    figure = Figure(figsize=(9, 6), layout="constrained")
+    """Accuracy with intervals over latency (log axis); dominated systems are grey.
+
+    Points bear numbers, from the quickest on, and a list beside them says whose they are: names
+    would cover each other where systems are alike.
+    """
+    figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplots()
-    for place, point in enumerate(sorted(points, key=lambda item: item.latency_ms_median)):
+    for number, point in enumerate(_by_latency(points), 1):
         colour = COLOURS[point.kind] if point.on_frontier else GREY
         low, high = point.vote_accuracy - point.ci_low, point.ci_high - point.vote_accuracy
         axes.errorbar(
@@ -100,10 +104,11 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
         axes.scatter(
             point.latency_ms_median, point.vote_accuracy, s=_area(point), color=colour, zorder=3,
             edgecolors="black" if point.chosen else "none", linewidths=1.5,
+            label=_entry(number, point),
         )  # fmt: skip
         axes.annotate(
-            point.system, (point.latency_ms_median, point.vote_accuracy), fontsize=7,
-            xytext=(4, (4, -10, 16, -22)[place % 4]), textcoords="offset points",
+            str(number), (point.latency_ms_median, point.vote_accuracy), fontsize=7,
+            xytext=(0, 5 + 9 * (number % 2)), textcoords="offset points", zorder=4,
         )  # fmt: skip
     line = _line(points)
     axes.plot([item.latency_ms_median for item in line], [item.vote_accuracy for item in line],
@@ -122,7 +127,20 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
     for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         formatter(LogFormatter(minor_thresholds=(2, 0.5)))
     axes.grid(alpha=0.3, which="both")
+    figure.legend(loc="outside right center", fontsize=7, handlelength=0, markerscale=0)
     return figure
+
+
+def _by_latency(points: Sequence[Point]) -> list[Point]:
+    return sorted(points, key=lambda item: item.latency_ms_median)
+
+
+def _entry(number: int, point: Point) -> str:
+    chosen = ", enough" if point.chosen else ""
+    return (
+        f"{number}  {point.system}\n     {point.latency_ms_median:.1f} ms, "
+        f"{point.vote_accuracy:.1%}{chosen}"
+    )
 
 
 def _line(points: Sequence[Point]) -> list[Point]:
