@@ -45,7 +45,8 @@ def measure(threads: int = 2) -> dict[str, Any]:
 def _traces(axes: int, seconds: float) -> dict[str, float]:
     trace = torch.randn(axes, int(seconds * RATE))
     fourier, products, whole = HapticFeatures(), HapticFeatures(), HapticFeatures(axes="trace")
-    products.low_band, mel = True, HapticFeatures(scale="mel")
+    mel = HapticFeatures(scale="mel")
+    products.fast_spectrogram = mel.fast_spectrogram = True
     stft = partial(
         torch.stft,
         trace[0],

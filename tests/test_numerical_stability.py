@@ -21,7 +21,7 @@ ENGINE = EngineConfig(
     fold_batch_norm=True,
     fast_response_norm=True,
     channels_last=True,
-    low_band=True,
+    fast_spectrogram=True,
     precision="fp32",
     compile=False,
     tile=None,
@@ -159,22 +159,22 @@ UNUSABLE = {
 
 
 @pytest.mark.parametrize("normalisation", ["standard", "paper"])
-@pytest.mark.parametrize("low_band", [True, False])
+@pytest.mark.parametrize("fast_spectrogram", [True, False])
 @pytest.mark.parametrize("edge", EDGES)
-def test_input_at_the_edge_ends_in_a_label(edge, low_band, normalisation):
+def test_input_at_the_edge_ends_in_a_label(edge, fast_spectrogram, normalisation):
     model = classifier("haptic", normalisation)
-    model.haptic_features.low_band = low_band
+    model.haptic_features.fast_spectrogram = fast_spectrogram
     scores = model.logits(torch.from_numpy(EDGES[edge].astype(np.float32))[None])
     assert scores.isfinite().all()
     assert max_vote(scores).shares.sum() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("normalisation", ["standard", "paper"])
-@pytest.mark.parametrize("low_band", [True, False])
+@pytest.mark.parametrize("fast_spectrogram", [True, False])
 @pytest.mark.parametrize("edge", UNUSABLE)
-def test_input_without_a_spectrum_ends_in_a_sentence(edge, low_band, normalisation):
+def test_input_without_a_spectrum_ends_in_a_sentence(edge, fast_spectrogram, normalisation):
     model = classifier("haptic", normalisation)
-    model.haptic_features.low_band = low_band
+    model.haptic_features.fast_spectrogram = fast_spectrogram
     with pytest.raises(UserError, match="NaN, infinity or numbers too large"):
         model.classify(torch.from_numpy(UNUSABLE[edge].astype(np.float32))[None])
 

@@ -18,13 +18,13 @@ OFF = EngineConfig(
     fold_batch_norm=False,
     fast_response_norm=False,
     channels_last=False,
-    low_band=False,
+    fast_spectrogram=False,
     precision="fp32",
     compile=False,
     tile=None,
 )
 DEFAULT = replace(
-    OFF, fold_batch_norm=True, fast_response_norm=True, channels_last=True, low_band=True
+    OFF, fold_batch_norm=True, fast_response_norm=True, channels_last=True, fast_spectrogram=True
 )
 KINDS = ("haptic", "visual", "fusion")
 

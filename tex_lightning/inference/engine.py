@@ -52,7 +52,7 @@ class Accelerated(SurfaceClassifier):
         device = next(classifier.parameters()).device
         self.eval().requires_grad_(False)
         if self.haptic_features is not None:
-            self.haptic_features.low_band = config.low_band and device.type == "cpu"
+            self.haptic_features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
         for network in (self.haptic_network, self.visual_network):
             if network is not None:
                 _rewrite(network, config)  # on the CPU: not every device computes in float64

@@ -66,7 +66,7 @@ class EngineConfig:
         fold_batch_norm: Batch normalisation becomes part of the convolution before it.
         fast_response_norm: Local response normalisation in a form that stays in the cache.
         channels_last: Weights with the channels innermost, as decoded photos have them.
-        low_band: On the CPU, a linear spectrogram's low channels alone, by matrix products.
+        fast_spectrogram: On the CPU, spectrograms in blocks, or by matrix products.
         precision: Of convolutions, fp32 or bf16; class scores are float32 with either.
         compile: Whether ``torch.compile`` fuses layers.
         tile: Most pixels, or frames times 50 channels, that go through a network at once; larger
@@ -76,7 +76,7 @@ class EngineConfig:
     fold_batch_norm: bool = MISSING
     fast_response_norm: bool = MISSING
     channels_last: bool = MISSING
-    low_band: bool = MISSING
+    fast_spectrogram: bool = MISSING
     precision: str = MISSING
     compile: bool = MISSING
     tile: int | None = MISSING
