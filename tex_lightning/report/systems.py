@@ -11,7 +11,10 @@ from omegaconf import OmegaConf
 from tex_lightning.report.results import Outcome, read_outcomes
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")
-SHARED_KEYS = ("model=", "data=", "data.", "hydra", "experiment=", "task=", "debug=", "crossval.")
+RANDOM = "random"  # what a visual trunk starts from without weights
+SHARED_KEYS = (
+    "model=", "data=", "data.", "hydra", "experiment=", "task=", "debug=", "crossval.", "weights=",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -77,10 +80,19 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
             if "vote_accuracy" in entry:
                 main = kind == list(networks)[-1]
                 names = (results["model"], "") if main else (kind, results["model"])
-                variant = " ".join(item for item in asked[run] if item not in shared)
+                own = [item for item in asked[run] if item not in shared]
+                variant = ", ".join([*own, *_start(results, kind)])
                 key = (names[0], kind, names[1], results["data"], variant)
                 groups.setdefault(key, []).append((run, results))
     return [_pool(key, members) for key, members in groups.items()]
+
+
+def _start(results: dict[str, Any], kind: str) -> list[str]:
+    """What the trunk of a system on photos began with, if the run says so."""
+    weights = results.get("trunk_weights")
+    if weights is None or kind == "haptic":
+        return []
+    return [f"trunk from {'random weights' if weights == RANDOM else Path(weights).name}"]
 
 
 def _results(run: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from tex_lightning.learning.training import Training
 from tex_lightning.parts import UNIMODAL
 from tex_lightning.report.events import log_test
 from tex_lightning.report.results import environment, write_results
+from tex_lightning.report.systems import RANDOM
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.calibrate import calibrate
@@ -57,11 +58,20 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
         "model": config.model.name,
         "data": config.data.name,
         "classes": workspace.classes,
+        "trunk_weights": trunk_weights(config),
         "seed": config.seed,
         "wall_seconds": seconds,
         "environment": environment(pick_device(config.trainer.accelerator)),
         "networks": networks,
     }
+
+
+def trunk_weights(config: Config) -> str | None:
+    """Where the visual trunk's weights came from, "random" included; None where there is none."""
+    model = config.model
+    trunk = "trunk" in model.settings if model.baseline is not None else model.kind != "haptic"
+    given = config.weights or model.fusion.visual_checkpoint
+    return (given or RANDOM) if trunk else None
 
 
 def fit_fold(workspace: Workspace) -> dict[str, Any]:
