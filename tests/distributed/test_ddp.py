@@ -79,7 +79,7 @@ def test_two_processes_train_three_networks_as_one_does(cli, surfaces, tmp_path)
 
 
 def test_two_folds_of_the_default_recipe_learn_easy_surfaces(cli, surfaces, tmp_path):
-    recipe = ["model.haptic.fit.epochs=2", "model.haptic.fit.steps_per_epoch=12"]
+    recipe = ["model.haptic.fit.epochs=2", "model.haptic.fit.steps_per_epoch=25"]
     more = ["model.haptic.fit.batch_size=12", "model.haptic.width=0.25", "logger=csv"]
     folds = ["task=crossval", "crossval.only=[0,1]", "model=haptic"]
     outcome = cli(*folds, *recipe, *more, *tiny(surfaces, tmp_path), *TWO)
