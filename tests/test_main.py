@@ -54,7 +54,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
     [
         (
             ["task=crossval", "crossval.profile=[fusion]"],
-            "profile is fusion: choose haptic",
+            "crossval.profile is fusion: choose haptic",
         ),
         (["model=hptic"], "model=hptic does not exist (did you mean haptic?)"),
         (["model.haptic.widht=2"], "no key model.haptic.widht (did you mean model.haptic.width"),

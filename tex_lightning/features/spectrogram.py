@@ -85,10 +85,12 @@ class HapticFeatures(nn.Module):
         self.fast_spectrogram = False
         # symmetric, as MATLAB's hamming(500)
         window = torch.hamming_window(self.window_length, periodic=False, dtype=torch.float64)
-        self.products = LowBand(window, self.hop_length, self.bands, centred=axes == "frame")
         self.register_buffer("window", window.float(), persistent=False)
-        filters = mel_filters(sampling_rate, self.window_length, self.bands)
-        self.register_buffer("filters", filters, persistent=False)
+        if scale == "linear":
+            self.products = LowBand(window, self.hop_length, self.bands, centred=axes == "frame")
+        else:
+            filters = mel_filters(sampling_rate, self.window_length, self.bands)
+            self.register_buffer("filters", filters, persistent=False)
         self.register_buffer("level", torch.ones(()))
         self.register_buffer("channel_mean", torch.zeros(self.bands, 1))
         self.register_buffer("channel_std", torch.ones(self.bands, 1))

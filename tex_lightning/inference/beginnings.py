@@ -3,29 +3,28 @@
 from collections.abc import Iterator
 from typing import cast
 
-import torch
 from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier, check_frames
 from tex_lightning.decision.voting import Vote
-from tex_lightning.features.spectrogram import HapticFeatures, movement_start
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.parts import part_for
 from tex_lightning.streaming.classifier import StreamingClassifier
 
 
 def haptic_stream(classifier: SurfaceClassifier) -> StreamingClassifier | None:
-    """What takes a trace piece by piece, of a FusionNet its haptic part.
+    """What takes a trace piece by piece, of a FusionNet its haptic part with its scores.
 
     None if there is no such part, or features or weights are such that it needs the whole trace.
     """
-    if classifier.haptic_features is None:
+    fused = classifier.card.kind == "fusion"
+    part = part_for(classifier, "haptic") if fused else classifier
+    try:
+        return StreamingClassifier(part, keep_scores=fused)
+    except UserError:
         return None
-    part = part_for(classifier, "haptic") if classifier.card.kind == "fusion" else classifier
-    features = cast(HapticFeatures, part.haptic_features)
-    local = features.axes == "frame" and features.normalisation == "standard"
-    single = all(p.dtype == torch.float32 for p in part.network.parameters())
-    return StreamingClassifier(part) if local and single else None
 
 
 def beginnings(trace: Tensor, frames: int, stream: StreamingClassifier) -> Iterator[Vote]:

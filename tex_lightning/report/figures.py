@@ -62,21 +62,25 @@ def class_accuracy_figure(
 def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: HapticFeatures) -> Figure:
     """Normalised spectrograms (count, bands, frames) side by side, over seconds and Hz."""
     figure, grid = _grid(len(titles))
-    seconds = spectrograms.shape[2] * features.hop_length / features.sampling_rate
-    marked = range(0, features.bands, 10)
-    frequencies = [f"{features.frequencies[band]:.0f}" for band in marked]
-    for axes, spectrogram, title in zip(grid, spectrograms.numpy(), titles, strict=False):
-        axes.imshow(
-            spectrogram,
-            origin="lower",
-            aspect="auto",
-            cmap="magma",
-            extent=(0, seconds, -0.5, features.bands - 0.5),
-        )
-        axes.set_yticks(marked, frequencies)
+    for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=False):
+        draw_spectrogram(axes, spectrogram, features)
         axes.set_title(title, fontsize=7)
         axes.set(xlabel="s", ylabel="Hz")
     return figure
+
+
+def draw_spectrogram(axes: Axes, spectrogram: Tensor, features: HapticFeatures) -> None:
+    """A spectrogram (bands, frames) over seconds, with every tenth band's frequency in Hz."""
+    seconds = spectrogram.shape[1] * features.hop_length / features.sampling_rate
+    axes.imshow(
+        spectrogram.numpy(),
+        origin="lower",
+        aspect="auto",
+        cmap="magma",
+        extent=(0, seconds, -0.5, features.bands - 0.5),
+    )
+    hertz = features.frequencies[::10]
+    axes.set_yticks(range(0, features.bands, 10), [f"{frequency:.0f}" for frequency in hertz])
 
 
 def patch_figure(patches: Tensor, titles: list[str]) -> Figure:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace
 from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.report.figures import draw_spectrogram
 from tex_lightning.report.fragments import ConfusedPair
 from tex_lightning.report.results import Outcome
 
@@ -46,14 +47,9 @@ def pairs_figure(
 def _draw_spectrogram(axes: Axes, file: Path, settings: DecodeSettings) -> None:
     features = HapticFeatures(sampling_rate=settings.sampling_rate)
     magnitudes = features.magnitudes(torch.from_numpy(decode_trace(file, settings)))
-    top = features.bands * settings.sampling_rate / features.window_length
-    seconds = magnitudes.shape[1] * features.hop_length / settings.sampling_rate
-    axes.imshow(
-        magnitudes.clamp(min=1e-12).log().numpy(),
-        origin="lower", aspect="auto", cmap="magma", extent=(0, seconds, 0, top),
-    )  # fmt: skip
+    draw_spectrogram(axes, magnitudes.clamp(min=1e-12).log(), features)
     axes.tick_params(labelsize=6)
-    axes.set_xlabel("s, 0 to 1 kHz" if top == 1000 else "s, Hz", fontsize=6)
+    axes.set_xlabel("s, Hz", fontsize=6)
 
 
 def _draw_photo(axes: Axes, file: Path, settings: DecodeSettings) -> None:

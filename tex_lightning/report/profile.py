@@ -11,6 +11,7 @@ from rich.table import Table
 from tex_lightning.profiling.growth import Point
 from tex_lightning.progress import console
 from tex_lightning.report.paper import paper_table
+from tex_lightning.report.results import RANDOM
 
 Network = dict[str, Any]
 
@@ -55,7 +56,6 @@ def _nothing(_: Network) -> str:
 
 SPEEDUP = "speedup over windows one by one"
 DENSE_LABELS = "labels as in the dense pass"
-RANDOM = "random weights"
 
 FACTS: dict[str, Callable[[Network], str]] = {
     SPEEDUP: _factor("speedup"),

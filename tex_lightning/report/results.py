@@ -17,6 +17,7 @@ from scipy.stats import binomtest
 from tex_lightning import __version__
 from tex_lightning.files import write_text
 
+RANDOM = "random weights"  # in place of the file that weights came from
 LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 

@@ -11,7 +11,6 @@ from omegaconf import OmegaConf
 from tex_lightning.report.results import Outcome, read_outcomes
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")
-RANDOM = "random"  # what a visual trunk starts from without weights
 SHARED_KEYS = (
     "model=", "data=", "data.", "hydra", "experiment=", "task=", "debug=", "crossval.", "weights=",
 )  # fmt: skip
@@ -92,7 +91,7 @@ def _start(results: dict[str, Any], kind: str) -> list[str]:
     weights = results.get("trunk_weights")
     if weights is None or kind == "haptic":
         return []
-    return [f"trunk from {'random weights' if weights == RANDOM else Path(weights).name}"]
+    return [f"trunk from {Path(weights).name}"]
 
 
 def _results(run: Path) -> dict[str, Any]:

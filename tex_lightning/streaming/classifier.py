@@ -22,6 +22,7 @@ class StreamingClassifier:
     Args:
         classifier: A HapticNet classifier in evaluation mode whose features are local in time:
             ``axes=frame`` and ``normalisation=standard``.
+        keep_scores: Whether :attr:`scores` can be asked for; they grow with the recording.
 
     Attributes:
         frames: Spectrogram frames of the movement so far.
@@ -31,7 +32,7 @@ class StreamingClassifier:
         UserError: If the classifier is of another kind, or its features need the whole trace.
     """
 
-    def __init__(self, classifier: SurfaceClassifier) -> None:
+    def __init__(self, classifier: SurfaceClassifier, *, keep_scores: bool = False) -> None:
         network, features = classifier.network, classifier.haptic_features
         if not isinstance(network, HapticNet) or features is None:
             raise UserError(
@@ -40,6 +41,7 @@ class StreamingClassifier:
             )
         _check_local(features, network)
         self.features = features
+        self.keep_scores = keep_scores
         self.layers = streaming_layers([network.trunk, network.head.hidden, network.head.scores])
         self.search = int(SEARCH_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
@@ -136,9 +138,10 @@ class StreamingClassifier:
         if settled:
             self.labels = fragments[: len(self.labels) + settled]
             self.votes += self._votes(labels[:settled])
-            self.settled.append(scores[:, :settled])
             self.probabilities += probabilities(scores[:, :settled], self.temperature)
-        self.edge = scores[:, settled:]
+        if self.keep_scores:
+            self.settled.append(scores[:, :settled])
+            self.edge = scores[:, settled:]
         votes = self.votes + self._votes(labels[settled:])
         sums = self.probabilities + probabilities(scores[:, settled:], self.temperature)
         count = len(fragments)

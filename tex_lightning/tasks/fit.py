@@ -16,8 +16,7 @@ from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.parts import UNIMODAL
 from tex_lightning.report.events import log_test
-from tex_lightning.report.results import environment, write_results
-from tex_lightning.report.systems import RANDOM
+from tex_lightning.report.results import RANDOM, environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.calibrate import calibrate
@@ -67,7 +66,7 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
 
 
 def trunk_weights(config: Config) -> str | None:
-    """Where the visual trunk's weights came from, "random" included; None where there is none."""
+    """Where the visual trunk's weights came from, if there is one."""
     model = config.model
     trunk = "trunk" in model.settings if model.baseline is not None else model.kind != "haptic"
     given = config.weights or model.fusion.visual_checkpoint

@@ -13,9 +13,9 @@ from tex_lightning.profiling.growth import growth
 from tex_lightning.profiling.subject import Subject
 from tex_lightning.report.events import log_profile
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.profile import RANDOM, left_out, print_profile, write_growth
+from tex_lightning.report.profile import left_out, print_profile, write_growth
 from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
-from tex_lightning.report.results import environment, write_results
+from tex_lightning.report.results import RANDOM, environment, write_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.subjects import make_subjects
 
