@@ -21,7 +21,8 @@ def given(surfaces):
 def measured(run_once, given):
     return run_once(
         "task=frontier", *given, "crossval.only=[0]",
-        "frontier.only=[hapticnet_w0.125,hapticnet_w0.5,hapticnet_w0.5_bf16,minirocket]",
+        "frontier.only=[hapticnet_w0.125,hapticnet_w0.5,hapticnet_w0.5_bf16,"
+        "hapticnet_w0.5_sequential,minirocket]",
     )  # fmt: skip
 
 
@@ -30,7 +31,7 @@ def test_table_has_the_columns_and_one_choice(measured):
         reader = csv.DictReader(stream)
         assert reader.fieldnames[: len(CONTRACT)] == list(CONTRACT)
         rows = list(reader)
-    assert len(rows) == 4
+    assert len(rows) == 5
     assert [row["system"] for row in rows if row["chosen"] == "True"] == ["minirocket"]
     latencies = [float(row["latency_ms_median"]) for row in rows]
     assert latencies == sorted(latencies)
@@ -43,6 +44,17 @@ def test_validation_recordings_take_no_part_in_training(measured):
     assert {path[-5] for path in held} == {"5"}  # NAME_5.wav: half the folds away from fold 0
     entry = json.loads((folder / "measured.json").read_text())
     assert entry["test_samples"] == 3
+
+
+def test_sequential_decision_counts_the_arithmetic_that_was_done(measured):
+    with (measured / "frontier.csv").open() as stream:
+        macs = {row["system"]: row["macs"] for row in csv.DictReader(stream)}
+    outcomes = measured / "systems/hapticnet_w0.5_sequential/0/predictions/haptic.csv"
+    with outcomes.open() as stream:
+        evidence = [float(row["evidence"]) for row in csv.DictReader(stream)]
+    done = int(macs["hapticnet_w0.5_sequential"]) / int(macs["hapticnet_w0.5"])
+    assert done == pytest.approx(sum(evidence) / len(evidence), rel=1e-4)
+    assert macs["minirocket"] == ""
 
 
 def test_charts_can_be_opened(measured):

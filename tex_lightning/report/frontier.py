@@ -30,7 +30,8 @@ class Point:
         system: Its name in the family.
         kind: haptic, visual or fusion.
         parameters: Numbers that were fitted.
-        macs: Multiply-accumulates of a sample; None where they are outside PyTorch.
+        macs: Multiply-accumulates of a test sample, mean of what was done; None where they are
+            outside PyTorch.
         latency_ms_median: From a decoded sample to its label, features included.
         latency_ms_p95: The 95th percentile.
         fit_seconds: Mean of the folds.

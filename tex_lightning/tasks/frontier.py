@@ -4,14 +4,20 @@ Accuracies and the Pareto line are drawn from the tested folds; which system is 
 the validation folds alone.
 """
 
+import itertools
 import logging
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
+from torch import Tensor
+
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import make_samples
 from tex_lightning.decision.choice import Candidate, one_standard_error, pareto, within_budget
@@ -38,6 +44,7 @@ from tex_lightning.tasks.workspace import open_workspace
 log = logging.getLogger(__name__)
 
 WARM_UP = 3
+TIMED = 10  # samples that are timed by turns
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
@@ -72,19 +79,36 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
 
 def _latencies(measured: list[Measured], config: Config) -> dict[str, tuple[float, float]]:
     """Median and 95th percentile in ms of one sample, all systems by turns in one run."""
-    functions, recordings = {}, {}
+    functions: dict[str, Callable[[], object]] = {}
+    recordings: dict[str, list[tuple[Tensor | None, Tensor | None]]] = {}
     for system in measured:
         member, kind = system.member.config, system.member.config.model.kind
         device = pick_device(member.trainer.accelerator)
         classifier = prepare(load_classifier(system.entry["checkpoint"]).to(device), member)
-        if kind not in recordings:  # all systems of a kind classify the same sample
+        if kind not in recordings:  # all systems of a kind classify the same samples
             workspace = open_workspace(member, Path(system.entry["checkpoint"]).parent)
-            sample = make_samples(workspace.recordings, workspace.kind)[0]
-            recordings[kind] = load_sample(sample, workspace.store)
-        call = partial(classifier.classify, *recordings[kind])
+            samples = make_samples(workspace.recordings, workspace.kind)
+            timed = samples[:: max(1, len(samples) // TIMED)][:TIMED]
+            recordings[kind] = [load_sample(sample, workspace.store) for sample in timed]
+        call = partial(_classify_next, classifier, itertools.cycle(recordings[kind]))
         functions[system.member.name] = waiting(call, device)
     timings = interleaved(functions, config.frontier.rounds, WARM_UP)
     return {name: (timing.median, timing.p95) for name, timing in timings.items()}
+
+
+def _classify_next(
+    classifier: SurfaceClassifier, samples: Iterator[tuple[Tensor | None, Tensor | None]]
+) -> object:
+    """Another sample each time: what a sequential decision costs depends on the sample."""
+    return classifier.classify(*next(samples))
+
+
+def _macs(system: Measured) -> int | None:
+    """Multiply-accumulates of a sample, those that a sequential decision does not do left out."""
+    macs: int | None = system.entry["macs_per_sample"]
+    if macs is None:
+        return None
+    return round(macs * fmean(outcome.evidence for outcome in system.tests))
 
 
 def _points(
@@ -103,7 +127,7 @@ def _points(
                 system=name,
                 kind=system.member.config.model.kind,
                 parameters=system.entry["parameters"],
-                macs=system.entry["macs_per_sample"],
+                macs=_macs(system),
                 latency_ms_median=timings[name][0],
                 latency_ms_p95=timings[name][1],
                 fit_seconds=system.fit_seconds,
