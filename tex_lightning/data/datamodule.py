@@ -98,12 +98,12 @@ class PhotoBank:
         crops = np.empty((len(places), self.side, self.side, 3), np.uint8)
         for crop, (index, top, left) in zip(crops, places, strict=True):
             piece = self.photo(index)[top : top + self.side, left : left + self.side]
-            crop[:] = _mirrored(piece, self.side)
+            crop[:] = mirrored(piece, self.side)
         if self.augmentation is not None:
             seeds = rng.integers(1 << 63, size=len(indices))  # of all, whoever cuts which
             for crop, seed in zip(crops, seeds[share], strict=True):
                 changed = self.augmentation(crop, np.random.default_rng(seed))
-                crop[:] = _mirrored(changed[: self.side, : self.side], self.side)
+                crop[:] = mirrored(changed[: self.side, : self.side], self.side)
         return torch.from_numpy(crops).permute(0, 3, 1, 2)
 
     def _place(self, index: int, rng: np.random.Generator) -> tuple[int, int]:
@@ -279,8 +279,9 @@ def _at_least(spectrogram: Tensor, frames: int) -> Tensor:
     return spectrogram.repeat(1, -(-frames // spectrogram.shape[1]))
 
 
-def _mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
-    rows, columns = side - piece.shape[0], side - piece.shape[1]
+def mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
+    """A photo (height, width, 3), mirrored outwards until it has ``side`` pixels on each side."""
+    rows, columns = (max(0, side - length) for length in piece.shape[:2])
     if rows == 0 and columns == 0:
         return piece
     return np.pad(piece, ((0, rows), (0, columns), (0, 0)), mode="symmetric")

@@ -13,7 +13,7 @@ from math import prod
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import Window
-from tex_lightning.networks.trunks.squeezenet import Fire, PoolFeatures
+from tex_lightning.networks.trunks.squeezenet import Fire
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,6 @@ def _windows(module: nn.Module, axis: int) -> Iterator[Window]:
     # of branches side by side, the one that reaches farthest
     if isinstance(module, Fire):
         parts: Sequence[nn.Module] = (module.squeeze, module.expand3x3)
-    elif isinstance(module, PoolFeatures):
-        parts = (module.maximum,)
     else:
         parts = list(module.children())
     for part in parts:

@@ -114,7 +114,7 @@ class SurfaceModule(LightningModule, ABC):
             scheduler = torch.optim.lr_scheduler.OneCycleLR(
                 optimizer,
                 max_lr=[rate, rate * self.head_factor],
-                total_steps=fit["epochs"] * fit["steps_per_epoch"],
+                total_steps=max(1, fit["epochs"] * fit["steps_per_epoch"]),
             )
         else:
             scheduler = torch.optim.lr_scheduler.StepLR(

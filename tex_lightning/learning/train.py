@@ -6,7 +6,7 @@ import math
 import shutil
 import time
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -33,6 +33,7 @@ from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
+from tex_lightning.learning.linear_head import fit_linear_head
 from tex_lightning.learning.probe import probe_head
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
@@ -101,25 +102,38 @@ def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData
     )
     data = _make_data(training, module)
     _check_resumable(last)
-    if training.config.weights is not None and not last.is_file():
-        _start_pretrained(training, module, data)
+    if isinstance(module, VisualModule) and not last.is_file():
+        _start(training, module, data)
     return module, data
 
 
-def _start_pretrained(training: Training, module: SurfaceModule, data: SurfaceData) -> None:
-    """Fill the trunk of VisualNet with the given weights and teach its head what they see."""
-    if not isinstance(module, VisualModule):
-        return
-    log.info(load_trunk_weights(module.network, cast(str, training.config.weights)))
+def _start(training: Training, module: VisualModule, data: SurfaceData) -> None:
+    """Fill VisualNet's trunk with the given weights and teach its head what they see."""
+    weights, network = training.config.weights, module.network
+    if weights is not None:
+        log.info(load_trunk_weights(network, weights))
+    elif not network.has_hidden_layers:
+        log.warning(
+            "The trunk has random weights, so that its features are much weaker than published; "
+            "give pretrained ones as weights=FILE."
+        )
+    module.to(pick_device(training.config.trainer.accelerator))
+    if not network.has_hidden_layers:
+        assert data.batches.photos is not None
+        fit_linear_head(module, *data.batches.photos)
+    elif weights is not None:
+        _probe(training, module, data)
+    module.to("cpu")
+
+
+def _probe(training: Training, module: VisualModule, data: SurfaceData) -> None:
     probe = training.config.model.visual.fit.probe
     if probe.steps == 0:
         return
     count = math.ceil(
         probe.passes * len(training.parts.train.of("image").rows) / data.batches.batch_size
     )
-    module.to(pick_device(training.config.trainer.accelerator))
     probe_head(module, map(data.batches.__getitem__, itertools.count()), count, module.seed)
-    module.to("cpu")
 
 
 def _check_resumable(last: Path) -> None:
@@ -225,7 +239,7 @@ def _finish(
 
     Only weights and plain values are kept; what a resumption would need goes.
     """
-    if keeper.monitor is not None:
+    if keeper.best_model_path and keeper.monitor is not None:  # there is none of no epoch
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
     partial = training.working / "final.ckpt"

@@ -26,7 +26,8 @@ class VisualNet(nn.Module):
             pretrained trunks without normalisation.
         dropout: Probability of dropping an input of FC2 and FC3 while training.
         fc1_kernel: Side of FC1's kernel; None takes the trunk's.
-        head: Channel counts of FC1 and FC2, before ``width``.
+        head: Channel counts of FC1 and FC2, before ``width``; none lets FC3 score the trunk's
+            features as they are, which are then those of level "fc2".
 
     Attributes:
         patch: Side in pixels of an input that gives one prediction (with the trunk's FC1).
@@ -34,7 +35,7 @@ class VisualNet(nn.Module):
         stride: Pixels between neighbouring predictions.
 
     Raises:
-        UserError: The trunk is unknown or cannot have this normalisation.
+        UserError: The trunk is unknown or cannot have this normalisation, or needs an FC1.
     """
 
     def __init__(
@@ -59,12 +60,19 @@ class VisualNet(nn.Module):
         self.min_side = self.trunk.smallest_side(self.fc1_kernel)
         self.stride = self.trunk.stride
         self.classes = classes
-        fc1, self.hidden = (scaled(channels, width) for channels in head)
-        hidden = nn.Sequential(
-            conv_block(self.trunk.out_channels, fc1, self.fc1_kernel, norm=norm),
-            nn.Dropout(dropout),
-            conv_block(fc1, self.hidden, 1, norm=norm),
-        )
+        hidden, self.hidden = nn.Sequential(), self.trunk.out_channels
+        if head:
+            fc1, self.hidden = (scaled(channels, width) for channels in head)
+            hidden = nn.Sequential(
+                conv_block(self.trunk.out_channels, fc1, self.fc1_kernel, norm=norm),
+                nn.Dropout(dropout),
+                conv_block(fc1, self.hidden, 1, norm=norm),
+            )
+        elif not self.trunk.textures:
+            raise UserError(
+                f"model.visual.head=[] lets FC3 score the features of {trunk} as they are, and "
+                "only those of squeezenet are made for it; give channels of FC1 and FC2."
+            )
         self.head = Head(hidden, self.hidden, classes, dropout)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -94,6 +102,11 @@ class VisualNet(nn.Module):
     def fc1(self) -> nn.Conv2d:
         """FC1, the first convolution on the trunk's features."""
         return cast(nn.Conv2d, cast(nn.Sequential, self.head.hidden[0])[0])
+
+    @property
+    def has_hidden_layers(self) -> bool:
+        """Whether there are FC1 and FC2 before FC3."""
+        return len(self.head.hidden) > 0
 
     def feature_size(self, level: Level) -> int:
         """Return the channel count of ``features`` at ``level``."""

@@ -75,7 +75,8 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
     if layout == "caffe":
         _fold_caffe_input(state, "layers.conv1.0", caffe_input)
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
-    _scale_features(trunk)
+    if not trunk.textures:
+        _scale_features(trunk)
     return f"{_name(trunk)} trunk from {path} ({layout} layout, {len(state)} tensors)"
 
 

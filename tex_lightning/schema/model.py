@@ -42,12 +42,18 @@ class HapticFitConfig(FitConfig):
 
 @dataclass
 class ProbeConfig:
-    """Training of VisualNet's head alone, before the whole, on features of pretrained weights."""
+    """Training of VisualNet's head alone, before the whole, on features of pretrained weights.
+
+    A head without hidden layers is fitted with ``strength`` to whole photos, of large ones to
+    pieces of ``side`` pixels; others take ``steps`` on patches. Both make so many ``passes``.
+    """
 
     steps: int = MISSING
     passes: int = MISSING
     batch_size: int = MISSING
     learning_rate: float = MISSING
+    strength: float = MISSING
+    side: int = MISSING
 
 
 @dataclass
@@ -92,7 +98,7 @@ class HapticConfig:
 
 @dataclass
 class VisualConfig:
-    """VisualNet; ``head`` holds the channel counts of FC1 and FC2."""
+    """VisualNet; ``head`` holds the channel counts of FC1 and FC2, or nothing."""
 
     trunk: str = MISSING
     width: float = MISSING

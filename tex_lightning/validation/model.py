@@ -43,13 +43,16 @@ def check_model(model: ModelConfig) -> Iterator[str]:
     yield from least("model.visual.fit.probe.passes", probe.passes, 1)
     yield from least("model.visual.fit.probe.batch_size", probe.batch_size, 1)
     yield from positive("model.visual.fit.probe.learning_rate", probe.learning_rate)
+    yield from positive("model.visual.fit.probe.strength", probe.strength)
+    yield from least("model.visual.fit.probe.side", probe.side, 224)
     for name in ("haptic", "visual"):
         section = getattr(model, name)
         yield from positive(f"model.{name}.width", section.width)
         if not 0 <= section.dropout < 1:
             yield f"model.{name}.dropout is {section.dropout}: choose from 0 up to 1"
-    if len(model.visual.head) != 2 or min(model.visual.head) < 1:
-        yield f"model.visual.head is {list(model.visual.head)}: give channels of FC1 and FC2"
+    head = list(model.visual.head)
+    if len(head) not in (0, 2) or min(head, default=1) < 1:
+        yield f"model.visual.head is {head}: give channels of FC1 and FC2, or [] for neither"
     yield from least("model.haptic.fit.frames", model.haptic.fit.frames, 177)
     for name in ("visual", "fusion"):
         rotation = getattr(model, name).fit.rotation
@@ -65,7 +68,10 @@ def check_model(model: ModelConfig) -> Iterator[str]:
     dropped = model.fusion.fit.modality_dropout
     yield from within("model.fusion.fit.modality_dropout", dropped, 0, 1)
     for name in ("haptic", "visual", "fusion"):
-        yield from _fit(f"model.{name}.fit", getattr(model, name).fit)
+        fit = getattr(model, name).fit
+        fitted_at_once = name == "visual" and not head
+        yield from least(f"model.{name}.fit.epochs", fit.epochs, 0 if fitted_at_once else 1)
+        yield from _fit(f"model.{name}.fit", fit)
     factor = model.fusion.fit.head_factor
     if model.kind == "fusion" and not LEAST_FACTOR <= factor <= MOST_FACTOR:
         yield (
@@ -75,7 +81,7 @@ def check_model(model: ModelConfig) -> Iterator[str]:
 
 
 def _fit(key: str, fit: FitConfig) -> Iterator[str]:
-    for name in ("epochs", "steps_per_epoch", "batch_size", "step_every"):
+    for name in ("steps_per_epoch", "batch_size", "step_every"):
         yield from least(f"{key}.{name}", getattr(fit, name), 1)
     for name in ("learning_rate", "gamma", "head_factor"):
         yield from positive(f"{key}.{name}", getattr(fit, name))

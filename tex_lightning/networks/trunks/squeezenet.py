@@ -1,10 +1,12 @@
-"""SqueezeNet v1.0 up to fire9, with average and maximum pooling of its texture features."""
+"""SqueezeNet v1.0, and texture features from its layers of every depth."""
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import avg_pool2d
 
 from tex_lightning.networks.blocks import Norm, Window, conv_block, scaled
 from tex_lightning.networks.trunks.base import Layout, Trunk
@@ -12,9 +14,14 @@ from tex_lightning.networks.trunks.base import Layout, Trunk
 CONV1 = Window(7, 2)
 POOL = Window(3, 2, ceil=True)
 POOL_FEATURES = Window(13, 2)  # the whole fire9 map of a 224 input; stride 2 is 32 pixels
+IMAGENET = 1000  # classes that conv10 scores
 # Squeeze channels by fire number; v1.0 expands each by 4 on either side.
 SQUEEZE = {2: 16, 3: 16, 4: 32, 5: 32, 6: 48, 7: 48, 8: 64, 9: 64}
 POOL_AFTER = (4, 8)
+# Layers whose maps are pooled, and the positions along each axis that one of fire9 stands for.
+TEXTURES = {"fire4": 4, "fire5": 2, "fire6": 2, "fire7": 2, "fire8": 2, "fire9": 1, "conv10": 1}
+LEAST_DEVIATION = 0.1  # most are 0.2 to 6
+LEAST = 1e-4  # below it a root has hardly a use and too steep a slope
 
 _TORCHVISION_PLACE = {2: 3, 3: 4, 4: 5, 5: 7, 6: 8, 7: 9, 8: 10, 9: 12}
 _CAFFE_BRANCH = {"squeeze": "conv1x1_1", "expand1x1": "conv1x1_2", "expand3x3": "conv3x3_2"}
@@ -24,6 +31,7 @@ def _names(layout: Layout) -> dict[str, str]:
     """Map the names of the convolutions in a weight file to the names in the trunk."""
     caffe = layout == "caffe"
     names = {"conv1" if caffe else "features.0": "layers.conv1.0"}
+    names["conv_final" if caffe else "classifier.1"] = "layers.conv10.0"
     for fire in SQUEEZE:
         for branch, caffe_name in _CAFFE_BRANCH.items():
             place = f"features.{_TORCHVISION_PLACE[fire]}.{branch}"
@@ -47,40 +55,56 @@ class Fire(nn.Module):
         return torch.cat([self.expand1x1(squeezed), self.expand3x3(squeezed)], dim=1)
 
 
-class PoolFeatures(nn.Module):
-    """Roots of the average and the maximum over the same windows, one after the other.
+class TextureFeatures(nn.Module):
+    """Mean root of every channel of several layers over the same windows of the image.
 
-    The root keeps a few strong features from outweighing all others (Perronnin et al. 2010, for
-    Fisher vectors).
+    What a texture is shows at every depth, from fine grain to whole motifs. The mean over a window
+    forgets where; the root, taken first, keeps a few strong responses from outweighing all others
+    (Perronnin et al. 2010, for Fisher vectors).
 
     Attributes:
-        power: That the features are raised to; with it a checkpoint of features without roots
-            cannot be mistaken for one of these.
+        mean: (D,) of the features over photos of surfaces, 0 until :meth:`standardise`.
+        scale: (D,) that they are divided by, 1 until then.
     """
 
-    power: Tensor
+    mean: Tensor
+    scale: Tensor
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Window, channels: int) -> None:
         super().__init__()
-        self.register_buffer("power", torch.tensor(0.5))
+        self.register_buffer("mean", torch.zeros(channels))
+        self.register_buffer("scale", torch.ones(channels))
         self.average = nn.AvgPool2d(window.kernel, window.stride)
-        self.maximum = window.max_pool()
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Map (B, D, M, N) to (B, 2 * D, M', N')."""
-        return torch.cat([self.average(x), self.maximum(x)], dim=1).clamp_(min=1e-8).sqrt_()
+    def forward(self, maps: Mapping[str, Tensor]) -> Tensor:
+        """Map the outputs (B, D, M, N) of the layers in ``TEXTURES`` to (B, sum of D, M', N')."""
+        roots = (maps[name].clamp(min=LEAST).sqrt_() for name in TEXTURES)
+        aligned = map(avg_pool2d, roots, TEXTURES.values())
+        features: Tensor = self.average(torch.cat(list(aligned), dim=1))
+        return (features - self.mean[:, None, None]) / self.scale[:, None, None]
+
+    def standardise(self, features: Tensor) -> Tensor:
+        """Let features (rows, D) as they come have mean 0 and unit length from now on; return them.
+
+        Every feature counts alike, but for one that hardly varies, which would be all noise.
+        """
+        self.mean.copy_(features.mean(dim=0))
+        variance = features.var(dim=0, correction=0)
+        self.scale.copy_(((variance + LEAST_DEVIATION**2) * features.shape[1]).sqrt())
+        return (features - self.mean) / self.scale
 
 
 class SqueezeNetTrunk(Trunk):
-    """SqueezeNet v1.0 (Iandola et al. 2016) without its classifier, as texture features.
+    """SqueezeNet v1.0 (Iandola et al. 2016) as texture features.
 
-    Average pooling keeps how strong a feature is over a patch and max pooling whether it occurs;
-    both over 13x13 positions of fire9 give 1024 features, one vector for a 224 input.
+    Fire4 to fire9 and conv10, which scores ImageNet's classes, give 3304 features over 13x13
+    positions of fire9, one vector for a 224 input.
     """
 
     norms = ("batch", "none")
     geometry = (CONV1, POOL, POOL, POOL, POOL_FEATURES)
     fc1_kernel = 1
+    textures = True
     final = ("layers.fire9.expand1x1.0", "layers.fire9.expand3x3.0")
     layouts: ClassVar = {"caffe": _names("caffe"), "torchvision": _names("torchvision")}
     imagenet_url = "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth"
@@ -98,6 +122,26 @@ class SqueezeNetTrunk(Trunk):
             if fire in POOL_AFTER:
                 layers[f"pool{fire}"] = POOL.max_pool()
             source = 2 * expand
-        layers["features"] = PoolFeatures(POOL_FEATURES)
-        self.out_channels = 2 * source
+        layers["conv10"] = conv_block(source, scaled(IMAGENET, self.width), 1, norm=self.norm)
+        self.out_channels = self._count_features()
+        layers["features"] = TextureFeatures(POOL_FEATURES, self.out_channels)
         return nn.Sequential(layers)
+
+    def _count_features(self) -> int:
+        expand = (
+            scaled(4 * SQUEEZE[int(name.removeprefix("fire"))], self.width)
+            for name in TEXTURES
+            if name.startswith("fire")
+        )
+        return 2 * sum(expand) + scaled(IMAGENET, self.width)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map an image (B, 3, H, W) to features (B, out_channels, M', N')."""
+        *layers, (_, features) = self.layers.named_children()
+        maps = {}
+        for name, layer in layers:
+            x = layer(x)
+            if name in TEXTURES:
+                maps[name] = x
+        pooled: Tensor = features(maps)
+        return pooled

@@ -1,0 +1,115 @@
+"""FC3 fitted at once to the texture features of whole photos."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from sklearn.linear_model import LogisticRegression
+
+from tex_lightning.card import Card
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.learning.linear_head import _view, fit_linear_head
+from tex_lightning.learning.visual import VisualModule
+from tex_lightning.perturbations.augment import Augmentation
+
+COLOURS = np.array([[190, 150, 150], [150, 190, 150], [150, 150, 190]], np.uint8)
+PROBE = {"passes": 1, "side": 300, "strength": 0.03}
+
+
+class Photos:
+    """A bank of photos in memory."""
+
+    def __init__(self, photos, augmentation=None):
+        self.recordings, self.augmentation = photos, augmentation
+
+    def photo(self, index):
+        return self.recordings[index]
+
+
+def photos_of(classes, count, seed, size=(240, 290)):
+    """A colour of its own for each class, in noise."""
+    rng = np.random.default_rng(seed)
+    labels = np.arange(count) % classes
+    noise = rng.integers(0, 60, (count, *size, 3), dtype=np.uint8)
+    return Photos(list(COLOURS[labels][:, None, None] + noise)), labels
+
+
+def module_of(classes, probe=PROBE):
+    card = Card(
+        kind="visual",
+        classes=[str(number) for number in range(classes)],
+        decode=DecodeSettings().to_dict(),
+        decision={"pairs": 10, "seed": 0},
+        visual_network={"trunk": "squeezenet", "width": 0.1, "norm": "none", "head": []},
+    )
+    torch.manual_seed(0)
+    fit = {"head_factor": 1.0, "probe": probe}
+    return VisualModule(card.to_dict(), fit, 0)
+
+
+def scores(module, photo):
+    module.eval()
+    with torch.no_grad():
+        return module.classifier.logits(photo=torch.from_numpy(photo))
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+def test_unseen_photos_are_right_and_the_convolutions_stay(classes):
+    module = module_of(classes, {**PROBE, "strength": 1e4})
+    before = [each.clone() for each in module.network.trunk.parameters()]
+    fit_linear_head(module, *photos_of(classes, 6 * classes, seed=1))
+    after = module.network.trunk.parameters()
+    assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
+    unseen, labels = photos_of(classes, 2 * classes, seed=2)
+    votes = [scores(module, each).mean(dim=1).argmax().item() for each in unseen.recordings]
+    assert votes == labels.tolist()
+
+
+def test_mean_score_is_that_of_scikit_learn_on_mean_features():
+    module = module_of(3)
+    photos, labels = photos_of(3, 12, seed=1)
+    raw = []
+    with torch.no_grad():
+        for photo in photos.recordings:
+            image = module.classifier.visual_input(torch.from_numpy(photo))
+            raw.append(module.network.eval().trunk(image).mean(dim=(0, 2, 3)).double().numpy())
+    fit_linear_head(module, photos, labels)
+    spread = np.sqrt(np.var(raw, axis=0) + 0.1**2)
+    rows = (raw - np.mean(raw, axis=0)) / spread
+    expected = LogisticRegression(C=0.03, tol=1e-6, max_iter=5000).fit(rows, labels)
+    mean = torch.stack([scores(module, each).mean(dim=1) for each in photos.recordings])
+    probabilities = mean.softmax(dim=1).numpy()
+    np.testing.assert_allclose(probabilities, expected.predict_proba(rows), atol=2e-3)
+
+
+def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
+    module = module_of(2)
+    photos, _ = photos_of(2, 2, seed=1, size=(180, 700))
+    view = _view(photos, 0, module)
+    assert view.shape == (224, 300, 3)
+    assert np.array_equal(view, _view(photos, 0, module))
+    assert not np.array_equal(view, _view(photos, 2, module))  # the next pass cuts elsewhere
+    darker = Photos(photos.recordings, Augmentation.of(["darkness"], share=1.0))
+    assert _view(darker, 0, module).mean() < 0.99 * view.mean()
+
+
+def test_a_head_without_hidden_layers_from_the_command_line(cli, surfaces, tmp_path):
+    outcome = cli(
+        "model=visual_squeezenet", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
+        "debug=tiny", "model.visual.fit.epochs=0", "trainer.threads=1",
+        f"hydra.run.dir={tmp_path / 'run'}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert "random weights" in outcome.err
+    entry = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["visual"]
+    assert entry["test_samples"] == 3
+
+
+def test_hidden_layers_want_training(cli, surfaces, tmp_path):
+    outcome = cli(
+        "model=visual", "model.visual.fit.epochs=0", "data=folder", f"data.root={surfaces}",
+        f"hydra.run.dir={tmp_path / 'run'}",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "model.visual.fit.epochs is 0" in outcome.err

@@ -1,0 +1,66 @@
+"""Texture features of several layers against what they are by definition."""
+
+import pytest
+import torch
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks import VisualNet
+from tex_lightning.networks.trunks.squeezenet import (
+    POOL_FEATURES,
+    TEXTURES,
+    SqueezeNetTrunk,
+    TextureFeatures,
+)
+
+
+@pytest.fixture(scope="module")
+def trunk():
+    torch.manual_seed(0)
+    return SqueezeNetTrunk(width=0.1, norm="none").eval()
+
+
+def maps_of(trunk, image):
+    maps = {}
+    for name, layer in list(trunk.layers.named_children())[:-1]:
+        image = layer(image)
+        maps[name] = image
+    return {name: maps[name] for name in TEXTURES}
+
+
+@pytest.mark.parametrize("size", [(213, 224), (224, 244), (230, 309), (245, 277), (300, 341)])
+def test_every_feature_is_a_mean_root_over_its_window(trunk, size):
+    with torch.no_grad():
+        image = torch.randn(1, 3, *size)
+        features = trunk(image)[0]
+        maps = maps_of(trunk, image)
+    assert features.shape == (trunk.out_channels, *map(trunk.output_side, size))
+    for row in range(features.shape[1]):
+        for column in range(features.shape[2]):
+            expected = torch.cat([
+                maps[name][0, :, 2 * row * k : (2 * row + 13) * k, 2 * column * k :][
+                    :, :, : 13 * k
+                ].clamp(min=1e-4).sqrt().mean(dim=(1, 2))
+                for name, k in TEXTURES.items()
+            ])  # fmt: skip
+            torch.testing.assert_close(features[:, row, column], expected, rtol=1e-4, atol=1e-5)
+
+
+def test_standardised_features_have_mean_zero_and_unit_length():
+    torch.manual_seed(0)
+    features = TextureFeatures(POOL_FEATURES, 50)
+    rows = 3 + 5 * torch.rand(400, 50)
+    standardised = features.standardise(rows)
+    torch.testing.assert_close(standardised.mean(dim=0), torch.zeros(50), atol=1e-5, rtol=0)
+    assert standardised.square().sum(dim=1).mean() == pytest.approx(1, abs=0.02)
+
+
+def test_a_feature_that_hardly_varies_is_not_blown_up():
+    features = TextureFeatures(POOL_FEATURES, 1)
+    rows = torch.tensor([[1.0], [1.0], [1.001]])
+    assert features.standardise(rows).abs().max() < 0.01
+
+
+def test_only_texture_features_are_scored_as_they_are():
+    assert VisualNet(3, trunk="squeezenet", head=[]).feature_size("fc2") == 3304
+    with pytest.raises(UserError, match="give channels of FC1 and FC2"):
+        VisualNet(3, trunk="alexnet_caffe", head=[])
