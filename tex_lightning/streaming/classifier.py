@@ -119,12 +119,12 @@ class StreamingClassifier:
         if not count:
             return
         self.frames += count
-        columns: Columns = features.normalise(features.spectra(samples)).T[None, None]
+        columns: Columns = features.normalise(features.spectra(samples)).T[:, :, None]
         settled = count
         for layer in self.layers:
             columns, settled = layer.push(columns, settled)
         if columns is not None:
-            self.vote = self._count(columns[0, :, :, 0], settled)
+            self.vote = self._count(columns[:, 0].T, settled)
 
     def _count(self, scores: Tensor, settled: int) -> Vote:
         """Keep the votes of settled fragments, and vote with those at the edge.

@@ -5,8 +5,8 @@ pooling windows make them depend on where the input ends. So every layer is give
 those settled before, with the number of them that are settled now, and gives back its own. Settled
 columns are computed once; from the open ones nothing is kept.
 
-Convention: columns are (1, channels, count, bands), time before bands, with the channels innermost
-in memory; None stands for no columns.
+Convention: columns are (count, bands, channels), contiguous from the first layer on; None stands for
+no columns.
 """
 
 from collections.abc import Callable, Iterable
@@ -60,8 +60,10 @@ def streaming_layers(modules: Iterable[nn.Module]) -> list[StreamingLayer]:
             layers.append(Pointwise(Linear(module)) if single else StreamingConv(module))
         elif isinstance(module, nn.MaxPool2d):
             layers.append(StreamingPool(module))
+        elif isinstance(module, nn.ReLU):
+            layers.append(Pointwise(torch.relu_))
         elif not isinstance(module, nn.Identity | nn.Dropout):
-            layers.append(Pointwise(module))
+            layers.append(Pointwise(_channels_first(module)))
     return layers
 
 
@@ -93,14 +95,12 @@ class Linear:
         _check_plain(conv)
         self.weight = conv.weight.detach().flatten(1)
         self.bias = None if conv.bias is None else conv.bias.detach()
-
         self.macs = 0
 
     def __call__(self, columns: Tensor) -> Tensor:
         """Weigh the channels."""
-        self.macs += columns.shape[2] * columns.shape[3] * self.weight.numel()
-        x = functional.linear(columns.permute(0, 2, 3, 1), self.weight, self.bias)
-        return x.permute(0, 3, 1, 2)
+        self.macs += columns.shape[0] * columns.shape[1] * self.weight.numel()
+        return functional.linear(columns, self.weight, self.bias)
 
 
 class StreamingPool:
@@ -125,17 +125,17 @@ class StreamingPool:
         if columns is None:
             return None, 0
         if self.rest is not None:
-            columns, settled = torch.cat((self.rest, columns), dim=2), settled + 1
-        waits = settled % 2 == 1
-        self.rest = columns[:, :, settled - 1 : settled].clone() if waits else None
+            columns, settled = torch.cat((self.rest, columns)), settled + 1
+        self.rest = columns[settled - 1 : settled].clone() if settled % 2 else None
         return _pooled(columns), settled // 2
 
 
 class StreamingConv:
-    """A convolution of stride 1 that adds each input column to the outputs it takes part in.
+    """A convolution of stride 1 that multiplies a settled column with its weights once.
 
-    The outputs that need more input are kept as partial sums, to which open columns add the few
-    taps that matter at the edge, and no column is multiplied with a tap twice.
+    A column is multiplied with all the taps that it will meet, and an output is the sum of what the
+    columns under it give to their places. These products are kept of the columns that later outputs
+    reach back to. Open columns meet only the taps that matter at the edge.
 
     Args:
         conv: The convolution; its second kernel axis is time.
@@ -147,98 +147,94 @@ class StreamingConv:
         assert not isinstance(conv.padding, str)
         self.row_padding, self.padding = conv.padding
         self.outputs = conv.out_channels
-        # An input meets the last tap in the first output it takes part in, so the taps are turned
-        # round: (rows x inputs, places x outputs)
-        weight = conv.weight.detach().flip(3)
-        self.weight = weight.permute(2, 1, 3, 0).flatten(2).flatten(0, 1).contiguous()
+        # (rows x inputs, taps x outputs)
+        weight = conv.weight.detach().permute(2, 1, 3, 0)
+        self.weight = weight.flatten(2).flatten(0, 1).contiguous()
         bias = weight.new_zeros(self.taps, self.outputs)
         if conv.bias is not None:
-            # with the place that no output lacks: that of the input beside it
-            bias[self.taps - 1 - self.padding] = conv.bias.detach()
+            bias[self.padding] = conv.bias.detach()  # with the tap that no output lacks
         self.bias = bias.flatten()
         self.restart()
 
     def restart(self) -> None:
-        """Drop the partial sums."""
+        """Drop the products."""
         self.macs = 0
-        self.sums: Tensor | None = None  # (taps - 1, bands, outputs): of the next outputs
-        self.early = self.taps - 1 - self.padding  # next outputs that begin before the input
+        self.kept: Tensor | None = None  # (columns, bands, taps x outputs), fewer than taps
 
     def push(self, columns: Columns, settled: int) -> tuple[Columns, int]:
-        """Add the columns to the outputs."""
+        """Multiply the columns, and sum up what lies under every output."""
         if columns is None:
             return None, 0
-        number = columns.shape[2]
-        count = number + self.padding
-        near = min(self.taps, count - settled)  # places that are asked for of open columns
-        # one product for all where the open columns need most of the places anyway
-        together = number if settled and self.taps - near < 2 else settled
         x = self._stacked(columns)
-        sums = self._next_sums(max(count, settled + self.taps - 1), x.shape[1])
-        if together:
-            products = self._products(x[:together], self.taps)
-            _add(sums, products[:settled])
-            self.sums = sums[settled : settled + self.taps - 1].clone()
-            _add(sums[settled:], products[settled:])
-        if together < number:
-            _add(sums[settled:], self._products(x[settled:], near))
-        early, self.early = self.early, max(0, self.early - settled)
-        outputs = sums[early:count]
-        if not len(outputs):
-            return None, 0
-        return outputs.permute(2, 0, 1)[None], max(0, settled - early)
+        number, bands, _ = x.shape
+        if self.kept is None:
+            self.kept = x.new_zeros(self.padding, bands, len(self.bias))
+        known = len(self.kept)
+        products = x.new_empty(known + number + self.padding, bands, len(self.bias))
+        products[:known] = self.kept
+        if self.padding:
+            products[known + number :] = 0
+        self._multiply(x, settled, products[known : known + number])
+        done = max(0, known + settled - self.taps + 1)
+        self.kept = products[done : known + settled].clone()
+        return self._summed(products), done
 
     def _stacked(self, columns: Tensor) -> Tensor:
         """Every position with the rows around it: (count, bands, rows x inputs)."""
-        x = columns[0].permute(1, 2, 0)
         if self.row_padding:
-            count, bands, inputs = x.shape
-            inner = x
-            x = x.new_zeros(count, bands + 2 * self.row_padding, inputs)
-            x[:, self.row_padding : self.row_padding + bands] = inner
-        return x.unfold(1, self.rows, 1).transpose(2, 3).flatten(2)
+            columns = functional.pad(columns, (0, 0, self.row_padding, self.row_padding))
+        count, bands, inputs = columns.shape
+        size = (count, bands - self.rows + 1, self.rows * inputs)
+        return columns.contiguous().as_strided(size, (bands * inputs, inputs, 1))
 
-    def _products(self, x: Tensor, places: int) -> Tensor:
-        """What columns add to the outputs from their first on: (count, places, bands, outputs)."""
-        size = places * self.outputs
-        self.macs += x.numel() * size
-        products = torch.addmm(self.bias[:size], x.flatten(0, 1), self.weight[:, :size])
-        return products.view(*x.shape[:2], places, self.outputs).transpose(1, 2)
+    def _multiply(self, x: Tensor, settled: int, products: Tensor) -> None:
+        """Fill in the products (columns, bands, taps x outputs), of open columns what matters."""
+        near = min(self.taps, len(x) - settled + self.padding)  # last taps, which open columns meet
+        # one product for all where the open columns need most of the taps anyway
+        together = len(x) if settled and self.taps - near < 2 else settled
+        if together:
+            self._multiply_all(x[:together], products[:together], 0)
+        if together < len(x):
+            self._multiply_all(x[together:], products[together:], self.taps - near)
 
-    def _next_sums(self, count: int, bands: int) -> Tensor:
-        sums = self.weight.new_zeros(count, bands, self.outputs)
-        if self.sums is not None:
-            known = min(count, self.taps - 1)
-            sums[:known] = self.sums[:known]
-        return sums
+    def _multiply_all(self, x: Tensor, products: Tensor, first: int) -> None:
+        """With the taps from ``first`` on."""
+        skipped = first * self.outputs
+        weight = self.weight[:, skipped:]
+        self.macs += x.shape[0] * x.shape[1] * weight.numel()
+        found = products.flatten(0, 1)[:, skipped:]
+        torch.addmm(self.bias[skipped:], x.flatten(0, 1), weight, out=found)
+
+    def _summed(self, products: Tensor) -> Columns:
+        """Outputs (count, bands, outputs): column ``c + t`` gives tap ``t`` to output ``c``."""
+        count, bands = len(products) - self.taps + 1, products.shape[1]
+        if count <= 0:
+            return None
+        column, band, _ = products.stride()
+        size, strides = (
+            (count, bands, self.taps, self.outputs),
+            (column, band, column + self.outputs, 1),
+        )
+        return products.as_strided(size, strides).sum(dim=2)
 
 
-def _add(sums: Tensor, products: Tensor) -> None:
-    """Add (columns, places, ...) to (outputs, ...): column c's place p to output c + p."""
-    columns, places = products.shape[:2]
-    if columns < places:
-        for column, product in enumerate(products):
-            target = sums[column : column + places]
-            target += product[: len(target)]
-    else:
-        for place in range(places):
-            target = sums[place : place + columns]
-            target += products[: len(target), place]
+def _channels_first(module: nn.Module) -> Callable[[Tensor], Tensor]:
+    """Give a module of images (1, channels, count, bands) what is shaped as columns."""
+    return lambda columns: module(columns.permute(2, 0, 1)[None])[0].permute(1, 2, 0)
 
 
-def _pooled(columns: Tensor) -> Tensor:
+def _pooled(x: Tensor) -> Tensor:
     """The larger of two neighbours along both axes; an odd one out stays as it is.
 
     Slices and maxima, as PyTorch's pooling takes several times as long for a few columns.
     """
-    x = columns[0].permute(1, 2, 0)
     if len(x) > 1:
         larger = torch.maximum(x[:-1:2], x[1::2])
         x = torch.cat((larger, x[-1:])) if len(x) % 2 else larger
     if x.shape[1] > 1:
         larger = torch.maximum(x[:, :-1:2], x[:, 1::2])
         x = torch.cat((larger, x[:, -1:]), dim=1) if x.shape[1] % 2 else larger
-    return x.permute(2, 0, 1)[None]
+    return x
 
 
 def _check_plain(conv: nn.Conv2d) -> None:
