@@ -5,8 +5,7 @@ pooling windows make them depend on where the input ends. So every layer is give
 those settled before, with the number of them that are settled now, and gives back its own. Settled
 columns are computed once; from the open ones nothing is kept.
 
-Convention: columns are (count, bands, channels), contiguous from the first layer on; None stands for
-no columns.
+Convention: columns are (count, bands, channels); None stands for no columns.
 """
 
 from collections.abc import Callable, Iterable
