@@ -135,20 +135,22 @@ class StreamingClassifier:
         """
         labels = scores.argmax(dim=0)
         fragments = torch.cat((self.labels, labels))
+        votes, sums = self.votes, self.probabilities
         if settled:
-            self.labels = fragments[: len(self.labels) + settled]
-            self.votes += self._votes(labels[:settled])
-            self.probabilities += probabilities(scores[:, :settled], self.temperature)
+            self.labels = fragments[: self.labels.shape[0] + settled]
+            votes += self._votes(labels[:settled])
+            sums += probabilities(scores[:, :settled], self.temperature)
         if self.keep_scores:
             self.settled.append(scores[:, :settled])
             self.edge = scores[:, settled:]
-        votes = self.votes + self._votes(labels[settled:])
-        sums = self.probabilities + probabilities(scores[:, settled:], self.temperature)
-        count = len(fragments)
+        if settled < labels.shape[0]:
+            votes = votes + self._votes(labels[settled:])
+            sums = sums + probabilities(scores[:, settled:], self.temperature)
+        count = fragments.shape[0]
         return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
 
     def _votes(self, labels: Tensor) -> Tensor:
-        return torch.bincount(labels, minlength=len(self.votes))
+        return torch.bincount(labels, minlength=self.votes.shape[0])
 
 
 def _check_local(features: HapticFeatures, network: HapticNet) -> None:

@@ -146,6 +146,7 @@ class StreamingConv:
         assert not isinstance(conv.padding, str)
         self.row_padding, self.padding = conv.padding
         self.outputs = conv.out_channels
+        self.places = self.taps * self.outputs
         # (rows x inputs, taps x outputs)
         weight = conv.weight.detach().permute(2, 1, 3, 0)
         self.weight = weight.flatten(2).flatten(0, 1).contiguous()
@@ -167,9 +168,9 @@ class StreamingConv:
         x = self._stacked(columns)
         number, bands, _ = x.shape
         if self.kept is None:
-            self.kept = x.new_zeros(self.padding, bands, len(self.bias))
-        known = len(self.kept)
-        products = x.new_empty(known + number + self.padding, bands, len(self.bias))
+            self.kept = x.new_zeros(self.padding, bands, self.places)
+        known = self.kept.shape[0]
+        products = x.new_empty(known + number + self.padding, bands, self.places)
         products[:known] = self.kept
         if self.padding:
             products[known + number :] = 0
@@ -188,12 +189,13 @@ class StreamingConv:
 
     def _multiply(self, x: Tensor, settled: int, products: Tensor) -> None:
         """Fill in the products (columns, bands, taps x outputs), of open columns what matters."""
-        near = min(self.taps, len(x) - settled + self.padding)  # last taps, which open columns meet
+        number = x.shape[0]
+        near = min(self.taps, number - settled + self.padding)  # last taps, which open columns meet
         # one product for all where the open columns need most of the taps anyway
-        together = len(x) if settled and self.taps - near < 2 else settled
+        together = number if settled and self.taps - near < 2 else settled
         if together:
             self._multiply_all(x[:together], products[:together], 0)
-        if together < len(x):
+        if together < number:
             self._multiply_all(x[together:], products[together:], self.taps - near)
 
     def _multiply_all(self, x: Tensor, products: Tensor, first: int) -> None:
@@ -206,7 +208,7 @@ class StreamingConv:
 
     def _summed(self, products: Tensor) -> Columns:
         """Outputs (count, bands, outputs): column ``c + t`` gives tap ``t`` to output ``c``."""
-        count, bands = len(products) - self.taps + 1, products.shape[1]
+        count, bands = products.shape[0] - self.taps + 1, products.shape[1]
         if count <= 0:
             return None
         column, band, _ = products.stride()
@@ -227,12 +229,13 @@ def _pooled(x: Tensor) -> Tensor:
 
     Slices and maxima, as PyTorch's pooling takes several times as long for a few columns.
     """
-    if len(x) > 1:
+    count, bands, _ = x.shape
+    if count > 1:
         larger = torch.maximum(x[:-1:2], x[1::2])
-        x = torch.cat((larger, x[-1:])) if len(x) % 2 else larger
-    if x.shape[1] > 1:
+        x = torch.cat((larger, x[-1:])) if count % 2 else larger
+    if bands > 1:
         larger = torch.maximum(x[:, :-1:2], x[:, 1::2])
-        x = torch.cat((larger, x[:, -1:]), dim=1) if x.shape[1] % 2 else larger
+        x = torch.cat((larger, x[:, -1:]), dim=1) if bands % 2 else larger
     return x
 
 
