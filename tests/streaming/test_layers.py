@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
+from tex_lightning.inference.response_norm import FastResponseNorm
 from tex_lightning.streaming.layers import StreamingLayer, streaming_layers
 
 
@@ -61,6 +62,7 @@ def networks() -> dict[str, tuple[nn.Module, int]]:
         "single": (nn.Conv2d(2, 3, 1), 5),
         "pool": (pool, 5),
         "norms": (lively(nn.Sequential(nn.BatchNorm2d(2), nn.LocalResponseNorm(2), nn.ReLU())), 3),
+        "engine": (nn.Sequential(FastResponseNorm(nn.LocalResponseNorm(5, 3.0)), nn.Identity()), 3),
         "stack": (
             lively(
                 nn.Sequential(

@@ -15,6 +15,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from tex_lightning.inference.response_norm import FastResponseNorm
+
 Columns = Tensor | None
 
 
@@ -61,6 +63,8 @@ def streaming_layers(modules: Iterable[nn.Module]) -> list[StreamingLayer]:
             layers.append(StreamingPool(module))
         elif isinstance(module, nn.ReLU):
             layers.append(Pointwise(torch.relu_))
+        elif isinstance(module, FastResponseNorm):
+            layers.append(Pointwise(ResponseNorm(module)))
         elif not isinstance(module, nn.Identity | nn.Dropout):
             layers.append(Pointwise(_channels_first(module)))
     return layers
@@ -100,6 +104,27 @@ class Linear:
         """Weigh the channels."""
         self.macs += columns.shape[0] * columns.shape[1] * self.weight.numel()
         return functional.linear(columns, self.weight, self.bias)
+
+
+class ResponseNorm:
+    """:class:`FastResponseNorm` for few positions, where the number of calls is what counts.
+
+    Args:
+        layer: Gives the constants.
+    """
+
+    def __init__(self, layer: FastResponseNorm) -> None:
+        self.scale, self.k = layer.scale, torch.tensor(layer.k)
+        self.neighbours: Tensor | None = None  # (channels, channels)
+
+    def __call__(self, columns: Tensor) -> Tensor:
+        """Normalise; one product sums the squares of the 5 channels around each."""
+        x = columns.flatten(0, 1)
+        if self.neighbours is None:
+            self.neighbours = x.new_full((x.shape[1],) * 2, self.scale).triu(-2).tril(2)
+            self.k = self.k.to(x)
+        factor = torch.addmm(self.k, x.square(), self.neighbours).rsqrt_()
+        return (x * factor).mul_(factor.sqrt_()).view(columns.shape)
 
 
 class StreamingPool:
