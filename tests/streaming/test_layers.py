@@ -59,6 +59,8 @@ def networks() -> dict[str, tuple[nn.Module, int]]:
     return {
         "padded": (nn.Conv2d(2, 3, 3, padding=1), 7),
         "unpadded": (nn.Conv2d(2, 3, (4, 12), bias=False), 4),
+        "few inputs": (nn.Conv2d(2, 7, 3, padding=1), 5),
+        "few inputs, unpadded": (nn.Conv2d(2, 9, (4, 5), bias=False), 6),
         "single": (nn.Conv2d(2, 3, 1), 5),
         "pool": (pool, 5),
         "norms": (lively(nn.Sequential(nn.BatchNorm2d(2), nn.LocalResponseNorm(2), nn.ReLU())), 3),

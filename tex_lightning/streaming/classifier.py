@@ -8,7 +8,8 @@ from tex_lightning.decision.voting import Vote, probabilities, winner
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SEARCH_SECONDS, HapticFeatures, movement_start
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.streaming.layers import Columns, streaming_layers
+from tex_lightning.streaming.convolutions import Columns
+from tex_lightning.streaming.layers import streaming_layers
 
 PIECE_SECONDS = 1.0  # longer chunks are taken in pieces, so that memory stays bounded
 

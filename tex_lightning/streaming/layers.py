@@ -13,11 +13,9 @@ from typing import Protocol
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from tex_lightning.inference.response_norm import FastResponseNorm
-
-Columns = Tensor | None
+from tex_lightning.streaming.convolutions import Columns, GatheringConv, Linear, StreamingConv
 
 
 class StreamingLayer(Protocol):
@@ -57,8 +55,7 @@ def streaming_layers(modules: Iterable[nn.Module]) -> list[StreamingLayer]:
         if isinstance(module, nn.Sequential):
             layers += streaming_layers(module)
         elif isinstance(module, nn.Conv2d):
-            single = module.kernel_size == (1, 1)
-            layers.append(Pointwise(Linear(module)) if single else StreamingConv(module))
+            layers.append(_streaming_conv(module))
         elif isinstance(module, nn.MaxPool2d):
             layers.append(StreamingPool(module))
         elif isinstance(module, nn.ReLU):
@@ -68,6 +65,14 @@ def streaming_layers(modules: Iterable[nn.Module]) -> list[StreamingLayer]:
         elif not isinstance(module, nn.Identity | nn.Dropout):
             layers.append(Pointwise(_channels_first(module)))
     return layers
+
+
+def _streaming_conv(conv: nn.Conv2d) -> StreamingLayer:
+    if conv.kernel_size == (1, 1):
+        return Pointwise(Linear(conv))
+    # whichever has less to copy
+    gather = conv.kernel_size[0] * conv.in_channels < conv.out_channels
+    return GatheringConv(conv) if gather else StreamingConv(conv)
 
 
 class Pointwise:
@@ -89,21 +94,6 @@ class Pointwise:
         """Nothing was kept but the count."""
         if isinstance(self.function, Linear):
             self.function.macs = 0
-
-
-class Linear:
-    """A convolution of single positions, as the matrix product that it is."""
-
-    def __init__(self, conv: nn.Conv2d) -> None:
-        _check_plain(conv)
-        self.weight = conv.weight.detach().flatten(1)
-        self.bias = None if conv.bias is None else conv.bias.detach()
-        self.macs = 0
-
-    def __call__(self, columns: Tensor) -> Tensor:
-        """Weigh the channels."""
-        self.macs += columns.shape[0] * columns.shape[1] * self.weight.numel()
-        return functional.linear(columns, self.weight, self.bias)
 
 
 class ResponseNorm:
@@ -154,96 +144,6 @@ class StreamingPool:
         return _pooled(columns), settled // 2
 
 
-class StreamingConv:
-    """A convolution of stride 1 that multiplies a settled column with its weights once.
-
-    A column is multiplied with all the taps that it will meet, and an output is the sum of what the
-    columns under it give to their places. These products are kept of the columns that later outputs
-    reach back to. Open columns meet only the taps that matter at the edge.
-
-    Args:
-        conv: The convolution; its second kernel axis is time.
-    """
-
-    def __init__(self, conv: nn.Conv2d) -> None:
-        _check_plain(conv)
-        self.rows, self.taps = conv.kernel_size
-        assert not isinstance(conv.padding, str)
-        self.row_padding, self.padding = conv.padding
-        self.outputs = conv.out_channels
-        self.places = self.taps * self.outputs
-        # (rows x inputs, taps x outputs)
-        weight = conv.weight.detach().permute(2, 1, 3, 0)
-        self.weight = weight.flatten(2).flatten(0, 1).contiguous()
-        bias = weight.new_zeros(self.taps, self.outputs)
-        if conv.bias is not None:
-            bias[self.padding] = conv.bias.detach()  # with the tap that no output lacks
-        self.bias = bias.flatten()
-        self.restart()
-
-    def restart(self) -> None:
-        """Drop the products."""
-        self.macs = 0
-        self.kept: Tensor | None = None  # (columns, bands, taps x outputs), fewer than taps
-
-    def push(self, columns: Columns, settled: int) -> tuple[Columns, int]:
-        """Multiply the columns, and sum up what lies under every output."""
-        if columns is None:
-            return None, 0
-        x = self._stacked(columns)
-        number, bands, _ = x.shape
-        if self.kept is None:
-            self.kept = x.new_zeros(self.padding, bands, self.places)
-        known = self.kept.shape[0]
-        products = x.new_empty(known + number + self.padding, bands, self.places)
-        products[:known] = self.kept
-        if self.padding:
-            products[known + number :] = 0
-        self._multiply(x, settled, products[known : known + number])
-        done = max(0, known + settled - self.taps + 1)
-        self.kept = products[done : known + settled].clone()
-        return self._summed(products), done
-
-    def _stacked(self, columns: Tensor) -> Tensor:
-        """Every position with the rows around it: (count, bands, rows x inputs)."""
-        if self.row_padding:
-            columns = functional.pad(columns, (0, 0, self.row_padding, self.row_padding))
-        count, bands, inputs = columns.shape
-        size = (count, bands - self.rows + 1, self.rows * inputs)
-        return columns.contiguous().as_strided(size, (bands * inputs, inputs, 1))
-
-    def _multiply(self, x: Tensor, settled: int, products: Tensor) -> None:
-        """Fill in the products (columns, bands, taps x outputs), of open columns what matters."""
-        number = x.shape[0]
-        near = min(self.taps, number - settled + self.padding)  # last taps, which open columns meet
-        # one product for all where the open columns need most of the taps anyway
-        together = number if settled and self.taps - near < 2 else settled
-        if together:
-            self._multiply_all(x[:together], products[:together], 0)
-        if together < number:
-            self._multiply_all(x[together:], products[together:], self.taps - near)
-
-    def _multiply_all(self, x: Tensor, products: Tensor, first: int) -> None:
-        """With the taps from ``first`` on."""
-        skipped = first * self.outputs
-        weight = self.weight[:, skipped:]
-        self.macs += x.shape[0] * x.shape[1] * weight.numel()
-        found = products.flatten(0, 1)[:, skipped:]
-        torch.addmm(self.bias[skipped:], x.flatten(0, 1), weight, out=found)
-
-    def _summed(self, products: Tensor) -> Columns:
-        """Outputs (count, bands, outputs): column ``c + t`` gives tap ``t`` to output ``c``."""
-        count, bands = products.shape[0] - self.taps + 1, products.shape[1]
-        if count <= 0:
-            return None
-        column, band, _ = products.stride()
-        size, strides = (
-            (count, bands, self.taps, self.outputs),
-            (column, band, column + self.outputs, 1),
-        )
-        return products.as_strided(size, strides).sum(dim=2)
-
-
 def _channels_first(module: nn.Module) -> Callable[[Tensor], Tensor]:
     """Give a module of images (1, channels, count, bands) what is shaped as columns."""
     return lambda columns: module(columns.permute(2, 0, 1)[None])[0].permute(1, 2, 0)
@@ -262,8 +162,3 @@ def _pooled(x: Tensor) -> Tensor:
         larger = torch.maximum(x[:, :-1:2], x[:, 1::2])
         x = torch.cat((larger, x[:, -1:]), dim=1) if bands % 2 else larger
     return x
-
-
-def _check_plain(conv: nn.Conv2d) -> None:
-    if (conv.stride, conv.dilation, conv.groups) != ((1, 1), (1, 1), 1):
-        raise ValueError(f"{conv} has a stride, a dilation or groups")
