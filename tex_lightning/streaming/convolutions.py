@@ -69,7 +69,8 @@ class StreamingConv:
             products[known + number :] = 0
         self._multiply(x, settled, products[known : known + number])
         done = max(0, known + settled - self.taps + 1)
-        self.kept = products[done : known + settled].clone()
+        if settled:
+            self.kept = products[done : known + settled].clone()
         return self._summed(products), done
 
     def _stacked(self, columns: Tensor) -> Tensor:
