@@ -20,6 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from copy import deepcopy
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -29,7 +30,6 @@ from hydra import compose, initialize_config_dir
 from lightning import Callback, LightningModule, Trainer
 from omegaconf import OmegaConf
 from torch import Tensor, nn
-from torch.utils.data import Dataset
 
 from tex_lightning.__main__ import CONF
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
@@ -76,14 +76,17 @@ class Clock:
         return call
 
 
-class TimedBatches(Dataset[Batch]):
+@dataclass
+class TimedBatches(TrainingBatches):
     """Training batches whose assembly is timed."""
 
-    def __init__(self, batches: TrainingBatches, clock: Clock) -> None:
-        self.assemble = clock.timed(batches.__getitem__, "data")
+    clock: Clock = field(default_factory=Clock)
 
     def __getitem__(self, step: int) -> Batch:
-        return cast(Batch, self.assemble(step))
+        self.clock.start()
+        batch = super().__getitem__(step)
+        self.clock.stop("data")
+        return batch
 
 
 class BareLoop:
@@ -132,7 +135,7 @@ class Turns(Callback):
 
     def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         data = cast(SurfaceData, trainer.datamodule)
-        data.batches = TimedBatches(data.batches, self.clock)
+        data.batches = TimedBatches(**vars(data.batches), clock=self.clock)
         self.bare = BareLoop(cast(SurfaceModule, pl_module))
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:

@@ -2,6 +2,8 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tex_lightning.features.image import MEAN, STD, ImageFeatures, crop_side
 
@@ -32,6 +34,29 @@ def test_rotation_equals_opencv_and_has_no_black_corner(angle):
     assert ours.min() > 50
     if (side - patch) % 2 == 0:
         assert np.abs(ours - theirs).max() < 2.0
+
+
+def test_every_crop_of_a_batch_is_turned_by_its_own_angle():
+    crops = torch.randint(0, 256, (9, 3, 40, 40), dtype=torch.uint8)
+    degrees = torch.linspace(-180, 180, 9)
+    features = ImageFeatures()
+    turned = features.rotated(crops, degrees, 26)
+    for index in range(9):
+        alone = features.rotated(crops[index : index + 1], degrees[index : index + 1], 26)
+        torch.testing.assert_close(turned[index : index + 1], alone)
+
+
+@given(patch=st.integers(1, 60), angle=st.floats(-180, 180))
+def test_a_slope_turns_into_a_slope(patch, angle):
+    """Interpolation is exact on it, so that a pixel invented beyond the crop would show."""
+    side = crop_side(patch, 180)
+    crop = torch.arange(side, dtype=torch.uint8).expand(1, 3, side, side)
+    features = ImageFeatures()
+    turned = features.rotated(crop, torch.tensor([angle]), patch) * features.std + features.mean
+    offset = np.arange(patch) - (patch - 1) / 2
+    cos, sin = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    expected = (side - 1) / 2 + cos * offset - sin * offset[:, None]
+    np.testing.assert_allclose(255 * turned[0, 1].numpy(), expected, atol=0.01)
 
 
 def test_the_crop_is_just_large_enough():

@@ -119,7 +119,7 @@ def test_frames_depend_on_their_own_samples_alone():
 
 
 def both_ways(features: HapticFeatures, trace: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Network input by Fourier transforms and by products."""
+    """Network input by Fourier transforms and the fast way."""
     features.fast_spectrogram = False
     slow = features(trace)
     features.fast_spectrogram = True
@@ -137,10 +137,13 @@ def assert_near(found: torch.Tensor, expected: torch.Tensor, share: float) -> No
     axes=st.sampled_from([1, 3]),
     joined=st.sampled_from(["frame", "trace"]),
     normalisation=st.sampled_from(["standard", "paper"]),
+    scale=st.sampled_from(["linear", "mel"]),
     seed=st.integers(0, 100),
 )
-def test_products_equal_fourier_transforms(samples, axes, joined, normalisation, seed):
-    features = HapticFeatures(normalisation=normalisation, axes=joined)
+def test_products_and_blocks_equal_fourier_transforms(
+    samples, axes, joined, normalisation, scale, seed
+):
+    features = HapticFeatures(normalisation=normalisation, axes=joined, scale=scale)
     features.fit([features.magnitudes(noise(1.0))])
     trace = noise(samples / 10_000, axes, seed).cumsum(dim=1)  # much more energy in low channels
     slow, fast = both_ways(features, trace)

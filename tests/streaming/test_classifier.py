@@ -139,7 +139,7 @@ def test_what_a_stream_keeps_of_signal_and_layers_does_not_grow():
     for part in (trace[:, :40_000], trace[:, 40_000:]):
         for chunk in part.split(1600, dim=1):
             stream.push(chunk)
-        held = [vars(layer).get(name) for layer in stream.layers for name in ("sums", "rest")]
+        held = [vars(layer).get(name) for layer in stream.layers for name in ("kept", "rest")]
         tensors = [item for item in (stream.rest, stream.beginning, *held) if item is not None]
         kept.append(sum(item.untyped_storage().nbytes() for item in tensors))
     assert kept[1] <= 1.1 * kept[0]

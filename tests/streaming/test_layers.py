@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
+from tex_lightning.inference.response_norm import FastResponseNorm
 from tex_lightning.streaming.layers import StreamingLayer, streaming_layers
 
 
@@ -23,7 +24,7 @@ def assert_follows(network: nn.Module, bands: int, sizes: list[tuple[int, int]],
     total = sum(settled for settled, _ in sizes) + sizes[-1][1]
     x = torch.randn(1, 2, bands, total, generator=generator)
     if restart:
-        pushed(layers, x.transpose(2, 3)[:, :, :7], 5)
+        pushed(layers, x[0].permute(2, 1, 0)[:7], 5)
         for layer in layers:
             layer.restart()
     done, known = 0, []
@@ -31,16 +32,16 @@ def assert_follows(network: nn.Module, bands: int, sizes: list[tuple[int, int]],
         if settled + rest == 0:
             continue
         seen = x[..., : done + settled + rest]
-        columns, fixed = pushed(layers, seen[..., done:].transpose(2, 3), settled)
+        columns, fixed = pushed(layers, seen[0, ..., done:].permute(2, 1, 0), settled)
         done += settled
         try:
             expected = network(seen)
         except RuntimeError:  # fewer columns than the kernel has
             assert columns is None
             continue
-        found = torch.cat([*known, columns.transpose(2, 3)], dim=3)
+        found = torch.cat([*known, columns]).permute(2, 1, 0)[None]
         torch.testing.assert_close(found, expected, atol=1e-4, rtol=1e-4)
-        known.append(columns[:, :, :fixed].transpose(2, 3))
+        known.append(columns[:fixed])
 
 
 def lively(network: nn.Module) -> nn.Module:
@@ -58,9 +59,12 @@ def networks() -> dict[str, tuple[nn.Module, int]]:
     return {
         "padded": (nn.Conv2d(2, 3, 3, padding=1), 7),
         "unpadded": (nn.Conv2d(2, 3, (4, 12), bias=False), 4),
+        "few inputs": (nn.Conv2d(2, 7, 3, padding=1), 5),
+        "few inputs, unpadded": (nn.Conv2d(2, 9, (4, 5), bias=False), 6),
         "single": (nn.Conv2d(2, 3, 1), 5),
         "pool": (pool, 5),
         "norms": (lively(nn.Sequential(nn.BatchNorm2d(2), nn.LocalResponseNorm(2), nn.ReLU())), 3),
+        "engine": (nn.Sequential(FastResponseNorm(nn.LocalResponseNorm(5, 3.0)), nn.Identity()), 3),
         "stack": (
             lively(
                 nn.Sequential(

@@ -90,7 +90,7 @@ class HapticFeatures(nn.Module):
             self.products = LowBand(window, self.hop_length, self.bands, centred=axes == "frame")
         else:
             filters = mel_filters(sampling_rate, self.window_length, self.bands)
-            self.register_buffer("filters", filters, persistent=False)
+            self.register_buffer("filters", filters.T.contiguous(), persistent=False)
         self.register_buffer("level", torch.ones(()))
         self.register_buffer("channel_mean", torch.zeros(self.bands, 1))
         self.register_buffer("channel_std", torch.ones(self.bands, 1))
@@ -127,9 +127,10 @@ class HapticFeatures(nn.Module):
     def spectra(self, movement: Tensor) -> Tensor:
         """:meth:`magnitudes` of samples that are all of them movement, at least one window."""
         movement = self._levelled(movement)
+        if self.fast_spectrogram and self.scale == "mel":
+            return self._in_blocks(movement)
         if self.fast_spectrogram and movement.numel() > FEW:
-            linear = self.scale == "linear"
-            return self._from_products(movement) if linear else self._in_blocks(movement)
+            return self._from_products(movement)
         kept = self.bands if self.scale == "linear" else self.window_length // 2 + 1
         spectrum = torch.stft(
             movement,
@@ -144,7 +145,7 @@ class HapticFeatures(nn.Module):
             spectrum = spectrum - means[:, None] * torch.fft.rfft(self.window)[:kept, None]
         power = torch.view_as_real(spectrum).square().sum(dim=(0, -1))
         if self.scale == "mel":
-            power = self.filters @ power
+            power = self.filters.T @ power
         return power.sqrt_()
 
     @property
@@ -166,14 +167,21 @@ class HapticFeatures(nn.Module):
 
     def _in_blocks(self, movement: Tensor) -> Tensor:
         """Mel bands of a few frames at a time, whose spectra then never leave the cache."""
-        parts = []
         every = movement.unfold(-1, self.window_length, self.hop_length)
-        for block in torch.split(every, BLOCK, dim=1):
-            frames = block - block.mean(dim=-1, keepdim=True) if self.axes == "frame" else block
-            spectrum = torch.fft.rfft(frames * self.window)
-            power = spectrum.real.square().addcmul_(spectrum.imag, spectrum.imag)
-            parts.append(power.sum(dim=0) @ self.filters.T)
+        means = self._means(movement) if self.axes == "frame" else movement.new_zeros(1, 1, 1)
+        means, parts = means.expand(*every.shape[:2], 1), []
+        for start in range(0, every.shape[1], BLOCK):
+            block = slice(start, start + BLOCK)
+            frames = (every[:, block] - means[:, block]).mul_(self.window)
+            squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
+            power = squares[..., 0] + squares[..., 1]
+            parts.append((power.sum(dim=0) if len(power) > 1 else power[0]) @ self.filters)
         return torch.cat(parts).T.contiguous().sqrt_()
+
+    def _means(self, movement: Tensor) -> Tensor:
+        """Of every frame (axes, frames, 1), from those of its hops, which frames share."""
+        hops = movement.unfold(-1, self.hop_length, self.hop_length).mean(dim=-1)
+        return hops.unfold(-1, self.window_length // self.hop_length, 1).mean(dim=-1, keepdim=True)
 
     def _levelled(self, movement: Tensor) -> Tensor:
         """The samples that frames are cut from: (3 or 1, samples) without their mean."""

@@ -8,7 +8,8 @@ from tex_lightning.decision.voting import Vote, probabilities, winner
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SEARCH_SECONDS, HapticFeatures, movement_start
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.streaming.layers import Columns, streaming_layers
+from tex_lightning.streaming.convolutions import Columns
+from tex_lightning.streaming.layers import streaming_layers
 
 PIECE_SECONDS = 1.0  # longer chunks are taken in pieces, so that memory stays bounded
 
@@ -119,12 +120,12 @@ class StreamingClassifier:
         if not count:
             return
         self.frames += count
-        columns: Columns = features.normalise(features.spectra(samples)).T[None, None]
+        columns: Columns = features.normalise(features.spectra(samples)).T[:, :, None]
         settled = count
         for layer in self.layers:
             columns, settled = layer.push(columns, settled)
         if columns is not None:
-            self.vote = self._count(columns[0, :, :, 0], settled)
+            self.vote = self._count(columns[:, 0].T, settled)
 
     def _count(self, scores: Tensor, settled: int) -> Vote:
         """Keep the votes of settled fragments, and vote with those at the edge.
@@ -135,20 +136,22 @@ class StreamingClassifier:
         """
         labels = scores.argmax(dim=0)
         fragments = torch.cat((self.labels, labels))
+        votes, sums = self.votes, self.probabilities
         if settled:
-            self.labels = fragments[: len(self.labels) + settled]
-            self.votes += self._votes(labels[:settled])
-            self.probabilities += probabilities(scores[:, :settled], self.temperature)
+            self.labels = fragments[: self.labels.shape[0] + settled]
+            votes += self._votes(labels[:settled])
+            sums += probabilities(scores[:, :settled], self.temperature)
         if self.keep_scores:
             self.settled.append(scores[:, :settled])
             self.edge = scores[:, settled:]
-        votes = self.votes + self._votes(labels[settled:])
-        sums = self.probabilities + probabilities(scores[:, settled:], self.temperature)
-        count = len(fragments)
+        if settled < labels.shape[0]:
+            votes = votes + self._votes(labels[settled:])
+            sums = sums + probabilities(scores[:, settled:], self.temperature)
+        count = fragments.shape[0]
         return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
 
     def _votes(self, labels: Tensor) -> Tensor:
-        return torch.bincount(labels, minlength=len(self.votes))
+        return torch.bincount(labels, minlength=self.votes.shape[0])
 
 
 def _check_local(features: HapticFeatures, network: HapticNet) -> None:
