@@ -6,7 +6,7 @@ interruption change what the network sees.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.perturbations.augment import Augmentation
+
+if TYPE_CHECKING:
+    from tex_lightning.data.stream import StreamBatches
 
 Batch = dict[str, Tensor]
 Indices = npt.NDArray[np.int64]
@@ -98,12 +101,12 @@ class PhotoBank:
         crops = np.empty((len(places), self.side, self.side, 3), np.uint8)
         for crop, (index, top, left) in zip(crops, places, strict=True):
             piece = self.photo(index)[top : top + self.side, left : left + self.side]
-            crop[:] = _mirrored(piece, self.side)
+            crop[:] = mirrored(piece, self.side)
         if self.augmentation is not None:
             seeds = rng.integers(1 << 63, size=len(indices))  # of all, whoever cuts which
             for crop, seed in zip(crops, seeds[share], strict=True):
                 changed = self.augmentation(crop, np.random.default_rng(seed))
-                crop[:] = _mirrored(changed[: self.side, : self.side], self.side)
+                crop[:] = mirrored(changed[: self.side, : self.side], self.side)
         return torch.from_numpy(crops).permute(0, 3, 1, 2)
 
     def _place(self, index: int, rng: np.random.Generator) -> tuple[int, int]:
@@ -225,7 +228,11 @@ class SurfaceData(LightningDataModule):
     """Loaders of training batches and validation samples."""
 
     def __init__(
-        self, batches: TrainingBatches, steps: int, validation: SampleSet, num_workers: int
+        self,
+        batches: "TrainingBatches | StreamBatches",
+        steps: int,
+        validation: SampleSet,
+        num_workers: int,
     ) -> None:
         super().__init__()
         self.batches = batches
@@ -279,7 +286,8 @@ def _at_least(spectrogram: Tensor, frames: int) -> Tensor:
     return spectrogram.repeat(1, -(-frames // spectrogram.shape[1]))
 
 
-def _mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
+def mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
+    """Continue a piece (rows, columns, 3) by its mirror image until it is ``side`` square."""
     rows, columns = side - piece.shape[0], side - piece.shape[1]
     if rows == 0 and columns == 0:
         return piece

@@ -87,9 +87,10 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
 
 
 def _start(results: dict[str, Any], kind: str) -> list[str]:
-    """What the trunk of a system on photos began with, if the run says so."""
-    weights = results.get("trunk_weights")
-    if weights is None or kind == "haptic":
+    """What the trunk of a system began with, if the run says so."""
+    part = kind == "haptic" and list(results["networks"])[-1] != "haptic"
+    weights = results.get("haptic_trunk_weights" if part else "trunk_weights")
+    if weights is None:
         return []
     return [f"trunk from {Path(weights).name}"]
 

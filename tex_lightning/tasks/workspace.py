@@ -16,11 +16,12 @@ from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root, fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
-from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.networks.weights import load_trunk_weights
+from tex_lightning.learning.start import describe, start_trunk, starting_classifier
+from tex_lightning.parts import UNIMODAL
 from tex_lightning.schema import Config, DataConfig, ModelConfig
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
+FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
 VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
 
 
@@ -138,16 +139,14 @@ def check_networks(config: Config) -> int:
         if config.weights is not None:
             baseline.load_weights(config.weights)
         return baseline.least_side
-    if model.kind == "haptic":
-        return 0
     given = given_checkpoints(config) if model.kind == "fusion" else {}
     starts = {kind: SurfaceClassifier.from_checkpoint(path, kind) for kind, path in given.items()}
-    if "visual" in starts:
-        return cast(VisualNet, starts["visual"].network).min_side
-    network = VisualNet(2, **_network(model.visual, *VISUAL_KEYS))
-    if config.weights is not None:
-        load_trunk_weights(network, config.weights)
-    return network.min_side
+    for kind in UNIMODAL if model.kind == "fusion" else (cast(Kind, model.kind),):
+        if kind not in starts:
+            starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
+            if (source := config.weights_of(kind)) is not None:
+                start_trunk(starts[kind], source)
+    return starts["visual"].least_side if "visual" in starts else 0
 
 
 def given_checkpoints(config: Config) -> dict[Kind, Path]:
@@ -169,20 +168,41 @@ def decode_settings(data: DataConfig) -> DecodeSettings:
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
     """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
     config = workspace.config
-    card = replace(
-        configured_card(config, kind, workspace.classes), trained_on=trained_on(workspace, kind)
-    )
+    card = configured_card(config, kind, workspace.classes)
     if kind != "fusion":
-        return card
+        start = _trunk_card(workspace, card)
+        if start is None:
+            return replace(card, trained_on=trained_on(workspace, kind))
+        trunks = {"trunks": {kind: describe(start)}}
+        return replace(card, trained_on={**trained_on(workspace, kind, start), **trunks})
     haptic = starting_card(workspace, "haptic", unimodal["haptic"])
     visual = starting_card(workspace, "visual", unimodal["visual"])
     return replace(
         card,
+        trained_on={
+            **trained_on(workspace, kind, haptic, visual),
+            "trunks": {**_trunks(haptic), **_trunks(visual)},
+        },
         haptic_features=haptic.haptic_features,
         haptic_network=haptic.haptic_network,
         visual_network=visual.visual_network,
         fusion={"level": config.model.fusion.level},
     )
+
+
+def _trunk_card(workspace: Workspace, card: Card) -> Card | None:
+    """The card of the checkpoint whose trunk is started from, if there is one.
+
+    Raises:
+        UserError: If it cannot be used or has seen the fold that this run tests.
+    """
+    source = None if card.baseline else workspace.config.weights_of(card.kind)
+    start = None if source is None else starting_classifier(source, card)
+    if start is None:
+        return None
+    test = workspace.parts().test.of(NEEDS[card.kind][0])
+    refuse_leak(test, start.card, f"weights: checkpoint {source}")
+    return start.card
 
 
 def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
@@ -251,7 +271,7 @@ def refuse_leak(test: Recordings, card: Card, who: str) -> None:
         same = " ".join(
             f"data.{key}={json.dumps(value)}"
             for key, value in card.trained_on.items()
-            if key != "seen"
+            if key in FOLD_KEYS
         )
         raise UserError(
             f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
@@ -260,20 +280,34 @@ def refuse_leak(test: Recordings, card: Card, who: str) -> None:
         )
 
 
-def trained_on(workspace: Workspace, kind: Kind) -> dict[str, Any]:
-    """What the weights of one kind will have seen, and the fold that they will not."""
+def trained_on(workspace: Workspace, kind: Kind, *starts: Card) -> dict[str, Any]:
+    """What the weights of one kind will have seen, and the fold that they will not.
+
+    Args:
+        workspace: With the recordings.
+        kind: haptic, visual or fusion.
+        starts: Cards of what the weights start from, whose recordings count as seen.
+    """
     parts, data = workspace.parts(), workspace.config.data
+    earlier = {digest for card in starts for digest in card.trained_on["seen"]}
+    seen = [
+        fingerprint(row.path)
+        for part in (parts.train, parts.val)
+        for row in part
+        if row.modality in NEEDS[kind]
+    ]
     return {
         "folds": data.folds,
         "test_fold": data.test_fold,
         **({"inverted": True, "val_fold": data.val_fold} if data.inverted else {}),
-        "seen": [
-            fingerprint(row.path)
-            for part in (parts.train, parts.val)
-            for row in part
-            if row.modality in NEEDS[kind]
-        ],
+        "seen": [*seen, *sorted(earlier.difference(seen))],
     }
+
+
+def _trunks(card: Card) -> dict[str, str]:
+    """What trunks were trained on before the recordings, where they were."""
+    trunks: dict[str, str] = card.trained_on.get("trunks", {})
+    return trunks
 
 
 def _haptic_features(config: Config) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,44 +21,54 @@ from tex_lightning.data.synthetic.relief import (
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """The tiles of one material.
+    """The tiles of one material, each made when it is first asked for.
+
+    Photos and traces need the relief and each half of the rest; all of it takes about a fifth of a
+    second and 40 MB.
 
     Attributes:
         material: What it is made of.
-        height: Relief in mm, shape (``TILE``, ``TILE``); all below but ``micro`` and the colours of
-            ``albedo`` is derived from it.
-        slope_x: Derivative of the height along x, same shape, without unit.
-        slope_y: Derivative along y.
-        occlusion: Diffuse light that a point receives, 1 on a plain, less in the valleys and up to
-            1.22 on a ridge.
-        albedo: Reflectance, shape (``TILE``, ``TILE``, 3), linear red, green, blue.
-        contact_height: Relief as the tip follows it, in mm: averaged over the contact patch.
-        micro: Fine roughness in mm, shape (``MICRO_TILE``, ``MICRO_TILE``).
     """
 
     material: Material
-    height: Field
-    slope_x: Field
-    slope_y: Field
-    occlusion: Field
-    albedo: Field
-    contact_height: Field
-    micro: Field
 
+    @cached_property
+    def height(self) -> Field:
+        """Relief in mm, shape (``TILE``, ``TILE``).
 
-def make_specimen(material: Material) -> Specimen:
-    """Make up a material; takes about a fifth of a second and 40 MB."""
-    height = make_relief(material.relief)
-    return Specimen(
-        material=material,
-        height=height,
-        slope_x=_slope(height, axis=1),
-        slope_y=_slope(height, axis=0),
-        occlusion=_occlusion(height, material.relief.wavelength),
-        albedo=_albedo(height, material.skin),
-        contact_height=smooth(height, _contact_radius(material.body.stiffness)),
-        micro=make_micro(material.body),
-    )
+        All below but ``micro`` and the colours of ``albedo`` is derived from it.
+        """
+        return make_relief(self.material.relief)
+
+    @cached_property
+    def slope_x(self) -> Field:
+        """Derivative of the height along x, same shape, without unit."""
+        return _slope(self.height, axis=1)
+
+    @cached_property
+    def slope_y(self) -> Field:
+        """Derivative along y."""
+        return _slope(self.height, axis=0)
+
+    @cached_property
+    def occlusion(self) -> Field:
+        """Diffuse light at every point: 1 on a plain, less in valleys, to 1.22 on a ridge."""
+        return _occlusion(self.height, self.material.relief.wavelength)
+
+    @cached_property
+    def albedo(self) -> Field:
+        """Reflectance, shape (``TILE``, ``TILE``, 3), linear red, green, blue."""
+        return _albedo(self.height, self.material.skin)
+
+    @cached_property
+    def contact_height(self) -> Field:
+        """Relief as the tip follows it, in mm: averaged over the contact patch."""
+        return smooth(self.height, _contact_radius(self.material.body.stiffness))
+
+    @cached_property
+    def micro(self) -> Field:
+        """Fine roughness in mm, shape (``MICRO_TILE``, ``MICRO_TILE``)."""
+        return make_micro(self.material.body)
 
 
 def _slope(height: Field, axis: int) -> Field:
