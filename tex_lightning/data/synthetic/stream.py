@@ -22,6 +22,7 @@ from tex_lightning.data.synthetic.materials import Material, another_piece, dist
 from tex_lightning.data.synthetic.specimen import Specimen
 
 _PIECE, _ORDER = 2, 3  # apart from the draws of a trace and of a photo
+_POINTS = 512  # of a specimen's tiles: 31 mm, which repeat in a stroke; a quarter of the work
 _UNSEEN = 1 << 32  # rounds after which specimens are for tests; no training gets there
 
 
@@ -66,7 +67,8 @@ class SpecimenStream:
             Traces (3, samples) float32 in g at 10 kHz, or photos (height, width, 3) uint8.
         """
         rng = np.random.default_rng([self.spec.seed, number, 0, _PIECE])
-        specimen = Specimen(another_piece(self.materials[self.class_of(number)], rng))
+        material = another_piece(self.materials[self.class_of(number)], rng)
+        specimen = Specimen(material, _POINTS)
         places = range(self.spec.recordings if recordings is None else recordings)
         if self.modality == "haptic":
             return [record(self.spec, specimen, number, place) for place in places]
