@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any, cast
 
-from tex_lightning.card import Card
+from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.networks.hapticnet import HapticNet
@@ -38,7 +38,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
         return load_trunk_weights(cast(VisualNet, network), source)
     theirs = cast(HapticNet | VisualNet, start.network).trunk.state_dict()
     cast(HapticNet | VisualNet, network).trunk.load_state_dict(theirs)
-    return f"Trunk from {source}, {describe(start.card)}."
+    return f"Trunk from {source}, {_describe(start.card)}."
 
 
 def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
@@ -76,9 +76,19 @@ def _shape(card: Card) -> dict[str, Any]:
     return {key: values[key] for key in SHAPING[card.kind]}
 
 
-def describe(card: Card) -> str:
-    """What the weights of a checkpoint were trained on."""
+def name_source(source: str) -> str:
+    """A source of weights, and of a checkpoint of this package also what that was trained on."""
+    if Path(source).suffix != SUFFIX:
+        return source
+    stored = read_checkpoint(source)["hyper_parameters"]["card"]
+    return f"{source} ({_describe(Card.from_dict(stored))})"
+
+
+def _describe(card: Card) -> str:
     stream = card.trained_on.get("stream")
     if stream is not None:
         return f"trained on synthetic surfaces of {stream['classes']} classes"
-    return f"trained on {len(card.trained_on.get('seen', ()))} recordings"
+    begun = [
+        f", its trunk begun from {name}" for name in card.trained_on.get("trunks", {}).values()
+    ]
+    return f"trained on {len(card.trained_on['seen'])} recordings{''.join(begun)}"

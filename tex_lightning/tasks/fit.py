@@ -9,11 +9,10 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
-from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.learning.share import train_shared
-from tex_lightning.learning.start import SUFFIX, describe
+from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.parts import UNIMODAL
@@ -78,27 +77,20 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
 def trunk_weights(config: Config) -> str | None:
     """Where the visual trunk's weights came from, if there is one; else those of HapticNet's."""
     model = config.model
-    if model.kind == "haptic":
-        return _named(config.weights_of("haptic"))
-    trunk = model.baseline is None or "trunk" in model.settings
-    given = config.weights_of("visual") or model.fusion.visual_checkpoint
-    return (_named(given) or RANDOM) if trunk else None
+    if model.kind != "haptic":
+        trunk = model.baseline is None or "trunk" in model.settings
+        given = config.weights_of("visual") or model.fusion.visual_checkpoint
+        return (RANDOM if given is None else name_source(given)) if trunk else None
+    given = config.weights_of("haptic")
+    return None if given is None else name_source(given)
 
 
 def haptic_trunk_weights(config: Config) -> dict[str, str]:
     """Where those of a FusionNet's HapticNet came from, if they were given."""
-    fusion = config.model.fusion
-    given = config.weights_of("haptic") if config.model.kind == "fusion" else None
-    given = given or fusion.haptic_checkpoint
-    return {"haptic_trunk_weights": str(_named(given))} if given else {}
-
-
-def _named(source: str | None) -> str | None:
-    """A source of weights, and of a checkpoint also what that was trained on."""
-    if source is None or Path(source).suffix != SUFFIX:
-        return source
-    card = Card.from_dict(read_checkpoint(source)["hyper_parameters"]["card"])
-    return f"{source} ({describe(card)})"
+    given = config.model.fusion.haptic_checkpoint or config.weights_of("haptic")
+    if config.model.kind != "fusion" or given is None:
+        return {}
+    return {"haptic_trunk_weights": name_source(given)}
 
 
 def fit_fold(workspace: Workspace) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """What every training task starts with: recordings, store, classifier card, run folder."""
 
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -13,15 +12,15 @@ from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.store import Store, cache_root, fingerprint
+from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
-from tex_lightning.learning.start import describe, start_trunk, starting_classifier
+from tex_lightning.learning.start import start_trunk
 from tex_lightning.parts import UNIMODAL
 from tex_lightning.schema import Config, DataConfig, ModelConfig
+from tex_lightning.tasks.seen import refuse_leak, trained_on, trained_on_parts
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
-FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
 VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
 
 
@@ -167,42 +166,21 @@ def decode_settings(data: DataConfig) -> DecodeSettings:
 
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
     """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
-    config = workspace.config
+    config, parts = workspace.config, workspace.parts()
     card = configured_card(config, kind, workspace.classes)
     if kind != "fusion":
-        start = _trunk_card(workspace, card)
-        if start is None:
-            return replace(card, trained_on=trained_on(workspace, kind))
-        trunks = {"trunks": {kind: describe(start)}}
-        return replace(card, trained_on={**trained_on(workspace, kind, start), **trunks})
+        source = None if card.baseline else config.weights_of(kind)
+        return replace(card, trained_on=trained_on(card, parts, config.data, source))
     haptic = starting_card(workspace, "haptic", unimodal["haptic"])
     visual = starting_card(workspace, "visual", unimodal["visual"])
     return replace(
         card,
-        trained_on={
-            **trained_on(workspace, kind, haptic, visual),
-            "trunks": {**_trunks(haptic), **_trunks(visual)},
-        },
+        trained_on=trained_on_parts(card, parts, config.data, haptic, visual),
         haptic_features=haptic.haptic_features,
         haptic_network=haptic.haptic_network,
         visual_network=visual.visual_network,
         fusion={"level": config.model.fusion.level},
     )
-
-
-def _trunk_card(workspace: Workspace, card: Card) -> Card | None:
-    """The card of the checkpoint whose trunk is started from, if there is one.
-
-    Raises:
-        UserError: If it cannot be used or has seen the fold that this run tests.
-    """
-    source = None if card.baseline else workspace.config.weights_of(card.kind)
-    start = None if source is None else starting_classifier(source, card)
-    if start is None:
-        return None
-    test = workspace.parts().test.of(NEEDS[card.kind][0])
-    refuse_leak(test, start.card, f"weights: checkpoint {source}")
-    return start.card
 
 
 def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
@@ -250,64 +228,6 @@ def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:
             )
     refuse_leak(workspace.parts().test.of(NEEDS[kind][0]), card, f"Checkpoint {path}")
     return card
-
-
-def refuse_leak(test: Recordings, card: Card, who: str) -> None:
-    """Refuse weights that were trained, or chosen, on what is to be tested.
-
-    Recordings are compared by content, so that neither another reader nor other folds hide one.
-
-    Args:
-        test: What is to be tested.
-        card: Of the checkpoint.
-        who: Its name in the message.
-
-    Raises:
-        UserError: Naming one such file and the fold that the checkpoint was tested on.
-    """
-    seen = set(card.trained_on["seen"])
-    known = [row for row in test if fingerprint(row.path) in seen]
-    if known:
-        same = " ".join(
-            f"data.{key}={json.dumps(value)}"
-            for key, value in card.trained_on.items()
-            if key in FOLD_KEYS
-        )
-        raise UserError(
-            f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
-            f"{known[0].path.name} among them, so testing here would flatter it; set "
-            f"{same} as in its training, or train anew."
-        )
-
-
-def trained_on(workspace: Workspace, kind: Kind, *starts: Card) -> dict[str, Any]:
-    """What the weights of one kind will have seen, and the fold that they will not.
-
-    Args:
-        workspace: With the recordings.
-        kind: haptic, visual or fusion.
-        starts: Cards of what the weights start from, whose recordings count as seen.
-    """
-    parts, data = workspace.parts(), workspace.config.data
-    earlier = {digest for card in starts for digest in card.trained_on["seen"]}
-    seen = [
-        fingerprint(row.path)
-        for part in (parts.train, parts.val)
-        for row in part
-        if row.modality in NEEDS[kind]
-    ]
-    return {
-        "folds": data.folds,
-        "test_fold": data.test_fold,
-        **({"inverted": True, "val_fold": data.val_fold} if data.inverted else {}),
-        "seen": [*seen, *sorted(earlier.difference(seen))],
-    }
-
-
-def _trunks(card: Card) -> dict[str, str]:
-    """What trunks were trained on before the recordings, where they were."""
-    trunks: dict[str, str] = card.trained_on.get("trunks", {})
-    return trunks
 
 
 def _haptic_features(config: Config) -> dict[str, Any]:
