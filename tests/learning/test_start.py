@@ -68,6 +68,16 @@ def test_another_trunk_is_refused_with_what_to_set(kind, changes, message, tmp_p
         start_trunk(classifier(kind, 3), path)
 
 
+def test_the_trunk_that_comes_with_the_package_fits_the_default_hapticnet():
+    target = classifier("haptic", 3, width=0.5)
+    assert "synthetic surfaces of 200 classes" in start_trunk(target, "synthetic")
+    assert all(value.isfinite().all() for value in target.network.trunk.state_dict().values())
+    with pytest.raises(UserError, match="none of VisualNet comes with the package"):
+        start_trunk(classifier("visual", 3), "synthetic")
+    with pytest.raises(UserError, match="trunk in synthetic is another"):
+        start_trunk(classifier("haptic", 3), "synthetic")
+
+
 def test_other_sources_are_refused(tmp_path):
     visual = saved(classifier("visual", 3), tmp_path / "a.ckpt")
     with pytest.raises(UserError, match="holds a visual network where a haptic network"):

@@ -11,6 +11,8 @@ from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
 
 SUFFIX = ".ckpt"
+SYNTHETIC = "synthetic"  # the name of what comes with the package
+SHIPPED = Path(__file__).parents[1] / "shipped" / "haptic.ckpt"  # of task=pretrain, rounded to fp16
 SHAPING = {
     "haptic": ("width", "norm", "sampling_rate", "normalisation", "axes", "scale"),
     "visual": ("trunk", "width", "norm"),
@@ -23,7 +25,8 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     Args:
         classifier: Of a haptic or visual network.
         source: A checkpoint (.ckpt) of the same kind, of which the trunk is taken and nothing
-            else; for VisualNet also what
+            else; for HapticNet also "synthetic", the one that comes with the package; for VisualNet
+            also what
             :func:`~tex_lightning.networks.weights.load_trunk_weights` takes.
 
     Returns:
@@ -54,14 +57,20 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
     Raises:
         UserError: If it is a checkpoint and cannot be used, or none and HapticNet needs one.
     """
-    if Path(source).suffix != SUFFIX:
+    if source == SYNTHETIC and card.kind == "visual":
+        raise UserError(
+            "weights=synthetic is a trunk of HapticNet, and none of VisualNet comes with the "
+            "package; run task=pretrain model=visual and give its checkpoint."
+        )
+    path = _path(source)
+    if path.suffix != SUFFIX:
         if card.kind == "haptic":
             raise UserError(
                 f"weights: HapticNet starts from a checkpoint, and {source} does not end in "
-                f"{SUFFIX}; give the one of task=pretrain model=haptic."
+                f"{SUFFIX}; give weights=synthetic or the one of task=pretrain model=haptic."
             )
         return None
-    start = SurfaceClassifier.from_checkpoint(source, card.kind)
+    start = SurfaceClassifier.from_checkpoint(path, card.kind)
     ours, theirs = _shape(card), _shape(start.card)
     other = {key: value for key, value in theirs.items() if ours[key] != value}
     if other:
@@ -78,10 +87,15 @@ def _shape(card: Card) -> dict[str, Any]:
 
 def name_source(source: str) -> str:
     """A source of weights, and of a checkpoint of this package also what that was trained on."""
-    if Path(source).suffix != SUFFIX:
+    path = _path(source)
+    if path.suffix != SUFFIX:
         return source
-    stored = read_checkpoint(source)["hyper_parameters"]["card"]
+    stored = read_checkpoint(path)["hyper_parameters"]["card"]
     return f"{source} ({_describe(Card.from_dict(stored))})"
+
+
+def _path(source: str) -> Path:
+    return SHIPPED if source == SYNTHETIC else Path(source)
 
 
 def _describe(card: Card) -> str:
