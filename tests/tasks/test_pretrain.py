@@ -82,6 +82,16 @@ def test_a_trunk_that_has_seen_the_test_fold_is_refused(cli, surfaces, fused, tm
     assert "set data.folds=10 data.test_fold=0 as in" in leak.err
 
 
+def test_the_trunk_that_comes_with_the_package(cli, surfaces, tmp_path):
+    outcome = cli(
+        "model=haptic", "weights=synthetic", *real(surfaces), "model.haptic.width=0.5",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    said = results(tmp_path)["trunk_weights"]
+    assert said == "synthetic (trained on synthetic surfaces of 200 classes)"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
