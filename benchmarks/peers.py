@@ -21,7 +21,7 @@ from tex_lightning.__main__ import CONF
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings, Trace, decode_trace
 from tex_lightning.data.synthetic import make_materials
-from tex_lightning.data.synthetic.specimen import make_specimen
+from tex_lightning.data.synthetic.specimen import Specimen
 from tex_lightning.data.synthetic.tool import slide_tool
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -73,7 +73,7 @@ def _traces() -> tuple[list[str], list[Trace]]:
         return [path.parts[-3] for path in files], [trace[:, :samples] for trace in decoded]
     labels, traces = [], []
     for material in make_materials(CLASSES, seed=0):
-        specimen = make_specimen(material)
+        specimen = Specimen(material)
         for recording in range(RECORDINGS):
             labels.append(material.name)
             rng = np.random.default_rng(recording)

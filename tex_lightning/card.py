@@ -32,7 +32,9 @@ class Card:
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
             perhaps ``enough``, the threshold of sequential decisions; empty without such a fold.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
-            them, and the keys of ``data`` that say on which fold they may be tested.
+            them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
+            what each trunk began from if not at random; ``stream``, the synthetic specimens that
+            took the place of recordings.
     """
 
     kind: Kind

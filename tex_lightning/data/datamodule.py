@@ -6,7 +6,7 @@ interruption change what the network sees.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.perturbations.augment import Augmentation
+
+if TYPE_CHECKING:
+    from tex_lightning.data.stream import StreamBatches
 
 Batch = dict[str, Tensor]
 Indices = npt.NDArray[np.int64]
@@ -225,7 +228,11 @@ class SurfaceData(LightningDataModule):
     """Loaders of training batches and validation samples."""
 
     def __init__(
-        self, batches: TrainingBatches, steps: int, validation: SampleSet, num_workers: int
+        self,
+        batches: "TrainingBatches | StreamBatches",
+        steps: int,
+        validation: SampleSet,
+        num_workers: int,
     ) -> None:
         super().__init__()
         self.batches = batches

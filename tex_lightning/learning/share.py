@@ -34,7 +34,7 @@ def train_shared(training: Training, folder: Path) -> Path:
         "card": training.card.to_dict(),
         "fit": training.fit_values,
         "seed": config.seed,
-        "weights": config.weights,
+        "weights": training.weights,
         "trainer": asdict(config.trainer),
     }
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]

@@ -5,8 +5,9 @@ import logging
 import math
 import shutil
 import time
+from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -25,6 +26,8 @@ from tex_lightning.data.datamodule import (
 )
 from tex_lightning.data.folds import Kind, make_samples
 from tex_lightning.data.recordings import Recording
+from tex_lightning.data.stream import PhotoViews, StreamBatches, TraceViews
+from tex_lightning.data.synthetic.stream import SpecimenStream
 from tex_lightning.devices import pick_device
 from tex_lightning.distributed.team import agreed, shared
 from tex_lightning.errors import UserError
@@ -35,16 +38,18 @@ from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
 from tex_lightning.learning.linear_head import fit_linear_head
 from tex_lightning.learning.probe import probe_head
+from tex_lightning.learning.start import start_trunk
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
 from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.perturbations.augment import Augmentation
 from tex_lightning.progress import track
 
 log = logging.getLogger(__name__)
+
+FITTED = 4  # batches of specimens, which the normalisation of a stream's spectrograms is taken from
 
 MODULES: dict[Kind, type[SurfaceModule]] = {
     "haptic": HapticModule,
@@ -100,27 +105,31 @@ def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData
     module = MODULES[training.card.kind](
         training.card.to_dict(), training.fit_values, training.config.seed
     )
-    data = _make_data(training, module)
+    make = _make_data if training.stream is None else _make_stream
+    data = make(training, module)
     _check_resumable(last)
-    if isinstance(module, VisualModule) and not last.is_file():
+    if not last.is_file():
         _start(training, module, data)
     return module, data
 
 
-def _start(training: Training, module: VisualModule, data: SurfaceData) -> None:
-    """Fill VisualNet's trunk with the given weights and teach its head what they see."""
-    weights, network = training.config.weights, module.network
+def _start(training: Training, module: SurfaceModule, data: SurfaceData) -> None:
+    """Fill the trunk with the given weights and teach VisualNet's head what they see."""
+    weights = training.weights
     if weights is not None:
-        log.info(load_trunk_weights(network, weights))
-    elif not network.has_hidden_layers:
-        log.warning(
-            "The trunk has random weights, so that its features are much weaker than published; "
-            "give pretrained ones as weights=FILE."
-        )
+        log.info(start_trunk(module.classifier, weights))
+    if not isinstance(module, VisualModule) or training.stream is not None:
+        return
     module.to(pick_device(training.config.trainer.accelerator))
-    if not network.has_hidden_layers:
-        assert data.batches.photos is not None
-        fit_linear_head(module, *data.batches.photos)
+    if not module.network.has_hidden_layers:
+        if weights is None:
+            log.warning(
+                "The trunk has random weights, so that its features are much weaker than "
+                "published; give pretrained ones as weights=FILE."
+            )
+        batches = cast(TrainingBatches, data.batches)
+        assert batches.photos is not None
+        fit_linear_head(module, *batches.photos)
     elif weights is not None:
         _probe(training, module, data)
     module.to("cpu")
@@ -180,6 +189,26 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
     validation = SampleSet(samples, training.store, training.card.classes)
     workers = training.config.data.num_workers
     return SurfaceData(batches, fit["steps_per_epoch"], validation, workers)
+
+
+def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
+    """Batches of specimens rendered on the way; HapticNet's normalisation is that of the first."""
+    fit, stream = training.fit_values, cast(SpecimenStream, training.stream)
+    views: TraceViews | PhotoViews
+    if training.card.kind == "haptic":
+        features = cast(HapticFeatures, module.classifier.haptic_features)
+        views = TraceViews(stream, features, fit["frames"])
+    else:
+        views = PhotoViews(stream, crop_side(fit["patch"], fit["rotation"]), fit["rotation"])
+    config = training.config
+    batches = StreamBatches(views, fit["batch_size"], config.pretrain.views, config.seed)
+    if isinstance(views, TraceViews):
+        first = range(FITTED * fit["batch_size"])
+        rendered = (batches.specimen(number) for number in track(first, "Spectrograms"))
+        views.features.fit([each for specimen in rendered for each in specimen])
+        views.features = deepcopy(views.features)  # stays on the CPU, with the loaders
+    validation = SampleSet([], training.store, training.card.classes)
+    return SurfaceData(batches, fit["steps_per_epoch"], validation, config.data.num_workers)
 
 
 def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tensor]:

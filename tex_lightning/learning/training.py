@@ -7,6 +7,7 @@ from typing import Any
 from tex_lightning.card import Card
 from tex_lightning.data.folds import Kind, Split
 from tex_lightning.data.store import Store
+from tex_lightning.data.synthetic.stream import SpecimenStream
 from tex_lightning.schema import Config
 
 
@@ -21,6 +22,7 @@ class Training:
         store: Decoded files.
         directory: The run folder.
         unimodal: Checkpoints that FusionNet starts from; empty for the others.
+        stream: Specimens to train on in place of recordings.
     """
 
     config: Config
@@ -29,6 +31,7 @@ class Training:
     store: Store
     directory: Path
     unimodal: dict[Kind, Path]
+    stream: SpecimenStream | None = None
 
     @property
     def final(self) -> Path:
@@ -39,6 +42,11 @@ class Training:
     def working(self) -> Path:
         """Folder of the checkpoints that an interrupted run goes on from."""
         return self.directory / "checkpoints" / self.card.kind
+
+    @property
+    def weights(self) -> str | None:
+        """Where the trunk starts; FusionNet's parts have done so already."""
+        return None if self.card.kind == "fusion" else self.config.weights_of(self.card.kind)
 
     @property
     def fit_values(self) -> dict[str, Any]:

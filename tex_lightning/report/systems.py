@@ -8,6 +8,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from tex_lightning.learning.start import SUFFIX
 from tex_lightning.report.results import Outcome, read_outcomes
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")
@@ -87,11 +88,14 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
 
 
 def _start(results: dict[str, Any], kind: str) -> list[str]:
-    """What the trunk of a system on photos began with, if the run says so."""
-    weights = results.get("trunk_weights")
-    if weights is None or kind == "haptic":
+    """What the trunk of a system began with, if the run says so."""
+    part = kind == "haptic" and list(results["networks"])[-1] != "haptic"
+    weights = results.get("haptic_trunk_weights" if part else "trunk_weights")
+    if weights is None:
         return []
-    return [f"trunk from {Path(weights).name}"]
+    source = Path(weights.partition(" (")[0])  # what it was trained on may follow
+    # every run calls its checkpoints the same
+    return [f"trunk from {source if source.suffix == SUFFIX else source.name}"]
 
 
 def _results(run: Path) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from tex_lightning.schema.tasks import (
     GenerateConfig,
     LoggerConfig,
     PredictConfig,
+    PretrainConfig,
     ProfileConfig,
     StabilityConfig,
     StreamConfig,
@@ -39,9 +40,9 @@ from tex_lightning.schema.tasks import (
 __all__ = [
     "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig", "FitConfig",
     "FrontierConfig", "FusionConfig", "FusionFitConfig", "GenerateConfig", "HapticConfig",
-    "HapticFitConfig", "LoggerConfig", "ModelConfig", "PredictConfig", "ProbeConfig",
-    "ProfileConfig", "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig",
-    "VisualConfig", "VisualFitConfig", "flatten", "register",
+    "HapticFitConfig", "LoggerConfig", "ModelConfig", "PredictConfig", "PretrainConfig",
+    "ProbeConfig", "ProfileConfig", "StabilityConfig", "StreamConfig", "SyntheticConfig",
+    "TrainerConfig", "VisualConfig", "VisualFitConfig", "flatten", "register",
 ]  # fmt: skip
 
 
@@ -66,9 +67,21 @@ class Config:
     predict: PredictConfig = field(default_factory=PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
+    pretrain: PretrainConfig = field(default_factory=PretrainConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)
     stability: StabilityConfig = field(default_factory=StabilityConfig)
+
+    def weights_of(self, kind: str) -> str | None:
+        """Where the trunk of HapticNet ("haptic") or of VisualNet starts; None is at random.
+
+        A mapping names both, see :func:`~tex_lightning.tasks.weights.pick_weights`; anything else
+        is meant for the photos' trunk, if the model has one.
+        """
+        if isinstance(self.weights, dict):
+            given: str | None = self.weights.get("haptic" if kind == "haptic" else "visual")
+            return given
+        return self.weights if (kind == "haptic") == (self.model.kind == "haptic") else None
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

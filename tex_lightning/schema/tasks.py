@@ -129,6 +129,19 @@ class GenerateConfig:
 
 
 @dataclass
+class PretrainConfig:
+    """The stream of ``task=pretrain``.
+
+    Attributes:
+        views: How often a rendered specimen is viewed before it is gone.
+        test: Specimens that the network is tested on; training meets none of them.
+    """
+
+    views: int = MISSING
+    test: int = MISSING
+
+
+@dataclass
 class ProfileConfig:
     """What ``task=profile`` measures and how long it may take.
 

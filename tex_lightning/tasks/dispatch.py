@@ -22,6 +22,7 @@ from tex_lightning.tasks import (
     frontier,
     generate,
     predict,
+    pretrain,
     profile,
     stability,
     stream,
@@ -37,12 +38,13 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "predict": predict.run,
     "stream": stream.run,
     "generate": generate.run,
+    "pretrain": pretrain.run,
     "profile": profile.run,
     "frontier": frontier.run,
     "stability": stability.run,
 }
 
-TRAINING = ("fit", "crossval", "frontier")
+TRAINING = ("fit", "crossval", "frontier", "pretrain")
 
 
 def run_task(composed: DictConfig, directory: Path) -> int:

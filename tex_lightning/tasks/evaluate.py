@@ -16,8 +16,9 @@ from tex_lightning.errors import UserError
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config, DataConfig
+from tex_lightning.tasks.seen import refuse_leak
 from tex_lightning.tasks.testing import draw_figures, report_network
-from tex_lightning.tasks.workspace import check_sizes, hold_out, refuse_leak
+from tex_lightning.tasks.workspace import check_sizes, hold_out
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:

@@ -80,8 +80,8 @@ def compose_family(config: Config, shared: Path) -> Iterator[Member]:
         overrides = tuple(family[name].split())
         composed = compose("config", overrides=[*given, "task=crossval", *overrides])
         member = read_config(composed)
-        if member.model.kind == "haptic":
-            member = replace(member, weights=None)  # for the photos' networks of the family
+        if member.model.kind == "haptic" and isinstance(composed.weights, str):
+            member = replace(member, weights=None)  # one source is for the networks on photos
         member = replace(member, crossval=replace(member.crossval, share=str(shared)))
         check_config(member, ("crossval",))
         yield Member(name, overrides, member)

@@ -12,6 +12,7 @@ from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.learning.share import train_shared
+from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.parts import UNIMODAL
@@ -35,16 +36,23 @@ log = logging.getLogger(__name__)
 def run(config: Config, directory: Path) -> dict[str, Any]:
     """Train and test on ``data.test_fold``; write ``results.json`` and return its content."""
     begin = time.perf_counter()
-    done = directory / "results.json"
-    if done.is_file():
-        log.info("This run is finished already.")
-        finished: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
-        print_results(finished, directory)
-        return finished
+    if (done := finished(directory)) is not None:
+        return done
     workspace = open_workspace(config, directory)
     networks = fit_fold(workspace)
     results = results_frame(workspace, networks, time.perf_counter() - begin)
     write_results(directory / "results.json", results)
+    print_results(results, directory)
+    return results
+
+
+def finished(directory: Path) -> dict[str, Any] | None:
+    """The results of a run that is finished already, shown again; None if it is not."""
+    done = directory / "results.json"
+    if not done.is_file():
+        return None
+    log.info("This run is finished already.")
+    results: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
     print_results(results, directory)
     return results
 
@@ -58,6 +66,7 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
         "data": config.data.name,
         "classes": workspace.classes,
         "trunk_weights": trunk_weights(config),
+        **haptic_trunk_weights(config),
         "seed": config.seed,
         "wall_seconds": seconds,
         "environment": environment(pick_device(config.trainer.accelerator)),
@@ -66,11 +75,22 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
 
 
 def trunk_weights(config: Config) -> str | None:
-    """Where the visual trunk's weights came from, if there is one."""
+    """Where the visual trunk's weights came from, if there is one; else those of HapticNet's."""
     model = config.model
-    trunk = "trunk" in model.settings if model.baseline is not None else model.kind != "haptic"
-    given = config.weights or model.fusion.visual_checkpoint
-    return (given or RANDOM) if trunk else None
+    if model.kind != "haptic":
+        trunk = model.baseline is None or "trunk" in model.settings
+        given = config.weights_of("visual") or model.fusion.visual_checkpoint
+        return (RANDOM if given is None else name_source(given)) if trunk else None
+    given = config.weights_of("haptic")
+    return None if given is None else name_source(given)
+
+
+def haptic_trunk_weights(config: Config) -> dict[str, str]:
+    """Where those of a FusionNet's HapticNet came from, if they were given."""
+    given = config.model.fusion.haptic_checkpoint or config.weights_of("haptic")
+    if config.model.kind != "fusion" or given is None:
+        return {}
+    return {"haptic_trunk_weights": name_source(given)}
 
 
 def fit_fold(workspace: Workspace) -> dict[str, Any]:
@@ -105,9 +125,15 @@ def _fit_network(
         checkpoint = train_shared(training, Path(workspace.config.crossval.share).expanduser())
     else:
         checkpoint = train_network(training)
+    return tested_network(workspace, checkpoint, parts)
+
+
+def tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict[str, Any]:
+    """Calibrate and test a trained network; its entry of ``results.json``."""
     classifier = load_classifier(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
-    config, store = workspace.config, workspace.store
+    config, store, directory = workspace.config, workspace.store, workspace.directory
+    kind = classifier.card.kind
     calibrate(classifier, checkpoint, make_samples(parts.val, kind), store, config)
     samples = make_samples(parts.test, kind)
     unknown = workspace.unknown_samples(kind)
@@ -115,9 +141,10 @@ def _fit_network(
         classifier, checkpoint, samples, store, directory, config, unknown
     )
     figures = {}
-    if config.task == "fit":  # others draw what they have pooled over the folds
+    if config.task in ("fit", "pretrain"):  # others draw what they have pooled over the folds
         figures = draw_figures(outcomes, workspace.classes, kind, directory)
     if workspace.config.logger.tensorboard:
         log_test(directory, kind, asdict(workspace.config), result, figures)
-    log.info("%s: %d of %d votes right.", card.title, result["correct"], result["test_samples"])
+    title = classifier.card.title
+    log.info("%s: %d of %d votes right.", title, result["correct"], result["test_samples"])
     return result

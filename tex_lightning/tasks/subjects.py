@@ -13,7 +13,7 @@ from tex_lightning.data.decode import decode_image, decode_trace
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.data.synthetic import make_materials
 from tex_lightning.data.synthetic.camera import render_photo
-from tex_lightning.data.synthetic.specimen import Specimen, make_specimen
+from tex_lightning.data.synthetic.specimen import Specimen
 from tex_lightning.data.synthetic.tool import slide_tool
 from tex_lightning.errors import UserError
 from tex_lightning.networks.windows import window_size
@@ -91,4 +91,4 @@ def _photo(config: Config, card: Card) -> Tensor:
 
 
 def _specimen(config: Config) -> Specimen:
-    return make_specimen(make_materials(2, config.seed)[0])
+    return Specimen(make_materials(2, config.seed)[0])

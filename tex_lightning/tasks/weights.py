@@ -9,6 +9,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.schema import Config
 
+HAPTIC = "haptic"  # HapticNet has one trunk, which goes by this name
+
 
 def read_config(composed: DictConfig) -> Config:
     """A composed configuration as a typed one, with the weights of its own model."""
@@ -16,7 +18,9 @@ def read_config(composed: DictConfig) -> Config:
 
 
 def pick_weights(config: Config) -> Config:
-    """Replace ``weights={TRUNK: SOURCE, …}`` by the source for this model's trunk, or by null.
+    """Keep of ``weights={TRUNK: SOURCE, haptic: SOURCE, …}`` what this model has a trunk for.
+
+    What is kept is one source, for FusionNet perhaps one for each part, or null.
 
     Raises:
         UserError: If ``weights`` is neither a source nor such a mapping.
@@ -24,14 +28,17 @@ def pick_weights(config: Config) -> Config:
     given = config.weights
     if given is None or isinstance(given, str):
         return config
-    if not isinstance(given, dict) or not set(given) <= set(TRUNKS):
+    if not isinstance(given, dict) or not set(given) <= {HAPTIC, *TRUNKS}:
         raise UserError(
             f"weights={given} is not understood; give one file, address or `imagenet`, or one for "
-            f"each trunk as {{TRUNK: FILE}} with trunks of {', '.join(TRUNKS)}."
+            f"each trunk as {{TRUNK: FILE}} with trunks of {HAPTIC}, {', '.join(TRUNKS)}."
         )
     model = config.model
     if model.baseline is not None:
         return replace(config, weights=given.get(model.settings.get("trunk")))
-    return replace(
-        config, weights=None if model.kind == "haptic" else given.get(model.visual.trunk)
-    )
+    if model.kind == "haptic":
+        return replace(config, weights=given.get(HAPTIC))
+    visual, haptic = given.get(model.visual.trunk), given.get(HAPTIC)
+    if model.kind == "visual" or haptic is None:
+        return replace(config, weights=visual)
+    return replace(config, weights={"haptic": haptic, "visual": visual})

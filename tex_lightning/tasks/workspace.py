@@ -1,6 +1,5 @@
 """What every training task starts with: recordings, store, classifier card, run folder."""
 
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -13,12 +12,13 @@ from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.store import Store, cache_root, fingerprint
+from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
-from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.networks.weights import load_trunk_weights
+from tex_lightning.learning.start import start_trunk
+from tex_lightning.parts import UNIMODAL
 from tex_lightning.schema import Config, DataConfig, ModelConfig
+from tex_lightning.tasks.seen import refuse_leak, trained_on, trained_on_parts
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
 VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
@@ -138,16 +138,14 @@ def check_networks(config: Config) -> int:
         if config.weights is not None:
             baseline.load_weights(config.weights)
         return baseline.least_side
-    if model.kind == "haptic":
-        return 0
     given = given_checkpoints(config) if model.kind == "fusion" else {}
     starts = {kind: SurfaceClassifier.from_checkpoint(path, kind) for kind, path in given.items()}
-    if "visual" in starts:
-        return cast(VisualNet, starts["visual"].network).min_side
-    network = VisualNet(2, **_network(model.visual, *VISUAL_KEYS))
-    if config.weights is not None:
-        load_trunk_weights(network, config.weights)
-    return network.min_side
+    for kind in UNIMODAL if model.kind == "fusion" else (cast(Kind, model.kind),):
+        if kind not in starts:
+            starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
+            if (source := config.weights_of(kind)) is not None:
+                start_trunk(starts[kind], source)
+    return starts["visual"].least_side if "visual" in starts else 0
 
 
 def given_checkpoints(config: Config) -> dict[Kind, Path]:
@@ -168,16 +166,16 @@ def decode_settings(data: DataConfig) -> DecodeSettings:
 
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
     """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
-    config = workspace.config
-    card = replace(
-        configured_card(config, kind, workspace.classes), trained_on=trained_on(workspace, kind)
-    )
+    config, parts = workspace.config, workspace.parts()
+    card = configured_card(config, kind, workspace.classes)
     if kind != "fusion":
-        return card
+        source = None if card.baseline else config.weights_of(kind)
+        return replace(card, trained_on=trained_on(card, parts, config.data, source))
     haptic = starting_card(workspace, "haptic", unimodal["haptic"])
     visual = starting_card(workspace, "visual", unimodal["visual"])
     return replace(
         card,
+        trained_on=trained_on_parts(card, parts, config.data, haptic, visual),
         haptic_features=haptic.haptic_features,
         haptic_network=haptic.haptic_network,
         visual_network=visual.visual_network,
@@ -230,50 +228,6 @@ def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:
             )
     refuse_leak(workspace.parts().test.of(NEEDS[kind][0]), card, f"Checkpoint {path}")
     return card
-
-
-def refuse_leak(test: Recordings, card: Card, who: str) -> None:
-    """Refuse weights that were trained, or chosen, on what is to be tested.
-
-    Recordings are compared by content, so that neither another reader nor other folds hide one.
-
-    Args:
-        test: What is to be tested.
-        card: Of the checkpoint.
-        who: Its name in the message.
-
-    Raises:
-        UserError: Naming one such file and the fold that the checkpoint was tested on.
-    """
-    seen = set(card.trained_on["seen"])
-    known = [row for row in test if fingerprint(row.path) in seen]
-    if known:
-        same = " ".join(
-            f"data.{key}={json.dumps(value)}"
-            for key, value in card.trained_on.items()
-            if key != "seen"
-        )
-        raise UserError(
-            f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
-            f"{known[0].path.name} among them, so testing here would flatter it; set "
-            f"{same} as in its training, or train anew."
-        )
-
-
-def trained_on(workspace: Workspace, kind: Kind) -> dict[str, Any]:
-    """What the weights of one kind will have seen, and the fold that they will not."""
-    parts, data = workspace.parts(), workspace.config.data
-    return {
-        "folds": data.folds,
-        "test_fold": data.test_fold,
-        **({"inverted": True, "val_fold": data.val_fold} if data.inverted else {}),
-        "seen": [
-            fingerprint(row.path)
-            for part in (parts.train, parts.val)
-            for row in part
-            if row.modality in NEEDS[kind]
-        ],
-    }
 
 
 def _haptic_features(config: Config) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from tex_lightning.data.synthetic.dataset import SAMPLING_RATE as RENDERED_RATE
 from tex_lightning.decision.voting import RULES
 from tex_lightning.perturbations.table import perturbations
 from tex_lightning.schema import Config
@@ -23,7 +24,8 @@ def check_task(config: Config) -> Iterator[str]:
     data = config.data
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
-    training = config.task in ("fit", "crossval", "frontier")
+    on_recordings = config.task in ("fit", "crossval", "frontier")
+    training = on_recordings or config.task == "pretrain"
     if not training and (config.trainer.devices, config.trainer.num_nodes) != (1, 1):
         yield (
             f"several devices are used when training, not by task={config.task}: leave out "
@@ -43,10 +45,11 @@ def check_task(config: Config) -> Iterator[str]:
         yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     yield from _frontier(config)
     yield from _profile(config)
+    yield from _pretrain(config)
     yield from _stability(config)
     yield from _stream_axes(config.stream.axes)
-    if config.weights is not None and not training:
-        yield f"weights are read when training, not by task={config.task}: leave it null"
+    if config.weights is not None and not on_recordings:
+        yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
     fusion = config.model.fusion
     if config.task == "crossval" and (fusion.haptic_checkpoint or fusion.visual_checkpoint):
         yield (
@@ -63,11 +66,14 @@ def check_task(config: Config) -> Iterator[str]:
     if (
         config.weights is not None
         and config.model.kind == "haptic"
+        and config.model.baseline is not None
         and config.task != "frontier"  # whose family may have networks on photos
     ):
-        yield "weights belong to the visual trunk, which model=haptic does not have: leave it null"
-    if config.weights is not None and config.model.fusion.visual_checkpoint is not None:
-        yield "weights and model.fusion.visual_checkpoint both fill the visual trunk: give one"
+        yield f"weights belong to a trunk, which model={config.model.name} does not have"
+    for kind in ("haptic", "visual"):
+        given = getattr(fusion, f"{kind}_checkpoint") is not None
+        if given and config.model.kind == "fusion" and config.weights_of(kind) is not None:
+            yield f"weights and model.fusion.{kind}_checkpoint both fill the {kind} trunk: give one"
 
 
 def _frontier(config: Config) -> Iterator[str]:
@@ -133,6 +139,27 @@ def _profile(config: Config) -> Iterator[str]:
         yield from positive(f"profile.{name}", getattr(profile, name))
     if profile.growth and config.task != "profile":
         yield f"profile.growth is read by task=profile alone, not by task={config.task}"
+
+
+def _pretrain(config: Config) -> Iterator[str]:
+    yield from least("pretrain.views", config.pretrain.views, 1)
+    yield from least("pretrain.test", config.pretrain.test, 1)
+    if config.task != "pretrain":
+        return
+    model, data = config.model, config.data
+    if model.baseline is not None or model.kind == "fusion":
+        yield f"task=pretrain trains HapticNet or VisualNet, not model={model.name}"
+    if data.name != "synthetic":
+        yield f"task=pretrain renders its own surfaces, not data={data.name}: leave data out"
+    if data.sampling_rate != RENDERED_RATE:
+        yield f"data.sampling_rate is {data.sampling_rate:g}: rendered traces have {RENDERED_RATE}"
+    if data.resize is not None:
+        yield "data.resize is not read by task=pretrain: leave it null"
+    if model.haptic.fit.perturb or model.visual.fit.perturb:
+        yield "perturb is not read by task=pretrain: leave it empty"
+    if model.kind == "haptic":
+        seconds = data.synthetic.seconds
+        yield from within("data.synthetic.seconds", seconds, LEAST_TRACE_S, MOST_TRACE_S)
 
 
 def _stability(config: Config) -> Iterator[str]:

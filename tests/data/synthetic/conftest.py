@@ -3,12 +3,12 @@ from functools import cache
 import pytest
 
 from tex_lightning.data.synthetic.materials import make_materials
-from tex_lightning.data.synthetic.specimen import make_specimen
+from tex_lightning.data.synthetic.specimen import Specimen
 
 
 @cache
 def _specimen(index):
-    return make_specimen(make_materials(6, 0)[index])
+    return Specimen(make_materials(6, 0)[index])
 
 
 @pytest.fixture(scope="session")

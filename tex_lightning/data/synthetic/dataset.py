@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tex_lightning.data.synthetic.camera import Light, render_photo
 from tex_lightning.data.synthetic.materials import make_materials
-from tex_lightning.data.synthetic.specimen import Specimen, make_specimen
+from tex_lightning.data.synthetic.specimen import Specimen
 from tex_lightning.data.synthetic.tool import slide_tool
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
@@ -162,7 +162,7 @@ def _for_each_class(spec: SyntheticSpec, write: Callable[[Specimen, int], None])
     materials = make_materials(spec.classes, spec.seed)
 
     def write_class(index: int) -> None:
-        write(make_specimen(materials[index]), index)
+        write(Specimen(materials[index]), index)
 
     # Threads do, as the work is done inside NumPy, SciPy and OpenCV, and they start anywhere.
     with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,44 +21,56 @@ from tex_lightning.data.synthetic.relief import (
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """The tiles of one material.
+    """The tiles of one material, each made when it is first asked for.
+
+    Photos and traces need the relief and each half of the rest; all of it takes about a fifth of a
+    second and 40 MB, and a quarter of that with half as many points.
 
     Attributes:
         material: What it is made of.
-        height: Relief in mm, shape (``TILE``, ``TILE``); all below but ``micro`` and the colours of
-            ``albedo`` is derived from it.
-        slope_x: Derivative of the height along x, same shape, without unit.
-        slope_y: Derivative along y.
-        occlusion: Diffuse light that a point receives, 1 on a plain, less in the valleys and up to
-            1.22 on a ridge.
-        albedo: Reflectance, shape (``TILE``, ``TILE``, 3), linear red, green, blue.
-        contact_height: Relief as the tip follows it, in mm: averaged over the contact patch.
-        micro: Fine roughness in mm, shape (``MICRO_TILE``, ``MICRO_TILE``).
+        points: Grid points along a side of the tiles but that of ``micro``.
     """
 
     material: Material
-    height: Field
-    slope_x: Field
-    slope_y: Field
-    occlusion: Field
-    albedo: Field
-    contact_height: Field
-    micro: Field
+    points: int = TILE
 
+    @cached_property
+    def height(self) -> Field:
+        """Relief in mm, shape (points, points).
 
-def make_specimen(material: Material) -> Specimen:
-    """Make up a material; takes about a fifth of a second and 40 MB."""
-    height = make_relief(material.relief)
-    return Specimen(
-        material=material,
-        height=height,
-        slope_x=_slope(height, axis=1),
-        slope_y=_slope(height, axis=0),
-        occlusion=_occlusion(height, material.relief.wavelength),
-        albedo=_albedo(height, material.skin),
-        contact_height=smooth(height, _contact_radius(material.body.stiffness)),
-        micro=make_micro(material.body),
-    )
+        All below but ``micro`` and the colours of ``albedo`` is derived from it.
+        """
+        return make_relief(self.material.relief, self.points)
+
+    @cached_property
+    def slope_x(self) -> Field:
+        """Derivative of the height along x, same shape, without unit."""
+        return _slope(self.height, axis=1)
+
+    @cached_property
+    def slope_y(self) -> Field:
+        """Derivative along y."""
+        return _slope(self.height, axis=0)
+
+    @cached_property
+    def occlusion(self) -> Field:
+        """Diffuse light at every point: 1 on a plain, less in valleys, to 1.22 on a ridge."""
+        return _occlusion(self.height, self.material.relief.wavelength)
+
+    @cached_property
+    def albedo(self) -> Field:
+        """Reflectance, shape (points, points, 3), linear red, green, blue."""
+        return _albedo(self.height, self.material.skin)
+
+    @cached_property
+    def contact_height(self) -> Field:
+        """Relief as the tip follows it, in mm: averaged over the contact patch."""
+        return smooth(self.height, _contact_radius(self.material.body.stiffness))
+
+    @cached_property
+    def micro(self) -> Field:
+        """Fine roughness in mm, shape (``MICRO_TILE``, ``MICRO_TILE``)."""
+        return make_micro(self.material.body)
 
 
 def _slope(height: Field, axis: int) -> Field:
@@ -80,7 +93,7 @@ def _contact_radius(stiffness: float) -> float:
 def _albedo(height: Field, skin: Skin) -> Field:
     rng = np.random.default_rng([skin.seed, 2])
     weight = _pattern(height, skin, rng)[..., None]
-    mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
+    mottle = shaped_noise(rng, len(height), PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
     ground = np.asarray(skin.colour, np.float32)
     accent = np.asarray(skin.accent, np.float32)
     mixed: Field = ground + weight * (accent - ground)
@@ -89,8 +102,9 @@ def _albedo(height: Field, skin: Skin) -> Field:
 
 def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
     """Give the share of the accent colour at every point, in [0, 1]."""
-    count = max(2, round(TILE * PITCH / skin.pattern_size))
-    line = np.arange(TILE, dtype=np.float32) * np.float32(2 * np.pi * count / TILE)
+    points = len(height)
+    count = max(2, round(points * PITCH / skin.pattern_size))
+    line = np.arange(points, dtype=np.float32) * np.float32(2 * np.pi * count / points)
     rows, columns = np.meshgrid(line, line, indexing="ij")
     if skin.pattern == "valleys":
         return _step(-height / height.std() - 0.3, 4)
@@ -100,7 +114,7 @@ def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
         return _step(np.cos(rows) + np.cos(columns) - 0.7, 5)
     if skin.pattern == "speckle":
         size = skin.pattern_size / 8
-        grain = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-((3 * size * k) ** 2)))
+        grain = shaped_noise(rng, points, PITCH, lambda _, __, k: np.exp(-((3 * size * k) ** 2)))
         return _step(grain - 0.8, 5)
     return np.zeros_like(height)
 

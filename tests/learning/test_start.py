@@ -1,0 +1,88 @@
+"""Trunks that start from checkpoints."""
+
+import pytest
+import torch
+
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.errors import UserError
+from tex_lightning.learning.start import start_trunk
+
+FEATURES = {
+    "sampling_rate": 10_000.0, "normalisation": "standard", "skip_impact": True, "axes": "frame",
+    "scale": "mel",
+}  # fmt: skip
+NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
+
+
+def classifier(kind: str, classes: int, **changes) -> SurfaceClassifier:
+    haptic = kind == "haptic"
+    network = {**NETWORK, **({} if haptic else {"trunk": "tcnn"}), **changes}
+    return SurfaceClassifier(
+        Card(
+            kind=kind,
+            classes=[f"c{number}" for number in range(classes)],
+            decode=DecodeSettings().to_dict(),
+            decision={"pairs": 10, "seed": 0},
+            haptic_features=FEATURES if haptic else {},
+            haptic_network=network if haptic else {},
+            visual_network={} if haptic else network,
+            trained_on={"stream": {"classes": classes}, "seen": []},
+        )
+    )
+
+
+def saved(source: SurfaceClassifier, path) -> str:
+    state = {f"classifier.{key}": value for key, value in source.state_dict().items()}
+    card = source.card.to_dict()
+    torch.save({"state_dict": state, "hyper_parameters": {"card": card}}, path)
+    return str(path)
+
+
+@pytest.mark.parametrize("kind", ["haptic", "visual"])
+def test_the_trunk_is_taken_and_the_head_is_not(kind, tmp_path):
+    source, target = classifier(kind, 5), classifier(kind, 3)
+    head = {key: value.clone() for key, value in target.network.head.state_dict().items()}
+    for buffer in source.network.trunk.buffers():
+        buffer.add_(1)  # running statistics come along
+    message = start_trunk(target, saved(source, tmp_path / "a.ckpt"))
+    assert "synthetic surfaces of 5 classes" in message
+    for part, expected in (("trunk", source.network.trunk.state_dict()), ("head", head)):
+        found = getattr(target.network, part).state_dict()
+        assert found.keys() == expected.keys()
+        assert all(torch.equal(found[key], expected[key]) for key in found)
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "message"),
+    [
+        ("haptic", {"width": 0.2}, "set model.haptic.width=0.2 as it was trained"),
+        ("visual", {"norm": "lrn", "width": 0.2}, "set model.visual.width=0.2 model.visual.norm=l"),
+        ("visual", {"trunk": "alexnet_caffe"}, "set model.visual.trunk=alexnet_caffe"),
+    ],
+)
+def test_another_trunk_is_refused_with_what_to_set(kind, changes, message, tmp_path):
+    path = saved(classifier(kind, 3, **changes), tmp_path / "a.ckpt")
+    with pytest.raises(UserError, match=message):
+        start_trunk(classifier(kind, 3), path)
+
+
+def test_the_trunk_that_comes_with_the_package_fits_the_default_hapticnet():
+    target = classifier("haptic", 3, width=0.5)
+    assert "synthetic surfaces of 200 classes" in start_trunk(target, "synthetic")
+    assert all(value.isfinite().all() for value in target.network.trunk.state_dict().values())
+    with pytest.raises(UserError, match="none of VisualNet comes with the package"):
+        start_trunk(classifier("visual", 3), "synthetic")
+    with pytest.raises(UserError, match="trunk in synthetic is another"):
+        start_trunk(classifier("haptic", 3), "synthetic")
+
+
+def test_other_sources_are_refused(tmp_path):
+    visual = saved(classifier("visual", 3), tmp_path / "a.ckpt")
+    with pytest.raises(UserError, match="holds a visual network where a haptic network"):
+        start_trunk(classifier("haptic", 3), visual)
+    with pytest.raises(UserError, match="HapticNet starts from a checkpoint"):
+        start_trunk(classifier("haptic", 3), "imagenet")
+    with pytest.raises(UserError, match="does not exist"):
+        start_trunk(classifier("haptic", 3), str(tmp_path / "b.ckpt"))

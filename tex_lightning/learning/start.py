@@ -1,0 +1,108 @@
+"""Start a trunk from given weights: ImageNet's, or those of a checkpoint of this package."""
+
+from pathlib import Path
+from typing import Any, cast
+
+from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.errors import UserError
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.networks.weights import load_trunk_weights
+
+SUFFIX = ".ckpt"
+SYNTHETIC = "synthetic"  # the name of what comes with the package
+SHIPPED = Path(__file__).parents[1] / "shipped" / "haptic.ckpt"  # of task=pretrain, rounded to fp16
+SHAPING = {
+    "haptic": ("width", "norm", "sampling_rate", "normalisation", "axes", "scale"),
+    "visual": ("trunk", "width", "norm"),
+}
+
+
+def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
+    """Load weights into the trunk of HapticNet or VisualNet; its head stays as it is.
+
+    Args:
+        classifier: Of a haptic or visual network.
+        source: A checkpoint (.ckpt) of the same kind, of which the trunk is taken and nothing
+            else; for HapticNet also "synthetic", the one that comes with the package; for VisualNet
+            also what
+            :func:`~tex_lightning.networks.weights.load_trunk_weights` takes.
+
+    Returns:
+        One line saying what was loaded.
+
+    Raises:
+        UserError: If the source cannot be used, or its trunk is another.
+    """
+    card, network = classifier.card, classifier.network
+    start = starting_classifier(source, card)
+    if start is None:
+        return load_trunk_weights(cast(VisualNet, network), source)
+    theirs = cast(HapticNet | VisualNet, start.network).trunk.state_dict()
+    cast(HapticNet | VisualNet, network).trunk.load_state_dict(theirs)
+    return f"Trunk from {source}, {_describe(start.card)}."
+
+
+def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
+    """The classifier in a checkpoint whose trunk can become that of ``card``.
+
+    Args:
+        source: As for :func:`start_trunk`.
+        card: Of the classifier that is to start from it.
+
+    Returns:
+        None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
+
+    Raises:
+        UserError: If it is a checkpoint and cannot be used, or none and HapticNet needs one.
+    """
+    if source == SYNTHETIC and card.kind == "visual":
+        raise UserError(
+            "weights=synthetic is a trunk of HapticNet, and none of VisualNet comes with the "
+            "package; run task=pretrain model=visual and give its checkpoint."
+        )
+    path = _path(source)
+    if path.suffix != SUFFIX:
+        if card.kind == "haptic":
+            raise UserError(
+                f"weights: HapticNet starts from a checkpoint, and {source} does not end in "
+                f"{SUFFIX}; give weights=synthetic or the one of task=pretrain model=haptic."
+            )
+        return None
+    start = SurfaceClassifier.from_checkpoint(path, card.kind)
+    ours, theirs = _shape(card), _shape(start.card)
+    other = {key: value for key, value in theirs.items() if ours[key] != value}
+    if other:
+        said = " ".join(f"model.{card.kind}.{key}={value}" for key, value in other.items())
+        said = said.replace("model.haptic.sampling_rate", "data.sampling_rate")
+        raise UserError(f"weights: the trunk in {source} is another; set {said} as it was trained.")
+    return start
+
+
+def _shape(card: Card) -> dict[str, Any]:
+    values = {**card.haptic_features, **(card.haptic_network or card.visual_network)}
+    return {key: values[key] for key in SHAPING[card.kind]}
+
+
+def name_source(source: str) -> str:
+    """A source of weights, and of a checkpoint of this package also what that was trained on."""
+    path = _path(source)
+    if path.suffix != SUFFIX:
+        return source
+    stored = read_checkpoint(path)["hyper_parameters"]["card"]
+    return f"{source} ({_describe(Card.from_dict(stored))})"
+
+
+def _path(source: str) -> Path:
+    return SHIPPED if source == SYNTHETIC else Path(source)
+
+
+def _describe(card: Card) -> str:
+    stream = card.trained_on.get("stream")
+    if stream is not None:
+        return f"trained on synthetic surfaces of {stream['classes']} classes"
+    begun = [
+        f", its trunk begun from {name}" for name in card.trained_on.get("trunks", {}).values()
+    ]
+    return f"trained on {len(card.trained_on['seen'])} recordings{''.join(begun)}"
