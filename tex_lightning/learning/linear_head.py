@@ -37,12 +37,11 @@ def fit_linear_head(module: VisualModule, photos: PhotoBank, labels: npt.NDArray
     numbers = track(range(len(targets)), "Features of the pretrained trunk")
     raw = torch.stack([_mean_features(module, _view(photos, each, module)) for each in numbers])
     features = cast(TextureFeatures, module.network.trunk.layers[-1]).standardise(raw)
-    # the strength is one for features of unit variance
-    strength = recipe["strength"] * features.shape[1]
-    regression = LogisticRegression(C=strength, tol=1e-4, max_iter=1000)
+    scale = features.shape[1] ** 0.5  # to unit variance, which strength and tolerance are meant for
+    regression = LogisticRegression(C=recipe["strength"], tol=1e-4, max_iter=1000)
     with threadpool_limits(limits=1):  # on so few rows threads wait for each other
-        regression.fit(features.cpu().double().numpy(), targets)
-    _set_scores(module, regression.coef_, regression.intercept_)
+        regression.fit(features.cpu().double().numpy() * scale, targets)
+    _set_scores(module, regression.coef_ * scale, regression.intercept_)
 
 
 def _view(photos: PhotoBank, number: int, module: VisualModule) -> Pixels:

@@ -1,14 +1,27 @@
 """Start a trunk from given weights: ImageNet's, or those of a checkpoint of this package."""
 
+import itertools
+import logging
+import math
 from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.datamodule import TrainingBatches
+from tex_lightning.data.stream import StreamBatches
+from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
+from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.linear_head import fit_linear_head
+from tex_lightning.learning.probe import probe_head
+from tex_lightning.learning.training import Training
+from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
+
+log = logging.getLogger(__name__)
 
 SUFFIX = ".ckpt"
 SYNTHETIC = "synthetic"  # the name of what comes with the package
@@ -106,3 +119,44 @@ def _describe(card: Card) -> str:
         f", its trunk begun from {name}" for name in card.trained_on.get("trunks", {}).values()
     ]
     return f"trained on {len(card.trained_on['seen'])} recordings{''.join(begun)}"
+
+
+def start_network(
+    training: Training, module: SurfaceModule, batches: TrainingBatches | StreamBatches
+) -> None:
+    """Fill the trunk with the given weights and teach VisualNet's head what they see.
+
+    Args:
+        training: Says what to start from.
+        module: Of the network, on the CPU, where it is left.
+        batches: Of which a head learns.
+
+    Raises:
+        UserError: If the weights cannot be used.
+    """
+    weights = training.weights
+    if weights is not None:
+        log.info(start_trunk(module.classifier, weights))
+    if not isinstance(module, VisualModule) or isinstance(batches, StreamBatches):
+        return
+    module.to(pick_device(training.config.trainer.accelerator))
+    if not module.network.has_hidden_layers:
+        if weights is None:
+            log.warning(
+                "The trunk has random weights, so that its features are much weaker than "
+                "published; give pretrained ones as weights=FILE."
+            )
+        assert batches.photos is not None
+        fit_linear_head(module, *batches.photos)
+    elif weights is not None:
+        _probe(training, module, batches)
+    module.to("cpu")
+
+
+def _probe(training: Training, module: VisualModule, batches: TrainingBatches) -> None:
+    probe = training.config.model.visual.fit.probe
+    if probe.steps == 0:
+        return
+    photos = len(training.parts.train.of("image").rows)
+    count = math.ceil(probe.passes * photos / batches.batch_size)
+    probe_head(module, map(batches.__getitem__, itertools.count()), count, module.seed)

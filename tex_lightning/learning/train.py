@@ -1,8 +1,6 @@
 """Train one network to one checkpoint, or go on where an earlier run stopped."""
 
-import itertools
 import logging
-import math
 import shutil
 import time
 from copy import deepcopy
@@ -36,9 +34,7 @@ from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
-from tex_lightning.learning.linear_head import fit_linear_head
-from tex_lightning.learning.probe import probe_head
-from tex_lightning.learning.start import start_trunk
+from tex_lightning.learning.start import start_network
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
 from tex_lightning.learning.visual import VisualModule
@@ -109,40 +105,8 @@ def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData
     data = make(training, module)
     _check_resumable(last)
     if not last.is_file():
-        _start(training, module, data)
+        start_network(training, module, data.batches)
     return module, data
-
-
-def _start(training: Training, module: SurfaceModule, data: SurfaceData) -> None:
-    """Fill the trunk with the given weights and teach VisualNet's head what they see."""
-    weights = training.weights
-    if weights is not None:
-        log.info(start_trunk(module.classifier, weights))
-    if not isinstance(module, VisualModule) or training.stream is not None:
-        return
-    module.to(pick_device(training.config.trainer.accelerator))
-    if not module.network.has_hidden_layers:
-        if weights is None:
-            log.warning(
-                "The trunk has random weights, so that its features are much weaker than "
-                "published; give pretrained ones as weights=FILE."
-            )
-        batches = cast(TrainingBatches, data.batches)
-        assert batches.photos is not None
-        fit_linear_head(module, *batches.photos)
-    elif weights is not None:
-        _probe(training, module, data)
-    module.to("cpu")
-
-
-def _probe(training: Training, module: VisualModule, data: SurfaceData) -> None:
-    probe = training.config.model.visual.fit.probe
-    if probe.steps == 0:
-        return
-    count = math.ceil(
-        probe.passes * len(training.parts.train.of("image").rows) / data.batches.batch_size
-    )
-    probe_head(module, map(data.batches.__getitem__, itertools.count()), count, module.seed)
 
 
 def _check_resumable(last: Path) -> None:
