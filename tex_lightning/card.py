@@ -106,6 +106,6 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
 def damaged(path: Path, error: Exception) -> UserError:
     """What to say of a checkpoint that cannot be read."""
     return UserError(
-        f"Checkpoint {path} is damaged or was not written by tex_lightning "
-        f"({type(error).__name__}); give a file from a run's checkpoints folder."
+        f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "
+        f"({type(error).__name__}); give a file from a run's checkpoints folder, or train anew."
     )
