@@ -9,6 +9,7 @@ from pathlib import Path
 
 from filelock import FileLock
 
+from tex_lightning.card import read_checkpoint
 from tex_lightning.files import write_atomically
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
@@ -20,8 +21,8 @@ def train_shared(training: Training, folder: Path) -> Path:
     """Train in a shared folder, or wait for whoever does, and copy the checkpoint.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
-    so these name the place. A process that is stopped gives up its lock, and the next one goes on
-    from its last finished epoch.
+    so these name the place; those of a FusionNet on its parts, too. A process that is stopped
+    gives up its lock, and the next one goes on from its last finished epoch.
 
     Args:
         training: What is trained.
@@ -37,6 +38,9 @@ def train_shared(training: Training, folder: Path) -> Path:
         "weights": training.weights,
         "trainer": asdict(config.trainer),
     }
+    if training.unimodal:
+        recipe["model"] = asdict(config.model)
+        recipe["starts"] = [_digest(path) for path in training.unimodal.values()]
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
     place = folder / f"{training.card.kind}-{digest}"
     place.mkdir(parents=True, exist_ok=True)
@@ -44,6 +48,15 @@ def train_shared(training: Training, folder: Path) -> Path:
         checkpoint = train_network(replace(training, directory=place))
     write_atomically(training.final, lambda partial: _copy(checkpoint, partial))
     return training.final
+
+
+def _digest(checkpoint: Path) -> str:
+    """Of the weights alone: a calibration that is run otherwise changes the rest."""
+    digest = hashlib.sha256()
+    for name, value in read_checkpoint(checkpoint)["state_dict"].items():
+        digest.update(name.encode())
+        digest.update(value.numpy().tobytes())
+    return digest.hexdigest()
 
 
 def _copy(source: Path, target: Path) -> None:

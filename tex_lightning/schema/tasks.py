@@ -96,8 +96,8 @@ class CrossvalConfig:
     Attributes:
         only: Which folds are run; None means all.
         profile: Unimodal models whose speed is profiled afterwards.
-        share: Folder in which runs side by side find each other's HapticNets and VisualNets, so
-            that each is trained once whatever it is fused into; None shares nothing.
+        share: Folder in which runs side by side find each other's networks, so that each is
+            trained once whatever it is fused into and however it decides; None shares nothing.
     """
 
     only: list[int] | None = None

@@ -121,7 +121,7 @@ def _fit_network(
     training = Training(workspace.config, card, parts, workspace.store, directory, unimodal)
     if card.baseline:
         checkpoint = fit_baseline(training)
-    elif workspace.config.crossval.share is not None and kind != "fusion":
+    elif workspace.config.crossval.share is not None:
         checkpoint = train_shared(training, Path(workspace.config.crossval.share).expanduser())
     else:
         checkpoint = train_network(training)
