@@ -69,8 +69,8 @@ def check_model(model: ModelConfig) -> Iterator[str]:
     yield from within("model.fusion.fit.modality_dropout", dropped, 0, 1)
     for name in ("haptic", "visual", "fusion"):
         fit = getattr(model, name).fit
-        fitted_at_once = name == "visual" and not head
-        yield from least(f"model.{name}.fit.epochs", fit.epochs, 0 if fitted_at_once else 1)
+        known_at_once = {"visual": not head, "fusion": model.fusion.head_start == "scores"}
+        yield from least(f"model.{name}.fit.epochs", fit.epochs, 1 - known_at_once.get(name, False))
         yield from _fit(f"model.{name}.fit", fit)
     factor = model.fusion.fit.head_factor
     if model.kind == "fusion" and not LEAST_FACTOR <= factor <= MOST_FACTOR:
