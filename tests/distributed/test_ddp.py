@@ -78,6 +78,7 @@ def test_two_processes_train_three_networks_as_one_does(cli, surfaces, tmp_path)
     assert written(one) == written(two)
 
 
+@pytest.mark.slow
 def test_two_folds_of_the_default_recipe_learn_easy_surfaces(cli, surfaces, tmp_path):
     recipe = ["model.haptic.fit.epochs=2", "model.haptic.fit.steps_per_epoch=25"]
     more = ["model.haptic.fit.batch_size=12", "model.haptic.width=0.25", "logger=csv"]

@@ -151,6 +151,7 @@ def test_a_trained_network_is_profiled_on_a_real_file(cli, surfaces, tmp_path):
         assert message in refused.err
 
 
+@pytest.mark.slow
 def test_a_sweep_of_profiles_ends_with_its_summary(cli, tmp_path):
     outcome = cli(
         "-m",
