@@ -1,6 +1,5 @@
 """A visual trunk that stays as it is, for baselines that classify its features."""
 
-import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +15,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.networks.trunks import TRUNKS, Trunk
 from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.networks.weights import load_trunk_weights
-
-log = logging.getLogger(__name__)
+from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
 
 PREFIX = "trunk."
 
@@ -70,14 +67,10 @@ class TrunkBaseline(Baseline):
         """Draw the trunk at random unless it was loaded."""
         if self.frozen is not None:
             return
-        log.warning(
-            "The %s trunk has random weights, so that its features are much weaker than "
-            "published; give pretrained ones as weights=FILE.",
-            self.trunk,
-        )
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self._freeze(_published(self.trunk).trunk)
+        warn_of_random_weights(self.network)
 
     def _freeze(self, trunk: Trunk) -> None:
         frozen = trunk.eval().requires_grad_(False)

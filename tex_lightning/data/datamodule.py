@@ -97,7 +97,9 @@ class PhotoBank:
 
         Only a ``share`` of them is cut, but all are drawn.
         """
-        places = [(index, *self._place(index, rng)) for index in indices.tolist()][share]
+        places = [
+            (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()
+        ][share]
         crops = np.empty((len(places), self.side, self.side, 3), np.uint8)
         for crop, (index, top, left) in zip(crops, places, strict=True):
             piece = self.photo(index)[top : top + self.side, left : left + self.side]
@@ -108,10 +110,6 @@ class PhotoBank:
                 changed = self.augmentation(crop, np.random.default_rng(seed))
                 crop[:] = mirrored(changed[: self.side, : self.side], self.side)
         return torch.from_numpy(crops).permute(0, 3, 1, 2)
-
-    def _place(self, index: int, rng: np.random.Generator) -> tuple[int, int]:
-        rows, columns = (max(0, length - self.side) for length in self.photo(index).shape[:2])
-        return int(rng.integers(0, rows + 1)), int(rng.integers(0, columns + 1))
 
 
 @dataclass
@@ -284,6 +282,12 @@ class SurfaceData(LightningDataModule):
 def _at_least(spectrogram: Tensor, frames: int) -> Tensor:
     """Repeat a spectrogram until it has ``frames`` frames."""
     return spectrogram.repeat(1, -(-frames // spectrogram.shape[1]))
+
+
+def random_corner(photo: Photo, side: int, rng: np.random.Generator) -> tuple[int, int]:
+    """Row and column where a piece of ``side`` begins; 0 where the photo is smaller."""
+    top, left = (int(rng.integers(0, max(0, length - side) + 1)) for length in photo.shape[:2])
+    return top, left
 
 
 def mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from tex_lightning.data.datamodule import WHOLE, Batch, SpectrogramBank, mirrored
+from tex_lightning.data.datamodule import WHOLE, Batch, SpectrogramBank, mirrored, random_corner
 from tex_lightning.data.synthetic.stream import SpecimenStream
 from tex_lightning.features.spectrogram import HapticFeatures
 
@@ -80,8 +80,7 @@ class PhotoViews:
         """``crop`` (3, side, side) uint8 and ``degrees`` (); small photos are mirrored outwards."""
         rows, columns = kept.shape[:2]
         side = int(rng.integers(self.side, max(self.side, min(rows, columns)) + 1))
-        top = int(rng.integers(0, max(0, rows - side) + 1))
-        left = int(rng.integers(0, max(0, columns - side) + 1))
+        top, left = random_corner(kept, side, rng)
         piece = mirrored(kept[top : top + side, left : left + side], side)
         crop = cv2.resize(piece, (self.side, self.side), interpolation=cv2.INTER_AREA)
         degrees = rng.uniform(-self.rotation, self.rotation)

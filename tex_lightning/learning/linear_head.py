@@ -11,12 +11,10 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 import torch
-from sklearn.linear_model import LogisticRegression
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from tex_lightning.data.datamodule import PhotoBank, mirrored
-from tex_lightning.features.image import ImageFeatures
+from tex_lightning.data.datamodule import PhotoBank, mirrored, random_corner
 from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.trunks.squeezenet import TextureFeatures
 from tex_lightning.progress import track
@@ -32,7 +30,11 @@ def fit_linear_head(module: VisualModule, photos: PhotoBank, labels: npt.NDArray
         photos: Of the training set, perturbed if that has an augmentation.
         labels: Class index of each; every class occurs.
     """
+    # a sixth of the time of the command line's start, and only this needs it
+    from sklearn.linear_model import LogisticRegression
+
     recipe = module.fit_config["probe"]
+    module.network.trunk.eval()
     targets = np.tile(labels, recipe["passes"])
     numbers = track(range(len(targets)), "Features of the pretrained trunk")
     raw = torch.stack([_mean_features(module, _view(photos, each, module)) for each in numbers])
@@ -48,7 +50,7 @@ def _view(photos: PhotoBank, number: int, module: VisualModule) -> Pixels:
     """The next photo in turn, of a large one a random piece."""
     rng = np.random.default_rng([module.seed, number])
     photo, side = photos.photo(number % len(photos.recordings)), module.fit_config["probe"]["side"]
-    top, left = (int(rng.integers(0, max(0, edge - side) + 1)) for edge in photo.shape[:2])
+    top, left = random_corner(photo, side, rng)
     view = np.array(photo[top : top + side, left : left + side])
     if photos.augmentation is not None:
         view = photos.augmentation(view, rng)
@@ -58,9 +60,7 @@ def _view(photos: PhotoBank, number: int, module: VisualModule) -> Pixels:
 @torch.no_grad()
 def _mean_features(module: VisualModule, view: Pixels) -> Tensor:
     """Features (D,) of a photo, mean over its fragments."""
-    pixels = torch.from_numpy(view).permute(2, 0, 1)[None].to(module.device)
-    trunk = module.network.trunk.eval()
-    features: Tensor = trunk(cast(ImageFeatures, module.classifier.image_features)(pixels))
+    features: Tensor = module.network.trunk(module.classifier.visual_input(torch.from_numpy(view)))
     return features.mean(dim=(0, 2, 3))
 
 

@@ -19,7 +19,7 @@ from tex_lightning.learning.training import Training
 from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.networks.weights import load_trunk_weights
+from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
 
 log = logging.getLogger(__name__)
 
@@ -142,10 +142,7 @@ def start_network(
     module.to(pick_device(training.config.trainer.accelerator))
     if not module.network.has_hidden_layers:
         if weights is None:
-            log.warning(
-                "The trunk has random weights, so that its features are much weaker than "
-                "published; give pretrained ones as weights=FILE."
-            )
+            warn_of_random_weights(module.network.trunk)
         assert batches.photos is not None
         fit_linear_head(module, *batches.photos)
     elif weights is not None:

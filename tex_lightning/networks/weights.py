@@ -1,5 +1,6 @@
 """Reading ImageNet weights of VisualNet's trunks: files of Caffe, MatConvNet and torchvision."""
 
+import logging
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,8 @@ from tex_lightning.networks.matconvnet import read_matconvnet
 from tex_lightning.networks.trunks import TRUNKS, Trunk
 from tex_lightning.networks.trunks.base import Layout
 from tex_lightning.networks.visualnet import VisualNet
+
+log = logging.getLogger(__name__)
 
 CAFFE_MEAN = (123.0, 117.0, 104.0)  # RGB, subtracted from values in 0-255
 
@@ -40,7 +43,7 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
     """Load ImageNet weights into the trunk of ``visual``; its head stays as it is.
 
     The features are the published ones divided by one number, so that their root mean square on
-    noise is 1: SqueezeNet's reach 1000, with which a freshly drawn head does not train.
+    noise is 1: far from it, a freshly drawn head does not train. Texture features stay as they are.
 
     Args:
         visual: A network of width 1 without batch normalisation.
@@ -78,6 +81,15 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
     if not trunk.textures:
         _scale_features(trunk)
     return f"{_name(trunk)} trunk from {path} ({layout} layout, {len(state)} tensors)"
+
+
+def warn_of_random_weights(trunk: Trunk) -> None:
+    """Say that features which nothing trains are those of a trunk drawn at random."""
+    log.warning(
+        "The %s trunk has random weights, so that its features are much weaker than published; "
+        "give pretrained ones as weights=FILE.",
+        _name(trunk),
+    )
 
 
 def _listed(suffixes: list[str]) -> str:

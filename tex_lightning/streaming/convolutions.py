@@ -34,10 +34,7 @@ class StreamingConv:
     """
 
     def __init__(self, conv: nn.Conv2d) -> None:
-        _check_plain(conv)
-        self.rows, self.taps = conv.kernel_size
-        assert not isinstance(conv.padding, str)
-        self.row_padding, self.padding = conv.padding
+        (self.rows, self.taps), (self.row_padding, self.padding) = _geometry(conv)
         self.outputs = conv.out_channels
         self.places = self.taps * self.outputs
         # (rows x inputs, taps x outputs)
@@ -121,10 +118,7 @@ class GatheringConv:
     """
 
     def __init__(self, conv: nn.Conv2d) -> None:
-        _check_plain(conv)
-        self.rows, self.taps = conv.kernel_size
-        assert not isinstance(conv.padding, str)
-        self.row_padding, self.padding = conv.padding
+        (self.rows, self.taps), (self.row_padding, self.padding) = _geometry(conv)
         # (taps x rows x inputs, outputs)
         self.weight = conv.weight.detach().permute(3, 2, 1, 0).flatten(0, 2).contiguous()
         self.bias = self.weight.new_zeros(()) if conv.bias is None else conv.bias.detach()
@@ -160,3 +154,10 @@ class GatheringConv:
 def _check_plain(conv: nn.Conv2d) -> None:
     if (conv.stride, conv.dilation, conv.groups) != ((1, 1), (1, 1), 1):
         raise ValueError(f"{conv} has a stride, a dilation or groups")
+
+
+def _geometry(conv: nn.Conv2d) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Kernel and padding along bands and time."""
+    _check_plain(conv)
+    assert not isinstance(conv.padding, str)
+    return conv.kernel_size, conv.padding

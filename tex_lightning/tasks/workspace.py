@@ -141,10 +141,12 @@ def check_networks(config: Config) -> int:
     given = given_checkpoints(config) if model.kind == "fusion" else {}
     starts = {kind: SurfaceClassifier.from_checkpoint(path, kind) for kind, path in given.items()}
     for kind in UNIMODAL if model.kind == "fusion" else (cast(Kind, model.kind),):
-        if kind not in starts:
-            starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
-            if (source := config.weights_of(kind)) is not None:
-                start_trunk(starts[kind], source)
+        source = config.weights_of(kind)
+        if kind in starts or (kind == "haptic" and source is None):
+            continue
+        starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
+        if source is not None:
+            start_trunk(starts[kind], source)
     return starts["visual"].least_side if "visual" in starts else 0
 
 

@@ -67,10 +67,12 @@ def check_model(model: ModelConfig) -> Iterator[str]:
     yield from within("model.visual.fit.perturbed_share", share, 0, 1)
     dropped = model.fusion.fit.modality_dropout
     yield from within("model.fusion.fit.modality_dropout", dropped, 0, 1)
-    for name in ("haptic", "visual", "fusion"):
+    summed = model.fusion.head_start == "scores"
+    # without an epoch, VisualNet's fitted head and FusionNet's sum are all there is
+    epochs = {"haptic": 1, "visual": 1 if head else 0, "fusion": 0 if summed else 1}
+    for name, fewest in epochs.items():
         fit = getattr(model, name).fit
-        known_at_once = {"visual": not head, "fusion": model.fusion.head_start == "scores"}
-        yield from least(f"model.{name}.fit.epochs", fit.epochs, 1 - known_at_once.get(name, False))
+        yield from least(f"model.{name}.fit.epochs", fit.epochs, fewest)
         yield from _fit(f"model.{name}.fit", fit)
     factor = model.fusion.fit.head_factor
     if model.kind == "fusion" and not LEAST_FACTOR <= factor <= MOST_FACTOR:

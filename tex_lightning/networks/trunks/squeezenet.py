@@ -111,7 +111,7 @@ class SqueezeNetTrunk(Trunk):
 
     def build(self) -> nn.Sequential:
         """Return conv1, fire2 to fire9 with their poolings, and the pooled features."""
-        source = scaled(96, self.width)
+        source, self.out_channels = scaled(96, self.width), 0
         layers: OrderedDict[str, nn.Module] = OrderedDict(
             conv1=conv_block(3, source, CONV1.kernel, norm=self.norm, stride=CONV1.stride),
             pool1=POOL.max_pool(),
@@ -122,18 +122,12 @@ class SqueezeNetTrunk(Trunk):
             if fire in POOL_AFTER:
                 layers[f"pool{fire}"] = POOL.max_pool()
             source = 2 * expand
-        layers["conv10"] = conv_block(source, scaled(IMAGENET, self.width), 1, norm=self.norm)
-        self.out_channels = self._count_features()
+            self.out_channels += source if f"fire{fire}" in TEXTURES else 0
+        scores = scaled(IMAGENET, self.width)
+        layers["conv10"] = conv_block(source, scores, 1, norm=self.norm)
+        self.out_channels += scores
         layers["features"] = TextureFeatures(POOL_FEATURES, self.out_channels)
         return nn.Sequential(layers)
-
-    def _count_features(self) -> int:
-        expand = (
-            scaled(4 * SQUEEZE[int(name.removeprefix("fire"))], self.width)
-            for name in TEXTURES
-            if name.startswith("fire")
-        )
-        return 2 * sum(expand) + scaled(IMAGENET, self.width)
 
     def forward(self, x: Tensor) -> Tensor:
         """Map an image (B, 3, H, W) to features (B, out_channels, M', N')."""
