@@ -7,7 +7,8 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Head, Level, Norm, Window, conv_block, scaled
-from tex_lightning.networks.trunks import TRUNKS
+from tex_lightning.networks.trunks import TRUNKS, Trunk
+from tex_lightning.networks.trunks.squeezenet import SqueezeNetTrunk
 
 
 class VisualNet(nn.Module):
@@ -28,6 +29,8 @@ class VisualNet(nn.Module):
         fc1_kernel: Side of FC1's kernel; None takes the trunk's.
         head: Channel counts of FC1 and FC2, before ``width``; none lets FC3 score the trunk's
             features as they are, which are then those of level "fc2".
+        fragment: Side in pixels of an input that gives one prediction, of SqueezeNet; None takes
+            the trunk's.
 
     Attributes:
         patch: Side in pixels of an input that gives one prediction (with the trunk's FC1).
@@ -48,13 +51,14 @@ class VisualNet(nn.Module):
         dropout: float = 0.5,
         fc1_kernel: int | None = None,
         head: Sequence[int] = (300, 250),
+        fragment: int | None = None,
     ) -> None:
         super().__init__()
         if trunk not in TRUNKS:
             raise UserError(
                 f"model.visual.trunk={trunk} is unknown; choose one of {', '.join(TRUNKS)}."
             )
-        self.trunk = TRUNKS[trunk](width=width, norm=norm)
+        self.trunk = _make_trunk(trunk, width, norm, fragment)
         self.fc1_kernel = self.trunk.fc1_kernel if fc1_kernel is None else fc1_kernel
         self.patch = self.trunk.patch
         self.min_side = self.trunk.smallest_side(self.fc1_kernel)
@@ -117,3 +121,14 @@ class VisualNet(nn.Module):
         fc1 = Window(self.fc1_kernel)
         rows, columns = (fc1.output(self.trunk.output_side(side)) for side in (height, width))
         return rows, columns
+
+
+def _make_trunk(name: str, width: float, norm: Norm, fragment: int | None) -> Trunk:
+    if fragment is None:
+        return TRUNKS[name](width=width, norm=norm)
+    if not issubclass(TRUNKS[name], SqueezeNetTrunk):
+        raise UserError(
+            f"model.visual.fragment={fragment} sets the window of squeezenet's features, and "
+            f"{name} has its own; leave it out."
+        )
+    return SqueezeNetTrunk(width=width, norm=norm, patch=fragment)

@@ -98,7 +98,10 @@ class HapticConfig:
 
 @dataclass
 class VisualConfig:
-    """VisualNet; ``head`` holds the channel counts of FC1 and FC2, or nothing."""
+    """VisualNet; ``head`` holds the channel counts of FC1 and FC2, or nothing.
+
+    ``fragment`` is the side in pixels of what gives one prediction.
+    """
 
     trunk: str = MISSING
     width: float = MISSING
@@ -106,6 +109,7 @@ class VisualConfig:
     dropout: float = MISSING
     fc1_kernel: int | None = None
     head: list[int] = MISSING
+    fragment: int | None = None
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
 

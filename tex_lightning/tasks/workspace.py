@@ -21,7 +21,7 @@ from tex_lightning.schema import Config, DataConfig, ModelConfig
 from tex_lightning.tasks.seen import refuse_leak, trained_on, trained_on_parts
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
-VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
+VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head", "fragment")
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,12 @@ import torch
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks import VisualNet
+from tex_lightning.networks.blocks import Window
 from tex_lightning.networks.trunks.squeezenet import (
-    POOL_FEATURES,
     TEXTURES,
     SqueezeNetTrunk,
     TextureFeatures,
 )
-
-
-@pytest.fixture(scope="module")
-def trunk():
-    torch.manual_seed(0)
-    return SqueezeNetTrunk(width=0.1, norm="none").eval()
 
 
 def maps_of(trunk, image):
@@ -27,8 +21,14 @@ def maps_of(trunk, image):
     return {name: maps[name] for name in TEXTURES}
 
 
-@pytest.mark.parametrize("size", [(213, 224), (224, 244), (230, 309), (245, 277), (300, 341)])
-def test_every_feature_is_a_mean_root_over_its_window(trunk, size):
+SIZES = [(213, 224), (224, 244), (230, 309), (245, 277), (300, 341)]
+CASES = [(224, 13, 2, size) for size in SIZES] + [(112, 6, 1, (112, 150)), (64, 3, 1, (90, 71))]
+
+
+@pytest.mark.parametrize(("patch", "window", "step", "size"), CASES)
+def test_every_feature_is_a_mean_root_over_its_window(patch, window, step, size):
+    torch.manual_seed(0)
+    trunk = SqueezeNetTrunk(width=0.1, norm="none", patch=patch).eval()
     with torch.no_grad():
         image = torch.randn(1, 3, *size)
         features = trunk(image)[0]
@@ -37,8 +37,8 @@ def test_every_feature_is_a_mean_root_over_its_window(trunk, size):
     for row in range(features.shape[1]):
         for column in range(features.shape[2]):
             expected = torch.cat([
-                maps[name][0, :, 2 * row * k : (2 * row + 13) * k, 2 * column * k :][
-                    :, :, : 13 * k
+                maps[name][0, :, step * row * k : (step * row + window) * k, step * column * k :][
+                    :, :, : window * k
                 ].clamp(min=1e-4).sqrt().mean(dim=(1, 2))
                 for name, k in TEXTURES.items()
             ])  # fmt: skip
@@ -47,7 +47,7 @@ def test_every_feature_is_a_mean_root_over_its_window(trunk, size):
 
 def test_standardised_features_have_mean_zero_and_unit_length():
     torch.manual_seed(0)
-    features = TextureFeatures(POOL_FEATURES, 50)
+    features = TextureFeatures(Window(13, 2), 50)
     rows = 3 + 5 * torch.rand(400, 50)
     standardised = features.standardise(rows)
     torch.testing.assert_close(standardised.mean(dim=0), torch.zeros(50), atol=1e-5, rtol=0)
@@ -55,7 +55,7 @@ def test_standardised_features_have_mean_zero_and_unit_length():
 
 
 def test_a_feature_that_hardly_varies_is_not_blown_up():
-    features = TextureFeatures(POOL_FEATURES, 1)
+    features = TextureFeatures(Window(13, 2), 1)
     rows = torch.tensor([[1.0], [1.0], [1.001]])
     assert features.standardise(rows).abs().max() < 0.01
 
@@ -64,3 +64,20 @@ def test_only_texture_features_are_scored_as_they_are():
     assert VisualNet(3, trunk="squeezenet", head=[]).feature_size("fc2") == 3304
     with pytest.raises(UserError, match="give channels of FC1 and FC2"):
         VisualNet(3, trunk="alexnet_caffe", head=[])
+
+
+def test_a_fragment_of_half_the_side_gives_as_many_predictions_on_a_halved_photo():
+    whole = VisualNet(3, trunk="squeezenet", head=[], width=0.1)
+    half = VisualNet(3, trunk="squeezenet", head=[], width=0.1, fragment=112)
+    assert half.patch == 112
+    assert 2 * half.stride == whole.stride
+    assert half.output_size(112, 112) == (1, 1)
+    assert half.output_size(612, 816) == whole.output_size(1224, 1632)
+
+
+def test_a_fragment_smaller_than_a_position_or_of_another_trunk_is_refused():
+    with pytest.raises(UserError, match="choose 21 pixels or more"):
+        VisualNet(3, trunk="squeezenet", head=[], fragment=20)
+    assert VisualNet(3, trunk="squeezenet", head=[], fragment=21).min_side == 21
+    with pytest.raises(UserError, match="alexnet_caffe has its own"):
+        VisualNet(3, fragment=112)

@@ -39,9 +39,9 @@ class Trunk(nn.Module):
     """
 
     norms: ClassVar[tuple[Norm, ...]]
-    geometry: ClassVar[tuple[Window, ...]]
+    geometry: tuple[Window, ...]
     fc1_kernel: ClassVar[int]
-    patch: ClassVar[int] = 224
+    patch: int = 224
     final: ClassVar[tuple[str, ...]]
     textures: ClassVar[bool] = False
     layouts: ClassVar[Mapping[Layout, Mapping[str, str]]]

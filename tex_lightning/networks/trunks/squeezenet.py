@@ -8,12 +8,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
+from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Norm, Window, conv_block, scaled
 from tex_lightning.networks.trunks.base import Layout, Trunk
 
 CONV1 = Window(7, 2)
 POOL = Window(3, 2, ceil=True)
-POOL_FEATURES = Window(13, 2)  # the whole fire9 map of a 224 input; stride 2 is 32 pixels
+TO_FIRE9 = (CONV1, POOL, POOL, POOL)
+SPACING = 112  # pixels of a fragment for every position of fire9 (16 pixels) to the next fragment
 IMAGENET = 1000  # classes that conv10 scores
 # Squeeze channels by fire number; v1.0 expands each by 4 on either side.
 SQUEEZE = {2: 16, 3: 16, 4: 32, 5: 32, 6: 48, 7: 48, 8: 64, 9: 64}
@@ -94,20 +96,46 @@ class TextureFeatures(nn.Module):
         return (features - self.mean) / self.scale
 
 
+def _pooling(patch: int) -> Window:
+    """Of fire9's positions, those of a fragment, which overlap by six sevenths or so."""
+    positions = patch
+    for window in TO_FIRE9:
+        positions = window.output(positions)
+    if positions < 1:
+        raise UserError(
+            f"model.visual.fragment={patch} is less than one position of squeezenet; choose "
+            "21 pixels or more."
+        )
+    return Window(positions, max(1, patch // SPACING))
+
+
 class SqueezeNetTrunk(Trunk):
     """SqueezeNet v1.0 (Iandola et al. 2016) as texture features.
 
-    Fire4 to fire9 and conv10, which scores ImageNet's classes, give 3304 features over 13x13
-    positions of fire9, one vector for a 224 input.
+    Fire4 to fire9 and conv10, which scores ImageNet's classes, give 3304 features over windows of
+    fire9's positions, one vector for a ``patch``: 13x13 positions for 224 pixels.
+
+    Args:
+        width: Factor on every channel count.
+        norm: One of ``norms``.
+        patch: Side in pixels of a fragment. Half of it on halved photos sees the same surface for a
+            quarter of the arithmetic.
+
+    Raises:
+        UserError: ``norm`` is not one of ``norms``, or ``patch`` is smaller than a position.
     """
 
     norms = ("batch", "none")
-    geometry = (CONV1, POOL, POOL, POOL, POOL_FEATURES)
+    geometry = (*TO_FIRE9, _pooling(Trunk.patch))
     fc1_kernel = 1
     textures = True
     final = ("layers.fire9.expand1x1.0", "layers.fire9.expand3x3.0")
     layouts: ClassVar = {"caffe": _names("caffe"), "torchvision": _names("torchvision")}
     imagenet_url = "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth"
+
+    def __init__(self, *, width: float, norm: Norm, patch: int = Trunk.patch) -> None:
+        self.patch, self.geometry = patch, (*TO_FIRE9, _pooling(patch))
+        super().__init__(width=width, norm=norm)
 
     def build(self) -> nn.Sequential:
         """Return conv1, fire2 to fire9 with their poolings, and the pooled features."""
@@ -126,7 +154,7 @@ class SqueezeNetTrunk(Trunk):
         scores = scaled(IMAGENET, self.width)
         layers["conv10"] = conv_block(source, scores, 1, norm=self.norm)
         self.out_channels += scores
-        layers["features"] = TextureFeatures(POOL_FEATURES, self.out_channels)
+        layers["features"] = TextureFeatures(self.geometry[-1], self.out_channels)
         return nn.Sequential(layers)
 
     def forward(self, x: Tensor) -> Tensor:
