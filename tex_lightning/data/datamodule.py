@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import torch
@@ -100,16 +101,22 @@ class PhotoBank:
         places = [
             (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()
         ][share]
-        crops = np.empty((len(places), self.side, self.side, 3), np.uint8)
-        for crop, (index, top, left) in zip(crops, places, strict=True):
-            piece = self.photo(index)[top : top + self.side, left : left + self.side]
-            crop[:] = mirrored(piece, self.side)
+        seeds: list[int | None] = [None] * len(indices)
         if self.augmentation is not None:
-            seeds = rng.integers(1 << 63, size=len(indices))  # of all, whoever cuts which
-            for crop, seed in zip(crops, seeds[share], strict=True):
-                changed = self.augmentation(crop, np.random.default_rng(seed))
-                crop[:] = mirrored(changed[: self.side, : self.side], self.side)
-        return torch.from_numpy(crops).permute(0, 3, 1, 2)
+            seeds = rng.integers(1 << 63, size=len(indices)).tolist()  # of all, whoever cuts which
+        crops = np.empty((len(places), 3, self.side, self.side), np.uint8)
+        for planes, place, seed in zip(crops, places, seeds[share], strict=True):
+            cv2.split(self._crop(*place, seed), list(planes))  # the fastest way to copy them apart
+        return torch.from_numpy(crops)
+
+    def _crop(self, index: int, top: int, left: int, seed: int | None) -> npt.NDArray[np.uint8]:
+        """One crop (side, side, 3), changed if there is a seed."""
+        piece = self.photo(index)[top : top + self.side, left : left + self.side]
+        crop = mirrored(piece, self.side)
+        if self.augmentation is None or seed is None:
+            return crop
+        changed = self.augmentation(np.array(crop), np.random.default_rng(seed))
+        return mirrored(changed[: self.side, : self.side], self.side)
 
 
 @dataclass

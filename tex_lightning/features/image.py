@@ -8,7 +8,6 @@ from torch import Tensor, nn
 
 MEAN = (0.485, 0.456, 0.406)  # of ImageNet's photos, R G B in [0, 1]
 STD = (0.229, 0.224, 0.225)
-TOGETHER = 4  # crops turned at once on a CPU, whose buffers then stay in its cache
 
 
 class ImageFeatures(nn.Module):
@@ -21,11 +20,16 @@ class ImageFeatures(nn.Module):
 
     mean: Tensor
     std: Tensor
+    scale: Tensor
+    shift: Tensor
 
     def __init__(self) -> None:
         super().__init__()
         self.register_buffer("mean", torch.tensor(MEAN).view(3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(STD).view(3, 1, 1), persistent=False)
+        # the same in one pass
+        self.register_buffer("scale", 1 / (255 * self.std), persistent=False)
+        self.register_buffer("shift", -self.mean / self.std, persistent=False)
 
     def forward(self, photos: Tensor) -> Tensor:
         """Photos to network input of the same size."""
@@ -43,26 +47,31 @@ class ImageFeatures(nn.Module):
         Returns:
             Network input (batch, 3, patch, patch).
         """
-        if crops.device.type != "cpu":
-            return self._turned(crops, degrees, patch)
-        few = zip(torch.split(crops, TOGETHER), torch.split(degrees, TOGETHER), strict=True)
-        return torch.cat([self._turned(*some, patch) for some in few])
-
-    def _turned(self, crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
         half = (crops.shape[-1] - 1) / 2  # from the centre to the middle of the last pixel
         offset = (torch.arange(patch, device=crops.device) - (patch - 1) / 2) / half
         angle = torch.deg2rad(degrees)[:, None, None]
-        cos, sin, x, y = angle.cos(), angle.sin(), offset, offset[:, None]
-        turned = remap(
+        cos, sin = angle.cos() * offset, angle.sin() * offset
+        turned = self.mean.new_empty(len(crops), 3, patch, patch)
+        # a CPU's cache holds what belongs to one crop
+        together = 1 if crops.device.type == "cpu" else max(1, len(crops))
+        pieces = (torch.split(each, together) for each in (crops, cos, sin, turned))
+        for piece in zip(*pieces, strict=True):
+            self._turn(*piece)
+        return turned
+
+    def _turn(self, crops: Tensor, cos: Tensor, sin: Tensor, result: Tensor) -> None:
+        """Fill in the result, given the places of one row (batch, 1, patch) at its angle."""
+        # side by side, as remap wants them: from two planes its own copy takes twice as long
+        grid = cos.new_empty(len(crops), cos.shape[2], cos.shape[2], 2)
+        pixels = remap(
             crops.contiguous().float(),  # planes of colours are turned faster than pixels
-            cos * x - sin * y,
-            sin * x + cos * y,
+            torch.sub(cos, sin.mT, out=grid[..., 0]),
+            torch.add(sin, cos.mT, out=grid[..., 1]),
             padding_mode="border",
             align_corners=True,
             normalized_coordinates=True,  # -1 to 1; from pixels it is two more passes
         )
-        pixels: Tensor = turned.mul_(1 / (255 * self.std)).sub_(self.mean / self.std)
-        return pixels
+        torch.addcmul(self.shift, pixels, self.scale, out=result)
 
 
 def crop_side(patch: int, rotation: float) -> int:
