@@ -1,0 +1,35 @@
+"""Memory that every training step asks for and gives back."""
+
+import ctypes
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
+LARGE = 1 << 30  # bytes; no tensor of a training step on a CPU comes near
+GROWN = 1 << 25  # to which glibc lets its own threshold grow, and older versions no further
+
+
+@contextmanager
+def kept_memory() -> Iterator[None]:
+    """Keep what tensors on the CPU gave back for the next ones, as long as this lasts.
+
+    The allocator of glibc returns large pieces to the system, which has to clear every page when
+    it is asked for again: a few percent of a training step. Other systems are left as they are.
+    Afterwards all is returned, and the thresholds are the largest that glibc chooses by itself.
+    """
+    if platform.libc_ver()[0] != "glibc":
+        yield
+        return
+    libc = ctypes.CDLL(None)
+    _set_thresholds(libc, LARGE if libc.mallopt(MMAP_THRESHOLD, LARGE) else GROWN)
+    try:
+        yield
+    finally:
+        _set_thresholds(libc, GROWN)
+        libc.malloc_trim(0)
+
+
+def _set_thresholds(libc: ctypes.CDLL, size: int) -> None:
+    libc.mallopt(MMAP_THRESHOLD, size)
+    libc.mallopt(TRIM_THRESHOLD, min(2 * size, LARGE))  # an int
