@@ -13,6 +13,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import max_vote
 
+REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
 
 
@@ -68,14 +69,15 @@ class SurfaceModule(LightningModule, ABC):
         loss = nn.functional.cross_entropy(
             logits, labels, label_smoothing=self.fit_config["label_smoothing"]
         )
-        accuracy = (logits.detach().argmax(dim=1) == labels).float().mean()
-        size = len(labels)
-        shown = {"train/loss": loss.detach(), "train/fragment_accuracy": accuracy}
-        self.log_dict(shown, prog_bar=True, batch_size=size, sync_dist=True)
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector
-        if (self.global_step + 1) % every == 0:
+        logged = (self.global_step + 1) % every == 0
+        if logged or (batch_idx + 1) % REFRESH == 0:  # the others would be seen by nobody
+            accuracy = (logits.detach().argmax(dim=1) == labels).float().mean()
+            shown = {"train/loss": loss.detach(), "train/fragment_accuracy": accuracy}
+            self.log_dict(shown, prog_bar=True, batch_size=len(labels), sync_dist=True)
+        if logged:
             for group in self.trainer.optimizers[0].param_groups:
-                self.log(f"lr/{group['name']}", group["lr"], batch_size=size)
+                self.log(f"lr/{group['name']}", group["lr"], batch_size=len(labels))
         return loss
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:

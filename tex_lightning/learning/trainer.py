@@ -16,6 +16,7 @@ from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 from tex_lightning.data.folds import make_samples
 from tex_lightning.distributed.place import Place
 from tex_lightning.distributed.team import Team
+from tex_lightning.learning.base import REFRESH
 from tex_lightning.learning.callbacks.figures import SampleFigures
 from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.training import Training
@@ -114,7 +115,7 @@ def make_trainer(
         enable_version_counter=False,
         auto_insert_metric_name=False,
     )
-    bar = ProgressBar(refresh_rate=5, console_kwargs={"stderr": True})
+    bar = ProgressBar(refresh_rate=REFRESH, console_kwargs={"stderr": True})
     callbacks: list[Callback] = [timer, keeper, bar, SampleFigures(), *watchers]
     if training.card.kind == "fusion":
         paths = training.unimodal
