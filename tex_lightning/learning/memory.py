@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
 LARGE = 1 << 30  # bytes; no tensor of a training step on a CPU comes near
-GROWN = 1 << 25  # to which glibc lets its own threshold grow, and older versions no further
+GROWN = 1 << 25  # to which glibc lets its own threshold grow, and many versions no further
 
 
 @contextmanager
@@ -22,14 +22,11 @@ def kept_memory() -> Iterator[None]:
         yield
         return
     libc = ctypes.CDLL(None)
-    _set_thresholds(libc, LARGE if libc.mallopt(MMAP_THRESHOLD, LARGE) else GROWN)
+    libc.mallopt(MMAP_THRESHOLD, LARGE) or libc.mallopt(MMAP_THRESHOLD, GROWN)
+    libc.mallopt(TRIM_THRESHOLD, LARGE)
     try:
         yield
     finally:
-        _set_thresholds(libc, GROWN)
+        libc.mallopt(MMAP_THRESHOLD, GROWN)
+        libc.mallopt(TRIM_THRESHOLD, 2 * GROWN)
         libc.malloc_trim(0)
-
-
-def _set_thresholds(libc: ctypes.CDLL, size: int) -> None:
-    libc.mallopt(MMAP_THRESHOLD, size)
-    libc.mallopt(TRIM_THRESHOLD, min(2 * size, LARGE))  # an int
