@@ -24,8 +24,8 @@ from tex_lightning.profiling.roofline import count_macs, gemm_gflops, gflops, pr
 from tex_lightning.profiling.timing import interleaved
 from tex_lightning.schema import EngineConfig
 
-OFF = EngineConfig(False, False, False, False, "fp32", False, None)
-DEFAULT = EngineConfig(True, True, True, True, "fp32", False, 4_000_000)
+OFF = EngineConfig(False, False, False, False, False, "fp32", False, None)
+DEFAULT = EngineConfig(True, True, True, True, True, "fp32", False, 4_000_000)
 CASES: list[tuple[Kind, Norm]] = [
     ("haptic", "batch"),
     ("haptic", "lrn"),
@@ -35,6 +35,7 @@ CASES: list[tuple[Kind, Norm]] = [
 SWITCHES = {
     "fold_batch_norm": replace(OFF, fold_batch_norm=True),
     "fast_response_norm": replace(OFF, fast_response_norm=True),
+    "fast_convolutions": replace(OFF, fast_convolutions=True),
     "channels_last": replace(OFF, channels_last=True),
     "default": DEFAULT,
     "bf16": replace(DEFAULT, precision="bf16"),

@@ -20,6 +20,7 @@ from tex_lightning.schema import EngineConfig
 ENGINE = EngineConfig(
     fold_batch_norm=True,
     fast_response_norm=True,
+    fast_convolutions=True,
     channels_last=True,
     fast_spectrogram=True,
     precision="fp32",

@@ -17,6 +17,7 @@ from tex_lightning.schema import EngineConfig
 OFF = EngineConfig(
     fold_batch_norm=False,
     fast_response_norm=False,
+    fast_convolutions=False,
     channels_last=False,
     fast_spectrogram=False,
     precision="fp32",
@@ -24,7 +25,12 @@ OFF = EngineConfig(
     tile=None,
 )
 DEFAULT = replace(
-    OFF, fold_batch_norm=True, fast_response_norm=True, channels_last=True, fast_spectrogram=True
+    OFF,
+    fold_batch_norm=True,
+    fast_response_norm=True,
+    fast_convolutions=True,
+    channels_last=True,
+    fast_spectrogram=True,
 )
 KINDS = ("haptic", "visual", "fusion")
 

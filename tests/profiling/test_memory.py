@@ -11,6 +11,7 @@ from tex_lightning.schema import EngineConfig
 ENGINE = EngineConfig(
     fold_batch_norm=True,
     fast_response_norm=True,
+    fast_convolutions=True,
     channels_last=False,
     fast_spectrogram=True,
     precision="fp32",

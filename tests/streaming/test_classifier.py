@@ -18,7 +18,7 @@ from tex_lightning.schema import EngineConfig
 from tex_lightning.streaming.classifier import StreamingClassifier
 
 RATE = 10_000
-ENGINE = EngineConfig(True, True, True, True, "fp32", False, None)
+ENGINE = EngineConfig(True, True, True, True, True, "fp32", False, None)
 CARD = Card(
     kind="haptic",
     classes=["a", "b", "c"],

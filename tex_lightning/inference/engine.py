@@ -10,7 +10,11 @@ from torch import Tensor, nn
 from tex_lightning.classifier import SurfaceClassifier, check_side
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
-from tex_lightning.inference.rewrite import fold_batch_norm, speed_up_response_norm
+from tex_lightning.inference.rewrite import (
+    fold_batch_norm,
+    speed_up_convolutions,
+    speed_up_response_norm,
+)
 from tex_lightning.inference.tiles import in_tiles, layer_windows
 from tex_lightning.networks.blocks import Level, Window
 from tex_lightning.networks.fusionnet import FusionNet
@@ -55,7 +59,9 @@ class Accelerated(SurfaceClassifier):
             self.haptic_features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
         for network in (self.haptic_network, self.visual_network):
             if network is not None:
-                _rewrite(network, config)  # on the CPU: not every device computes in float64
+                _rewrite(
+                    network, config, device
+                )  # on the CPU: not every device computes in float64
         self.to(device)
         if config.precision == "bf16":
             _warn_of_slow_bf16(device)
@@ -125,11 +131,15 @@ class Widen(nn.Module):
         return x.float()
 
 
-def _rewrite(network: HapticNet | VisualNet, config: EngineConfig) -> None:
+def _rewrite(network: HapticNet | VisualNet, config: EngineConfig, device: torch.device) -> None:
     if config.fold_batch_norm:
         fold_batch_norm(network)
     if config.fast_response_norm:
         speed_up_response_norm(network)
+    # an accelerator's library chooses by itself, and bfloat16 has no digits to lose
+    exact = device.type == "cpu" and config.precision == "fp32"
+    if config.fast_convolutions and exact and isinstance(network, HapticNet):
+        speed_up_convolutions(network)
     if config.channels_last:
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
     if config.precision == "bf16":

@@ -4,11 +4,14 @@ Every rewriting is exact algebra, so that only the rounding of float32 differs.
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.inference.long_winograd import LongWinogradConv
 from tex_lightning.inference.response_norm import FastResponseNorm
+from tex_lightning.inference.winograd import Pooled, WinogradConv
 
 
 def fold_batch_norm(network: nn.Module) -> None:
@@ -38,6 +41,34 @@ def speed_up_response_norm(network: nn.Module) -> None:
         for place, layer in enumerate(layers):
             if isinstance(layer, nn.LocalResponseNorm):
                 layers[place] = FastResponseNorm(layer)
+
+
+def speed_up_convolutions(network: nn.Module) -> None:
+    """Put Winograd's in the place of 3x3 convolutions before max pooling and of long ones.
+
+    A convolution of one channel stays: there is less to multiply than to add.
+    """
+    for layers in _sequences(network):
+        for place, (conv, after) in enumerate(pairwise(list(layers))):
+            if not isinstance(conv, nn.Conv2d) or conv.in_channels == 1 or not _is_plain(conv):
+                continue
+            if (conv.kernel_size, conv.padding) == ((3, 3), (1, 1)) and _is_2x2(after):
+                layers[place] = WinogradConv(conv)
+                layers[place + 1] = Pooled(2, 2, ceil_mode=True)
+            elif (
+                conv.padding == (0, 0) and conv.kernel_size[1] > 3 and conv.kernel_size[1] % 3 == 0
+            ):
+                layers[place] = LongWinogradConv(conv)
+
+
+def _is_plain(conv: nn.Conv2d) -> bool:
+    return (conv.stride, conv.dilation, conv.groups) == ((1, 1), (1, 1), 1)
+
+
+def _is_2x2(layer: nn.Module) -> bool:
+    if not isinstance(layer, nn.MaxPool2d):
+        return False
+    return (layer.kernel_size, layer.stride, layer.padding, layer.ceil_mode) == (2, 2, 0, True)
 
 
 def _sequences(network: nn.Module) -> Iterator[nn.Sequential]:

@@ -1,0 +1,77 @@
+"""A long convolution over all bands with 5/9 of the multiplications, by Winograd's method.
+
+Three taps and three outputs are 9 multiplications, or 5 as values at 0, 1, -1, 2 and infinity
+(F(3, 3), see :mod:`.winograd`). A filter of 12 taps is four such filters, each three frames later
+than the one before. That is one tile later, so their inputs at the points are the same values, and
+lie side by side in memory as the rows of a matrix product.
+"""
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from tex_lightning.inference.winograd import LEAST_MACS
+
+TILE = 3  # taps of a part of the filter, and outputs computed together
+FILTER_VALUES = (
+    (1 / 2, 0, 0),
+    (-1 / 2, -1 / 2, -1 / 2),
+    (-1 / 6, 1 / 6, -1 / 6),
+    (1 / 6, 1 / 3, 2 / 3),
+    (0, 0, 1),
+)
+FRAME_VALUES = (
+    (2, -1, -2, 1, 0),
+    (0, -2, -1, 1, 0),
+    (0, 2, -3, 1, 0),
+    (0, -1, 0, 1, 0),
+    (0, 2, -1, -2, 1),
+)
+OUTPUTS = ((1, 1, 1, 1, 0), (0, 1, -1, 2, 0), (0, 1, 1, 4, 1))
+
+
+class LongWinogradConv(nn.Conv2d):
+    """A convolution without padding, over all bands and a multiple of three frames.
+
+    Args:
+        conv: The convolution; the parameters are shared with it.
+    """
+
+    values: Tensor
+
+    def __init__(self, conv: nn.Conv2d) -> None:
+        # without drawing weights, which would change the random numbers that come after
+        bands, taps = conv.kernel_size
+        super().__init__(conv.in_channels, conv.out_channels, (bands, taps), device="meta")
+        self.weight, self.bias = conv.weight, conv.bias
+        self.parts = taps // TILE
+        points = conv.weight.new_tensor(FILTER_VALUES, dtype=torch.float64)
+        parts = conv.weight.detach().double().reshape(*conv.weight.shape[:3], self.parts, TILE)
+        values = torch.einsum("pt,oibnt->pnbio", points, parts).to(conv.weight.dtype)
+        self.register_buffer("values", values.flatten(1, 3).contiguous(), persistent=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map (B, I, bands, T) to (B, O, 1, T - taps + 1)."""
+        batch, _, bands, frames = x.shape
+        macs = frames * self.weight.numel()
+        if batch > 1 or bands > self.kernel_size[0] or macs < LEAST_MACS * torch.get_num_threads():
+            return super().forward(x)
+        return self._products(x[0].permute(2, 1, 0)).T[None, :, None]
+
+    def _products(self, x: Tensor) -> Tensor:
+        """Map (T, bands, I) to (T - taps + 1, O)."""
+        count = len(x) - self.kernel_size[1] + 1
+        tiles = -(-count // TILE)
+        seen = tiles + self.parts - 1  # tiles of input, which reach two frames beyond
+        beyond = TILE * seen + 2 - len(x)
+        frames = functional.pad(x.flatten(1), (0, 0, 0, beyond)).unfold(0, TILE + 2, TILE)
+        frames = frames.permute(2, 0, 1).contiguous()
+        points = torch.einsum("pf,fti->pti", x.new_tensor(FRAME_VALUES), frames).contiguous()
+        size = points.shape[2]
+        rows = points.as_strided((5, tiles, self.parts * size), (seen * size, size, 1))
+        products = x.new_empty(5, tiles, self.out_channels)
+        for row, values, product in zip(rows, self.values, products, strict=True):
+            torch.mm(row, values, out=product)
+        places = torch.einsum("kp,pto->tko", x.new_tensor(OUTPUTS), products)
+        outputs = places.flatten(0, 1)[:count]
+        return outputs if self.bias is None else outputs + self.bias
