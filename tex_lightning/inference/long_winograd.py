@@ -56,8 +56,10 @@ class LongWinogradConv(nn.Conv2d):
         macs = frames * self.weight.numel()
         if batch > 1 or bands > self.kernel_size[0] or macs < LEAST_MACS * torch.get_num_threads():
             return super().forward(x)
-        return self._products(x[0].permute(2, 1, 0)).T[None, :, None]
+        outputs: Tensor = self._products(x[0].permute(2, 1, 0))
+        return outputs.T[None, :, None]
 
+    @torch.compiler.disable  # type: ignore[untyped-decorator]
     def _products(self, x: Tensor) -> Tensor:
         """Map (T, bands, I) to (T - taps + 1, O)."""
         count = len(x) - self.kernel_size[1] + 1

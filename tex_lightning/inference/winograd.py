@@ -24,7 +24,9 @@ FILTER_VALUES = (
     (1 / 24, 1 / 12, 1 / 6),
     (1 / 24, -1 / 12, 1 / 6),
 )
-BLOCK = 1 << 18  # elements of every sixth of a block; larger ones leave the processor's cache
+BLOCK = (
+    1 << 18
+)  # elements of each of a block's six inputs; longer blocks cost memory, not less time
 # Multiply-accumulates for each thread below which the thirty calls of a block, where the threads
 # wait for each other, cost more than half the products.
 LEAST_MACS = 1 << 27
