@@ -12,9 +12,9 @@ from torch.nn import functional
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
-from tex_lightning.inference import long_winograd, winograd
+from tex_lightning.inference import long_conv, winograd
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.long_winograd import LongWinogradConv
+from tex_lightning.inference.long_conv import LongConv
 from tex_lightning.inference.tiles import layer_windows
 from tex_lightning.inference.winograd import WinogradConv
 from tex_lightning.schema import EngineConfig
@@ -54,11 +54,11 @@ def short(monkeypatch) -> None:
     """Take the fast way however little there is to multiply, in many blocks."""
     monkeypatch.setattr(winograd, "LEAST_MACS", 0)
     monkeypatch.setattr(winograd, "BLOCK", 2000)
-    monkeypatch.setattr(long_winograd, "LEAST_MACS", 0)
+    monkeypatch.setattr(long_conv, "LEAST_MACS", 0)
 
 
 def fast_layers(network: nn.Module) -> list[nn.Module]:
-    kinds = WinogradConv | LongWinogradConv
+    kinds = WinogradConv | LongConv
     return [layer for layer in network.modules() if isinstance(layer, kinds)]
 
 
@@ -89,19 +89,20 @@ def test_it_equals_convolution_and_pooling_for_every_shape_layout_and_block(
 
 
 @given(
-    st.tuples(st.integers(1, 2), st.integers(1, 6), st.integers(1, 5), st.integers(12, 60)),
+    st.tuples(st.integers(1, 3), st.integers(1, 6), st.integers(1, 5), st.integers(12, 60)),
     st.integers(1, 5),
     st.sampled_from([6, 9, 12]),
     st.booleans(),
+    st.sampled_from([("LEAST_MACS", 0), ("FEW", 1000), ("FEW", 0)]),
 )
-def test_a_long_one_equals_convolution_for_every_shape(shape, outputs, taps, bias):
+def test_a_long_one_equals_convolution_for_every_shape_and_way(shape, outputs, taps, bias, way):
     torch.manual_seed(sum(shape))
     conv = nn.Conv2d(shape[1], outputs, (min(4, shape[2]), taps), bias=bias).requires_grad_(False)
     x = torch.randn(shape)
     expected = functional.conv2d(x.double(), *[p.double() for p in conv.parameters()])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(long_winograd, "LEAST_MACS", 0)
-        found = LongWinogradConv(conv)(x)
+        patch.setattr(long_conv, *way)
+        found = LongConv(conv)(x)
     torch.testing.assert_close(found.double(), expected, rtol=1e-5, atol=1e-5)
 
 

@@ -59,9 +59,8 @@ class Accelerated(SurfaceClassifier):
             self.haptic_features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
         for network in (self.haptic_network, self.visual_network):
             if network is not None:
-                _rewrite(
-                    network, config, device
-                )  # on the CPU: not every device computes in float64
+                # on the CPU: not every device computes in float64
+                _rewrite(network, config, device)
         self.to(device)
         if config.precision == "bf16":
             _warn_of_slow_bf16(device)

@@ -9,9 +9,10 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.inference.long_winograd import LongWinogradConv
+from tex_lightning.inference.long_conv import LongConv
 from tex_lightning.inference.response_norm import FastResponseNorm
 from tex_lightning.inference.winograd import Pooled, WinogradConv
+from tex_lightning.networks.hapticnet import FINAL_KERNEL
 
 
 def fold_batch_norm(network: nn.Module) -> None:
@@ -44,7 +45,7 @@ def speed_up_response_norm(network: nn.Module) -> None:
 
 
 def speed_up_convolutions(network: nn.Module) -> None:
-    """Put Winograd's in the place of 3x3 convolutions before max pooling and of long ones.
+    """Put Winograd's in the place of 3x3 convolutions before pooling, :class:`LongConv` of 4x12.
 
     A convolution of one channel stays: there is less to multiply than to add.
     """
@@ -55,10 +56,8 @@ def speed_up_convolutions(network: nn.Module) -> None:
             if (conv.kernel_size, conv.padding) == ((3, 3), (1, 1)) and _is_2x2(after):
                 layers[place] = WinogradConv(conv)
                 layers[place + 1] = Pooled(2, 2, ceil_mode=True)
-            elif (
-                conv.padding == (0, 0) and conv.kernel_size[1] > 3 and conv.kernel_size[1] % 3 == 0
-            ):
-                layers[place] = LongWinogradConv(conv)
+            elif conv.kernel_size == FINAL_KERNEL and conv.padding == (0, 0):
+                layers[place] = LongConv(conv)
 
 
 def _is_plain(conv: nn.Conv2d) -> bool:

@@ -24,13 +24,11 @@ FILTER_VALUES = (
     (1 / 24, 1 / 12, 1 / 6),
     (1 / 24, -1 / 12, 1 / 6),
 )
-BLOCK = (
-    1 << 18
-)  # elements of each of a block's six inputs; longer blocks cost memory, not less time
-# Multiply-accumulates below which the thirty calls of a block cost more, on one thread, than half
-# the products. With n threads each has an n-th of the products to save, and every call waits for
-# all of them, so that n squared as many are needed.
-LEAST_MACS = 1 << 27
+# Elements of each of a block's six inputs; longer blocks cost memory, not less time.
+BLOCK = 1 << 18
+# Multiply-accumulates for each thread, below which the thirty calls of a block cost more than half
+# of the products.
+LEAST_MACS = 3 << 26
 
 
 class WinogradConv(nn.Conv2d):
@@ -59,7 +57,7 @@ class WinogradConv(nn.Conv2d):
         """Map (B, I, bands, T) to (B, O, bands / 2, T / 2), both rounded up, channels innermost."""
         batch, _, bands, frames = x.shape
         macs = batch * bands * frames * self.weight.numel()
-        if macs < LEAST_MACS * torch.get_num_threads() ** 2:
+        if macs < LEAST_MACS * torch.get_num_threads():
             direct: Tensor = super().forward(x)
             return functional.max_pool2d(direct, 2, 2, ceil_mode=True)
         pooled = x.new_empty(batch, -(-bands // 2), -(-frames // 2), self.out_channels)
