@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-PIECE = 1 << 19  # elements; three float32 buffers of this size fit the cache of one processor
+PIECE = 1 << 18  # elements; three float32 buffers of this size fit the cache of one processor
 
 
 class FastResponseNorm(nn.Module):
