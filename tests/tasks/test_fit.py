@@ -227,6 +227,30 @@ def test_ctrl_c_then_the_same_command_gives_the_same_weights(
     assert same(weights(reference), weights(tmp_path))
 
 
+def test_an_epoch_that_is_not_the_best_is_kept_too(cli, surfaces, tmp_path, monkeypatch):
+    original = HapticModule.training_step
+
+    def interrupted(self, batch, batch_idx):
+        if self.current_epoch == 2:
+            raise KeyboardInterrupt
+        return original(self, batch, batch_idx)
+
+    def worse(self, batch, batch_idx):
+        self.log("val/loss", float(self.current_epoch))
+
+    validated = ["model=haptic", "model.haptic.fit.epochs=3", "data.val_fold=1"]
+    handler = signal.getsignal(signal.SIGINT)
+    with monkeypatch.context() as patch:
+        patch.setattr(HapticModule, "training_step", interrupted)
+        patch.setattr(HapticModule, "validation_step", worse)
+        assert cli(*validated, *tiny(surfaces, tmp_path)).status == 130
+    signal.signal(signal.SIGINT, handler)
+    kept = tmp_path / "checkpoints" / "haptic"
+    epochs = {name: torch.load(kept / f"{name}.ckpt")["epoch"] for name in ("best", "last")}
+    assert epochs == {"best": 0, "last": 1}
+    assert cli(*validated, *tiny(surfaces, tmp_path)).status == 0
+
+
 @pytest.mark.parametrize("val_fold", ["1", "null"])
 def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path, val_fold):
     many = ["model=haptic", "model.haptic.fit.epochs=12", f"data.val_fold={val_fold}"]

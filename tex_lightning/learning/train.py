@@ -227,13 +227,13 @@ def _class_indices(rows: tuple[Recording, ...], classes: list[str]) -> np.ndarra
 
 
 def _finish(
-    training: Training, trainer: Trainer, module: SurfaceModule, keeper: ModelCheckpoint
+    training: Training, trainer: Trainer, module: SurfaceModule, keeper: ModelCheckpoint | None
 ) -> None:
     """Write the checkpoint of the best validation loss, or of the last step where none was asked.
 
     Only weights and plain values are kept; what a resumption would need goes.
     """
-    if keeper.best_model_path and keeper.monitor is not None:  # there is none of no epoch
+    if keeper is not None and keeper.best_model_path:  # there is none of no epoch
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
     partial = training.working / "final.ckpt"

@@ -94,8 +94,8 @@ def quiet_lightning() -> Iterator[None]:
 
 def make_trainer(
     training: Training, *watchers: Callback, resumed: bool
-) -> tuple[Trainer, Timer, ModelCheckpoint]:
-    """Make the trainer, with its clock and the keeper of its checkpoints.
+) -> tuple[Trainer, Timer, ModelCheckpoint | None]:
+    """Make the trainer, with its clock and, where it validates, the keeper of the best weights.
 
     Args:
         training: What is trained.
@@ -105,18 +105,11 @@ def make_trainer(
     config, fit = training.config, training.fit_values
     validated = bool(make_samples(training.parts.val, training.card.kind))
     timer = Timer()
-    keeper = ModelCheckpoint(
-        dirpath=training.working,
-        filename="best",
-        monitor="val/loss" if validated else None,
-        save_top_k=1,  # Lightning writes last.ckpt only together with one of these
-        save_last=True,
-        save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
-        enable_version_counter=False,
-        auto_insert_metric_name=False,
-    )
+    keeper = _keep(training, "best", "val/loss") if validated else None
+    # not Lightning's save_last, which leaves out the epochs that are not the best
+    keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
     bar = ProgressBar(refresh_rate=REFRESH, console_kwargs={"stderr": True})
-    callbacks: list[Callback] = [timer, keeper, bar, SampleFigures(), *watchers]
+    callbacks: list[Callback] = [timer, *keepers, bar, SampleFigures(), *watchers]
     if training.card.kind == "fusion":
         paths = training.unimodal
         start = config.model.fusion.head_start
@@ -137,6 +130,18 @@ def make_trainer(
         default_root_dir=training.directory,
     )
     return trainer, timer, keeper
+
+
+def _keep(training: Training, name: str, monitor: str | None) -> ModelCheckpoint:
+    """Keep the epoch with the least ``monitor``, or the last one."""
+    return ModelCheckpoint(
+        dirpath=training.working,
+        filename=name,
+        monitor=monitor,
+        save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch
+        enable_version_counter=False,
+        auto_insert_metric_name=False,
+    )
 
 
 def _processes(training: Training) -> dict[str, Any]:
