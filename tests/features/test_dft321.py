@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tex_lightning.features.dft321 import dft321
+from tex_lightning.features.dft321 import dft321, quick_length
 
 
 def reference(axes: np.ndarray) -> np.ndarray:
@@ -48,3 +48,13 @@ def test_axes_that_cancel_and_silence_are_finite():
 def test_other_than_three_axes_is_a_programming_error():
     with pytest.raises(ValueError, match="three axes"):
         dft321(torch.zeros(2, 100))
+
+
+@given(samples=st.integers(500, 1_000_000))
+def test_hardly_anything_is_left_out_and_no_factor_is_large(samples):
+    left = quick = quick_length(samples)
+    assert 0.975 * samples <= quick <= samples
+    for factor in (2, 3, 5, 7, 11):
+        while left % factor == 0:
+            left //= factor
+    assert left == 1

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
-from scipy.fft import prev_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.baselines.registry import make_baseline
@@ -17,7 +16,7 @@ from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.features.dft321 import dft321
+from tex_lightning.features.dft321 import dft321, quick_length
 from tex_lightning.features.spectrogram import HapticFeatures, movement_start
 from tex_lightning.files import write_atomically
 
@@ -135,7 +134,7 @@ def movement(trace: "Array", card: Card) -> "Array":
             "little to classify; record a longer stroke."
         )
     if len(axes) == 3:
-        joined = dft321(axes[:, : prev_fast_len(axes.shape[1], real=True)])
+        joined = dft321(axes[:, : quick_length(axes.shape[1])])
     else:
         joined = (axes - axes.mean(dim=1, keepdim=True))[0]
     check_finite(joined)

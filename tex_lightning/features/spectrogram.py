@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.dft321 import dft321
+from tex_lightning.features.dft321 import dft321, quick_length
 from tex_lightning.features.lowband import LowBand
 from tex_lightning.features.mel import mel_centres, mel_filters
 
@@ -100,6 +100,7 @@ class HapticFeatures(nn.Module):
         samples = trace.shape[-1]
         if self.skip_impact:
             samples -= movement_start(trace, self.sampling_rate)
+        samples = self._transformed(len(trace), max(1, samples))
         return max(0, (samples - self.window_length) // self.hop_length + 1)
 
     def magnitudes(self, trace: Tensor) -> Tensor:
@@ -186,9 +187,13 @@ class HapticFeatures(nn.Module):
     def _levelled(self, movement: Tensor) -> Tensor:
         """The samples that frames are cut from: (3 or 1, samples) without their mean."""
         if self.axes == "trace" and len(movement) == 3:
-            return dft321(movement)[None]
+            return dft321(movement[:, : self._transformed(*movement.shape)])[None]
         # with axes=frame every frame loses its mean anyway: this keeps gravity from costing digits
         return movement - movement.mean(dim=-1, keepdim=True)
+
+    def _transformed(self, axes: int, samples: int) -> int:
+        """Samples of a movement that its frames are cut from."""
+        return quick_length(samples) if self.axes == "trace" and axes == 3 else samples
 
     def fit(self, magnitudes: Sequence[Tensor]) -> None:
         """Learn level, mean and deviation from the training set's magnitudes (bands, frames)."""
