@@ -6,6 +6,8 @@ import json
 import pytest
 from PIL import Image
 
+from tex_lightning.tasks import frontier
+
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
     "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen",
@@ -67,6 +69,20 @@ def test_charts_can_be_opened(measured):
 
 def test_networks_that_differ_in_precision_are_trained_once(measured):
     assert len(list((measured / "networks").iterdir())) == 2
+
+
+def test_every_system_is_timed_on_photos_of_its_own_size(given, cli, monkeypatch):
+    sides = {}
+
+    def classify(classifier, samples):
+        _, photo = next(samples)
+        sides[classifier.card.decode["half_scale"]] = photo.shape[0]
+
+    monkeypatch.setattr(frontier, "_classify_next", classify)
+    systems = "frontier.only=[visualnet_squeezenet,visualnet_squeezenet_half]"
+    only = "crossval.only=[0]", "data.half_scale=false"
+    assert cli("task=frontier", "frontier=fusion", *given, *only, systems).status == 0
+    assert sides[False] == 2 * sides[True]
 
 
 def test_auto_trains_the_chosen_system(measured, given, cli, tmp_path):

@@ -19,6 +19,7 @@ from torch import Tensor
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import load_sample
+from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import make_samples
 from tex_lightning.decision.choice import Candidate, one_standard_error, pareto, within_budget
 from tex_lightning.devices import pick_device
@@ -39,7 +40,7 @@ from tex_lightning.tasks.family import (
     given_overrides,
     measure,
 )
-from tex_lightning.tasks.workspace import open_workspace
+from tex_lightning.tasks.workspace import decode_settings, open_workspace
 
 log = logging.getLogger(__name__)
 
@@ -80,17 +81,18 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
 def _latencies(measured: list[Measured], config: Config) -> dict[str, tuple[float, float]]:
     """Median and 95th percentile in ms of one sample, all systems by turns in one run."""
     functions: dict[str, Callable[[], object]] = {}
-    recordings: dict[str, list[tuple[Tensor | None, Tensor | None]]] = {}
+    recordings: dict[tuple[str, DecodeSettings], list[tuple[Tensor | None, Tensor | None]]] = {}
     for system in measured:
         member, kind = system.member.config, system.member.config.model.kind
         device = pick_device(member.trainer.accelerator)
         classifier = prepare(load_classifier(system.entry["checkpoint"]).to(device), member)
-        if kind not in recordings:  # all systems of a kind classify the same samples
+        decoded = kind, decode_settings(member.data)
+        if decoded not in recordings:  # all systems of a kind classify the same samples
             workspace = open_workspace(member, Path(system.entry["checkpoint"]).parent)
             samples = make_samples(workspace.recordings, workspace.kind)
             timed = samples[:: max(1, len(samples) // TIMED)][:TIMED]
-            recordings[kind] = [load_sample(sample, workspace.store) for sample in timed]
-        call = partial(_classify_next, classifier, itertools.cycle(recordings[kind]))
+            recordings[decoded] = [load_sample(sample, workspace.store) for sample in timed]
+        call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
         functions[system.member.name] = waiting(call, device)
     timings = interleaved(functions, config.frontier.rounds, WARM_UP)
     return {name: (timing.median, timing.p95) for name, timing in timings.items()}
