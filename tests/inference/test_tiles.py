@@ -38,7 +38,7 @@ def windows(net: nn.Module):
 
 
 @pytest.mark.parametrize("trunk", TRUNKS)
-@examples(max_examples=25)
+@examples(max_examples=12)
 @given(st.integers(230, 700), st.integers(230, 700), st.integers(55_000, 250_000))
 def test_a_photo_in_pieces_has_the_class_scores_of_the_whole(trunk, height, width, most):
     net = network(trunk)
