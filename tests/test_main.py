@@ -39,8 +39,11 @@ def test_help_is_for_people_and_works_from_anywhere(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("model", config_groups(CONF)["model"])
-@pytest.mark.parametrize("data", config_groups(CONF)["data"])
+EVERY_MODEL = [(model, "folder") for model in config_groups(CONF)["model"]]
+EVERY_DATA_SET = [("fusion", data) for data in config_groups(CONF)["data"]]
+
+
+@pytest.mark.parametrize(("model", "data"), sorted({*EVERY_MODEL, *EVERY_DATA_SET}))
 def test_every_model_and_data_set_composes_without_open_values_but_paths(model, data):
     register()
     with initialize_config_dir(str(CONF), version_base="1.3"):

@@ -270,6 +270,7 @@ def test_the_file_of_another_network(tmp_path):
     refused(visualnet("vgg_m"), write_mat(tmp_path / "a.mat", few), "has no conv3.weight")
 
 
+@pytest.mark.slow
 def test_vgg_m_on_the_command_line(cli, surfaces, tmp_path):
     run = tmp_path / "run"
     common = ["model=visual_vgg_m", "data=folder", f"data.root={surfaces}", "debug=tiny"]

@@ -251,7 +251,7 @@ def test_an_epoch_that_is_not_the_best_is_kept_too(cli, surfaces, tmp_path, monk
     assert cli(*validated, *tiny(surfaces, tmp_path)).status == 0
 
 
-@pytest.mark.parametrize("val_fold", ["1", "null"])
+@pytest.mark.parametrize("val_fold", ["1", pytest.param("null", marks=pytest.mark.slow)])
 def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path, val_fold):
     many = ["model=haptic", "model.haptic.fit.epochs=12", f"data.val_fold={val_fold}"]
     whole, killed = tmp_path / "whole", tmp_path / "killed"
