@@ -100,7 +100,8 @@ class HapticFeatures(nn.Module):
         samples = trace.shape[-1]
         if self.skip_impact:
             samples -= movement_start(trace, self.sampling_rate)
-        samples = self._transformed(len(trace), max(1, samples))
+        if self._joins(trace):
+            samples = quick_length(max(1, samples))
         return max(0, (samples - self.window_length) // self.hop_length + 1)
 
     def magnitudes(self, trace: Tensor) -> Tensor:
@@ -186,14 +187,14 @@ class HapticFeatures(nn.Module):
 
     def _levelled(self, movement: Tensor) -> Tensor:
         """The samples that frames are cut from: (3 or 1, samples) without their mean."""
-        if self.axes == "trace" and len(movement) == 3:
-            return dft321(movement[:, : self._transformed(*movement.shape)])[None]
+        if self._joins(movement):
+            return dft321(movement[:, : quick_length(movement.shape[-1])])[None]
         # with axes=frame every frame loses its mean anyway: this keeps gravity from costing digits
         return movement - movement.mean(dim=-1, keepdim=True)
 
-    def _transformed(self, axes: int, samples: int) -> int:
-        """Samples of a movement that its frames are cut from."""
-        return quick_length(samples) if self.axes == "trace" and axes == 3 else samples
+    def _joins(self, trace: Tensor) -> bool:
+        """Whether DFT321 of the whole movement makes one axis of three."""
+        return self.axes == "trace" and len(trace) == 3
 
     def fit(self, magnitudes: Sequence[Tensor]) -> None:
         """Learn level, mean and deviation from the training set's magnitudes (bands, frames)."""

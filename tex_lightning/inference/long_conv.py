@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from tex_lightning.inference.winograd import LEAST_MACS
+from tex_lightning.inference.winograd import LEAST_MACS, SharedConv
 
 FEW = 64  # rows, up to which products of rows are quicker than the general convolution
 TILE = 3  # taps of a part of the filter, and outputs computed together
@@ -37,7 +37,7 @@ FRAME_VALUES = (
 OUTPUTS = ((1, 1, 1, 1, 0), (0, 1, -1, 2, 0), (0, 1, 1, 4, 1))
 
 
-class LongConv(nn.Conv2d):
+class LongConv(SharedConv):
     """A convolution without padding, over all bands and a multiple of three frames.
 
     Args:
@@ -48,11 +48,8 @@ class LongConv(nn.Conv2d):
     values: Tensor
 
     def __init__(self, conv: nn.Conv2d) -> None:
-        # without drawing weights, which would change the random numbers that come after
-        bands, taps = conv.kernel_size
-        super().__init__(conv.in_channels, conv.out_channels, (bands, taps), device="meta")
-        self.weight, self.bias = conv.weight, conv.bias
-        self.parts = taps // TILE
+        super().__init__(conv)
+        self.parts = self.kernel_size[1] // TILE
         points = conv.weight.new_tensor(FILTER_VALUES, dtype=torch.float64)
         parts = conv.weight.detach().double().reshape(*conv.weight.shape[:3], self.parts, TILE)
         values = torch.einsum("pt,oibnt->pnbio", points, parts).to(conv.weight.dtype)

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from tex_lightning.inference.long_conv import LongConv
 from tex_lightning.inference.response_norm import FastResponseNorm
 from tex_lightning.inference.winograd import Pooled, WinogradConv
+from tex_lightning.networks.blocks import is_plain
 from tex_lightning.networks.hapticnet import FINAL_KERNEL
 
 
@@ -51,17 +52,13 @@ def speed_up_convolutions(network: nn.Module) -> None:
     """
     for layers in _sequences(network):
         for place, (conv, after) in enumerate(pairwise(list(layers))):
-            if not isinstance(conv, nn.Conv2d) or conv.in_channels == 1 or not _is_plain(conv):
+            if not isinstance(conv, nn.Conv2d) or conv.in_channels == 1 or not is_plain(conv):
                 continue
             if (conv.kernel_size, conv.padding) == ((3, 3), (1, 1)) and _is_2x2(after):
                 layers[place] = WinogradConv(conv)
                 layers[place + 1] = Pooled(2, 2, ceil_mode=True)
             elif conv.kernel_size == FINAL_KERNEL and conv.padding == (0, 0):
                 layers[place] = LongConv(conv)
-
-
-def _is_plain(conv: nn.Conv2d) -> bool:
-    return (conv.stride, conv.dilation, conv.groups) == ((1, 1), (1, 1), 1)
 
 
 def _is_2x2(layer: nn.Module) -> bool:

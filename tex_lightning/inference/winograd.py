@@ -9,6 +9,7 @@ more additions than they save, and more rounding.
 """
 
 from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -31,7 +32,20 @@ BLOCK = 1 << 18
 LEAST_MACS = 3 << 26
 
 
-class WinogradConv(nn.Conv2d):
+class SharedConv(nn.Conv2d):
+    """A convolution of stride 1 that computes another way with the parameters of ``conv``."""
+
+    def __init__(self, conv: nn.Conv2d) -> None:
+        kernel = cast(tuple[int, int], conv.kernel_size)
+        padding = cast(tuple[int, int], conv.padding)
+        # without drawing weights, which would change the random numbers that come after
+        super().__init__(
+            conv.in_channels, conv.out_channels, kernel, padding=padding, device="meta"
+        )
+        self.weight, self.bias = conv.weight, conv.bias
+
+
+class WinogradConv(SharedConv):
     """A 3x3 convolution with padding 1, together with the max pooling by 2x2 that follows it.
 
     Pooling comes along because the outputs are computed apart for each place in a tile: the
@@ -44,9 +58,7 @@ class WinogradConv(nn.Conv2d):
     values: Tensor
 
     def __init__(self, conv: nn.Conv2d) -> None:
-        # without drawing weights, which would change the random numbers that come after
-        super().__init__(conv.in_channels, conv.out_channels, 3, padding=1, device="meta")
-        self.weight, self.bias = conv.weight, conv.bias
+        super().__init__(conv)
         points = conv.weight.new_tensor(FILTER_VALUES, dtype=torch.float64)
         values = torch.einsum("pt,oibt->poib", points, conv.weight.detach().double())
         filters = values.to(conv.weight.dtype).flatten(0, 1)[..., None]

@@ -4,6 +4,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from tex_lightning.networks.blocks import is_plain
+
 Columns = Tensor | None
 
 
@@ -152,7 +154,7 @@ class GatheringConv:
 
 
 def _check_plain(conv: nn.Conv2d) -> None:
-    if (conv.stride, conv.dilation, conv.groups) != ((1, 1), (1, 1), 1):
+    if not is_plain(conv):
         raise ValueError(f"{conv} has a stride, a dilation or groups")
 
 
