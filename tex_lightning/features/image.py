@@ -52,8 +52,8 @@ class ImageFeatures(nn.Module):
         angle = torch.deg2rad(degrees)[:, None, None]
         cos, sin = angle.cos() * offset, angle.sin() * offset
         turned = self.mean.new_empty(len(crops), 3, patch, patch)
-        # a CPU's cache holds what belongs to one crop
-        together = 1 if crops.device.type == "cpu" else max(1, len(crops))
+        # one crop for each thread of a CPU, whose cache holds what belongs to it
+        together = torch.get_num_threads() if crops.device.type == "cpu" else max(1, len(crops))
         pieces = (torch.split(each, together) for each in (crops, cos, sin, turned))
         for piece in zip(*pieces, strict=True):
             self._turn(*piece)
