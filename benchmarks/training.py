@@ -37,6 +37,7 @@ from tex_lightning.data.folds import Kind
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
+from tex_lightning.memory import kept_memory
 from tex_lightning.report.results import environment
 from tex_lightning.schema import Config, register
 from tex_lightning.tasks.workspace import Workspace, make_card, open_workspace
@@ -221,7 +222,7 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     """
     networks: dict[str, Any] = {}
     unimodal: dict[Kind, Path] = {}
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, kept_memory():
         workspace = open_workspace(_config(overrides), Path(folder))
         for kind in KINDS if workspace.kind == "fusion" else (workspace.kind,):
             watch = Turns()

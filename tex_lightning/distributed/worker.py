@@ -19,6 +19,7 @@ def follow(accelerator: str) -> int:
         accelerator: Lightning's name of the devices.
     """
     from tex_lightning.learning.train import take_part
+    from tex_lightning.memory import kept_memory
     from tex_lightning.progress import console
 
     place = started_place()
@@ -28,7 +29,8 @@ def follow(accelerator: str) -> int:
     warnings.simplefilter("ignore")
     console.quiet = True
     team = Team(place, accelerator)
-    status = team.follow(take_part)
+    with kept_memory():
+        status = team.follow(take_part)
     team.leave()
     return status
 

@@ -91,9 +91,8 @@ class LongConv(SharedConv):
         points = torch.einsum("pf,fti->pti", x.new_tensor(FRAME_VALUES), frames).contiguous()
         size = points.shape[2]
         rows = points.as_strided((5, tiles, self.parts * size), (seen * size, size, 1))
-        products = x.new_empty(5, tiles, self.out_channels)
-        for row, values, product in zip(rows, self.values, products, strict=True):
-            torch.mm(row, values, out=product)
+        # copied side by side: the products of overlapping rows take a fifth longer
+        products = torch.bmm(rows.contiguous(), self.values)
         places = torch.einsum("kp,pto->tko", x.new_tensor(OUTPUTS), products)
         outputs = places.flatten(0, 1)[:count]
         return outputs if self.bias is None else outputs + self.bias

@@ -26,7 +26,7 @@ FILTER_VALUES = (
     (1 / 24, -1 / 12, 1 / 6),
 )
 # Elements of each of a block's six inputs; longer blocks cost memory, not less time.
-BLOCK = 1 << 18
+BLOCK = 1 << 19
 # Multiply-accumulates for each thread, below which the thirty calls of a block cost more than half
 # of the products.
 LEAST_MACS = 3 << 26

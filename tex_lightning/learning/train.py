@@ -34,7 +34,6 @@ from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
-from tex_lightning.learning.memory import kept_memory
 from tex_lightning.learning.start import start_network
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
@@ -90,7 +89,7 @@ def take_part(training: Training, *watchers: Callback) -> None:
     with agreed():
         module, data = _prepare(training, last)
     preparation = time.perf_counter() - begin
-    with quiet_lightning(), kept_memory():
+    with quiet_lightning():
         trainer, timer, keeper = make_trainer(training, *watchers, resumed=last.is_file())
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")

@@ -12,6 +12,7 @@ from tex_lightning.distributed.launch import count_processes, leading
 from tex_lightning.distributed.place import follows
 from tex_lightning.distributed.worker import follow
 from tex_lightning.errors import UserError
+from tex_lightning.memory import kept_memory
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
@@ -68,7 +69,7 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_shares(config, processes)
     if processes > 1 and follows():
         return follow(config.trainer.accelerator)
-    with leading(processes, config.trainer):
+    with kept_memory(), leading(processes, config.trainer):
         claim_folder(composed, config, directory.resolve())
         if config.model.name == AUTO:
             config = resolve_auto(config, directory.resolve())

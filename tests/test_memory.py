@@ -1,4 +1,4 @@
-"""Memory kept between the steps of a training."""
+"""Memory kept between passes through a network."""
 
 import platform
 import sys
@@ -6,7 +6,7 @@ import sys
 import pytest
 import torch
 
-from tex_lightning.learning.memory import kept_memory
+from tex_lightning.memory import kept_memory
 
 FLOATS = 5_000_000  # of a tensor that glibc would return when it is freed for the first time
 

@@ -1,4 +1,4 @@
-"""Memory that every training step asks for and gives back."""
+"""Memory that every pass through a network asks for and gives back."""
 
 import ctypes
 import platform
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # what glibc's malloc.h calls M_...
-LARGE = 1 << 30  # bytes; no tensor of a training step on a CPU comes near
+LARGE = 1 << 30  # bytes; hardly a tensor on a CPU comes near
 GROWN = 1 << 25  # to which glibc lets its own threshold grow, and many versions no further
 
 
@@ -15,7 +15,8 @@ def kept_memory() -> Iterator[None]:
     """Keep what tensors on the CPU gave back for the next ones, as long as this lasts.
 
     The allocator of glibc returns large pieces to the system, which has to clear every page when
-    it is asked for again: a few percent of a training step. Other systems are left as they are.
+    it is asked for again: a few percent of a training step, a tenth of a pass over a long trace.
+    Other systems are left as they are.
     Afterwards all is returned, and the thresholds are the largest that glibc chooses by itself.
     """
     if platform.libc_ver()[0] != "glibc":
