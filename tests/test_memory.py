@@ -1,5 +1,6 @@
 """Memory kept between passes through a network."""
 
+import ctypes
 import platform
 import sys
 
@@ -29,6 +30,10 @@ def test_memory_is_cleared_once_while_kept():
 
 
 def test_other_systems_are_left_alone(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise AssertionError("the library of another system was opened")
+
     monkeypatch.setattr(platform, "libc_ver", lambda: ("", ""))
+    monkeypatch.setattr(ctypes, "CDLL", refuse)
     with kept_memory():
         assert torch.ones(3).sum() == 3

@@ -101,6 +101,21 @@ def test_the_known_rate_of_a_bare_file_is_used(tmp_path):
     assert decode_trace(tmp_path / "t.npy", slower).shape == (3, 350)
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t", " "])
+@pytest.mark.parametrize("header", [[], ["x", "y", "z"]])
+def test_columns_may_be_apart_by_any_mark(tmp_path, mark, header):
+    lines = [mark.join(header)] if header else []
+    lines += [mark.join(f"{value:.9f}" for value in sample) for sample in AXES.T]
+    (tmp_path / "t.txt").write_text("\n".join(lines))
+    expected = decode_trace(_saved(tmp_path / "t.npy"), SETTINGS)
+    assert np.allclose(decode_trace(tmp_path / "t.txt", SETTINGS), expected, atol=1e-6)
+
+
+def _saved(path):
+    np.save(path, AXES)
+    return path
+
+
 def test_bad_traces_are_refused_with_a_reason(tmp_path):
     def refuse(name, content, message):
         path = tmp_path / name

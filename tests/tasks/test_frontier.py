@@ -4,9 +4,13 @@ import csv
 import json
 
 import pytest
+from hydra import initialize_config_dir
 from PIL import Image
 
+from tex_lightning.__main__ import CONF
+from tex_lightning.schema import register
 from tex_lightning.tasks import frontier
+from tex_lightning.tasks.family import with_system
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
@@ -89,6 +93,29 @@ def test_auto_trains_the_chosen_system(measured, given, cli, tmp_path):
     outcome = cli("model=auto", f"frontier.run={measured}", *given, f"hydra.run.dir={tmp_path}/r")
     assert outcome.status == 0, outcome.err
     assert json.loads((tmp_path / "r/results.json").read_text())["model"] == "minirocket"
+
+
+def test_auto_goes_on_with_the_choice_that_it_made(given, cli, tmp_path, monkeypatch):
+    def measure_again(*_: object) -> None:
+        raise AssertionError("the family was measured a second time")
+
+    monkeypatch.setattr(frontier, "run", measure_again)
+    made = tmp_path / "r" / "frontier" / "results.json"
+    made.parent.mkdir(parents=True)
+    made.write_text(json.dumps({"overrides": ["model=minirocket"]}))
+    outcome = cli("model=auto", "data.val_fold=2", *given, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 0, outcome.err
+    assert json.loads((tmp_path / "r/results.json").read_text())["model"] == "minirocket"
+
+
+def test_one_source_of_weights_is_for_networks_on_photos():
+    register()
+    given = ["weights=imagenet", "seed=3"]
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        assert with_system(given, ["model=haptic"]) == ["seed=3", "model=haptic"]
+        assert with_system(given, ["model=minirocket"]) == ["seed=3", "model=minirocket"]
+        for model in ("model=visual_squeezenet", "model=fusion_squeezenet"):
+            assert with_system(given, [model]) == [*given, model]
 
 
 def test_budget_is_answered_with_a_command(measured, given, cli):

@@ -111,4 +111,15 @@ def test_not_a_number_on_standard_input_is_refused(cli, checkpoint, tmp_path, mo
     run = f"hydra.run.dir={tmp_path / 'run'}"
     outcome = cli("task=stream", f"checkpoint={checkpoint}", "haptic=-", run)
     assert outcome.status == 2
-    assert "NaN or infinity" in outcome.err
+    assert "NaN, infinity or a huge number at sample 0" in outcome.err
+
+
+def test_a_label_that_is_not_sure_is_rejected_as_in_predict(cli, checkpoint, tmp_path):
+    wav = tmp_path / "a.wav"
+    soundfile.write(wav, make_trace(1, 42, seconds=3.05), RATE, subtype="FLOAT")
+    common = [f"checkpoint={checkpoint}", f"haptic={wav}", f"hydra.run.dir={tmp_path / 'run'}"]
+    said = lines(cli("task=stream", *common, "decision.reject_below=1"))
+    (whole,) = lines(cli("task=predict", *common, "decision.reject_below=1"))
+    assert (whole["label"], whole["rejected"]) == (None, True)
+    assert (said[-1]["label"], said[-1]["rejected"]) == (None, True)
+    assert said[0]["rejected"] is False

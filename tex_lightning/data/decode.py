@@ -3,7 +3,6 @@
 A checkpoint carries the settings used here, so prediction decodes as training did.
 """
 
-import csv
 import re
 from dataclasses import asdict, dataclass
 from fractions import Fraction
@@ -89,9 +88,8 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
         UserError: If the file is missing, empty, damaged, of another shape, or holds NaN.
     """
     trace, file_rate = _read_axes(path)
-    finite = np.isfinite(trace).all(axis=0) & (np.abs(trace) < LARGEST).all(axis=0)
-    if not finite.all():
-        first = int(np.flatnonzero(~finite)[0])
+    if not (usable := usable_samples(trace)).all():
+        first = int(np.flatnonzero(~usable)[0])
         raise UserError(
             f"Trace {path} holds NaN, infinity or a huge number at sample {first}; repair the file."
         )
@@ -210,6 +208,12 @@ def _read_axes(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
     return np.concatenate(axes), rate
 
 
+def usable_samples(trace: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+    """Which samples of a trace (axes, samples) are numbers that a sensor may give."""
+    usable: npt.NDArray[np.bool_] = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
+    return usable
+
+
 def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
     """Samples as (samples,) or 2-D, and the rate if the file carries one."""
     suffix = path.suffix.lower()
@@ -255,8 +259,8 @@ def _read_text(path: Path) -> npt.NDArray[np.floating]:
     with path.open(encoding="utf-8-sig") as stream:
         first = stream.readline()
     delimiter = next((mark for mark in ",;" if mark in first), None)
-    header = next(csv.reader([first], delimiter=delimiter or " "), [])
-    skip = int(not all(_is_number(field) for field in header if field.strip()))
+    fields = [field.strip() for field in first.split(delimiter)]
+    skip = int(not all(_is_number(field) for field in fields if field))
     with path.open(encoding="utf-8-sig") as stream:
         lines = [line for line in stream if line.strip()][skip:]
     if not lines:

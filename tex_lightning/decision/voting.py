@@ -30,6 +30,14 @@ class Vote:
         """Mean probability of the class that won."""
         return float(self.probabilities[self.label])
 
+    def by_mean(self) -> "Vote":
+        """The same fragments, decided by the largest mean probability."""
+        return replace(self, label=int(self.probabilities.argmax()))
+
+    def below(self, least: float | None) -> bool:
+        """Whether the probability is less than ``least``, if that is asked."""
+        return least is not None and self.probability < least
+
 
 def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     """Let every fragment vote for its most probable class; the class with most votes wins.
@@ -55,8 +63,7 @@ def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
 
     Fragments that are unsure count for less than those that are sure.
     """
-    vote = max_vote(logits, temperature)
-    return replace(vote, label=int(vote.probabilities.argmax()))
+    return max_vote(logits, temperature).by_mean()
 
 
 def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:

@@ -8,8 +8,8 @@ to 1.6 times as long.
 Over a long trace there are 5/9 of the multiplications by Winograd's method: three taps and three
 outputs are 9, or 5 as values at 0, 1, -1, 2 and infinity (F(3, 3), see :mod:`.winograd`). A filter
 of 12 taps is four such filters, each three frames later than the one before. That is one tile
-later, so their inputs at the points are the same values, and lie side by side in memory as the rows
-of a matrix product.
+later, so their inputs at the points are the same values, put side by side as the rows of a matrix
+product.
 """
 
 import torch

@@ -19,6 +19,7 @@ from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 from tex_lightning.data.folds import make_samples
 from tex_lightning.distributed.place import Place
 from tex_lightning.distributed.team import Team
+from tex_lightning.files import write_atomically
 from tex_lightning.learning.base import REFRESH
 from tex_lightning.learning.callbacks.figures import SampleFigures
 from tex_lightning.learning.callbacks.fusion import FusionStart
@@ -68,12 +69,12 @@ class CheckpointFiles(TorchCheckpointIO):
         path: str | Path,
         storage_options: Any | None = None,  # noqa: ANN401
     ) -> None:
-        """Write a file that is whole under its name, or not there."""
-        path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f"{path.name}.partial")
-        torch.save(checkpoint, partial)
-        partial.replace(path)
+        """Write the whole file, or leave the earlier one.
+
+        Raises:
+            UserError: If it cannot be written.
+        """
+        write_atomically(Path(path), lambda partial: torch.save(checkpoint, partial))
 
 
 class PlainTermination(Callback):
@@ -142,6 +143,7 @@ def make_trainer(
     trainer = Trainer(
         accelerator=config.trainer.accelerator,
         **_processes(training),
+        plugins=_plugins(training),
         precision=config.trainer.precision,  # type: ignore[arg-type]  # a string from the config
         max_epochs=fit["epochs"],
         callbacks=callbacks,
@@ -171,17 +173,23 @@ def _processes(training: Training) -> dict[str, Any]:
     """The trainer's arguments for as many processes as there are."""
     team = Team.current
     if team is None:
-        return {"devices": 1, "plugins": [CheckpointFiles()]}
+        return {"devices": 1}
     nodes = training.config.trainer.num_nodes
     return {
         "devices": team.place.size // nodes,
         "num_nodes": nodes,
         "strategy": "ddp",
-        "plugins": [CheckpointFiles(), StartedAlready(team.place, nodes)],
         "use_distributed_sampler": False,  # every process knows its share of a batch
         # statistics of whole batches; there is no such layer for CPUs, and FusionNet's are fixed
         "sync_batchnorm": dist.get_backend() == "nccl" and training.card.kind != "fusion",
     }
+
+
+def _plugins(training: Training) -> list[Any]:
+    """How checkpoints are written and where this process stands among others."""
+    team = Team.current
+    place = [] if team is None else [StartedAlready(team.place, training.config.trainer.num_nodes)]
+    return [CheckpointFiles(), *place]
 
 
 def _make_loggers(training: Training, *, resumed: bool) -> list[Logger]:

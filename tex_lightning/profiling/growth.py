@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import cast
 
 import torch
 from torch import Tensor
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
 from tex_lightning.profiling.subject import Subject, like_weights, network_of
@@ -133,7 +135,7 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
     device = next(network.parameters()).device
     trace = name == "haptic"
     axis = "trace, s" if trace else "photo, megapixels"
-    values = SECONDS if trace else MEGAPIXELS
+    values = _enough_seconds(subject) if trace else MEGAPIXELS
 
     def recording(value: float) -> Tensor:
         if trace:
@@ -167,6 +169,15 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
     yield Ladder("windows in a batch", name, "network", BATCH, batch)
     if device.type == "cpu":
         yield Ladder("threads", name, "label", _thread_counts(), threads)
+
+
+def _enough_seconds(subject: Subject) -> tuple[float, ...]:
+    """Traces with a window of the network, even if DFT321 leaves out one sample in 100."""
+    features = cast(HapticFeatures, subject.classifier.haptic_features)
+    frames = window_size(subject.network)[1]
+    samples = (frames - 1) * features.hop_length + features.window_length
+    least = 1.01 * samples / features.sampling_rate
+    return tuple(seconds for seconds in SECONDS if seconds >= least)
 
 
 def _decision(classifier: SurfaceClassifier, recording: Tensor) -> Callable[[], object]:

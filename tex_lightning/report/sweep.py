@@ -84,11 +84,12 @@ def _rows(job: Path, root: Path) -> list[Row]:
     start["overrides"] = [str(item) for item in OmegaConf.load(job / ".hydra/overrides.yaml")]
     results = job / "results.json"
     if not results.is_file():
-        silent = {"task=predict", "task=generate"} & {*start["overrides"]}
+        silent = {"task=predict", "task=stream", "task=generate"} & {*start["overrides"]}
         return [{**start, "status": "done" if silent else "not finished"}]
     start["status"] = "done"
-    networks = json.loads(results.read_text(encoding="utf-8"))["networks"]
-    return [{**start, **_row(name, network)} for name, network in networks.items()]
+    # a frontier and a test of stability have tables of their own
+    networks = json.loads(results.read_text(encoding="utf-8")).get("networks", {})
+    return [{**start, **_row(name, network)} for name, network in networks.items()] or [start]
 
 
 def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:

@@ -47,6 +47,7 @@ class StreamingClassifier:
         self.search = int(SEARCH_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
         self.temperature = classifier.card.temperature
+        self.by_mean = str(classifier.card.decision.get("rule", "vote")) == "mean"
         self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
         self.restart(start_known=not features.skip_impact)
 
@@ -148,7 +149,8 @@ class StreamingClassifier:
             votes = votes + self._votes(labels[settled:])
             sums = sums + probabilities(scores[:, settled:], self.temperature)
         count = fragments.shape[0]
-        return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
+        vote = Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
+        return vote.by_mean() if self.by_mean else vote
 
     def _votes(self, labels: Tensor) -> Tensor:
         return torch.bincount(labels, minlength=self.votes.shape[0])

@@ -12,6 +12,7 @@ from hydra.core.hydra_config import HydraConfig
 from tex_lightning.errors import UserError
 from tex_lightning.schema import Config
 from tex_lightning.tasks import frontier
+from tex_lightning.tasks.family import with_system
 from tex_lightning.tasks.weights import read_config
 
 log = logging.getLogger(__name__)
@@ -26,16 +27,18 @@ def resolve_auto(config: Config, directory: Path) -> Config:
     Raises:
         UserError: If ``frontier.run`` holds no finished frontier.
     """
-    if config.frontier.run is None:
+    run = directory / "frontier"
+    if config.frontier.run is not None:
+        run = Path(config.frontier.run).expanduser()
+    elif not (run / "results.json").is_file():  # a second choice may be another one
         only = replace(config.crossval, only=[cast(int, config.data.test_fold)])
         data = replace(config.data, val_fold=None)
         family = replace(config, task="frontier", crossval=only, data=data)
-        overrides = frontier.run(family, directory / "frontier")["overrides"]
-    else:
-        overrides = _read_choice(Path(config.frontier.run).expanduser())
+        frontier.run(family, run)
+    overrides = _read_choice(run)
     given = [item for item in HydraConfig.get().overrides.task if not item.startswith("model=")]
     log.info("model=auto is %s.", " ".join(overrides))
-    return read_config(compose("config", overrides=[*given, *overrides]))
+    return read_config(compose("config", overrides=with_system(given, overrides)))
 
 
 def _read_choice(folder: Path) -> list[str]:

@@ -5,7 +5,7 @@ Each tested fold has a validation fold of its own, which takes no part in traini
 
 import json
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from tex_lightning.validation import check_config
 
 log = logging.getLogger(__name__)
 
-OWN_KEYS = ("task=", "frontier", "model=", "crossval.", "hydra")
+OWN_KEYS = ("task=", "frontier", "model=", "crossval.", "data.val_fold", "hydra")
 DONE = "measured.json"
 
 
@@ -75,13 +75,10 @@ def compose_family(config: Config, shared: Path) -> Iterator[Member]:
             f"frontier.only names {unknown[0]}, which this family does not have: choose from "
             f"{', '.join(family)}."
         )
-    given = given_overrides()
     for name in only or family:
         overrides = tuple(family[name].split())
-        composed = compose("config", overrides=[*given, "task=crossval", *overrides])
-        member = read_config(composed)
-        if member.model.kind == "haptic" and isinstance(composed.weights, str):
-            member = replace(member, weights=None)  # one source is for the networks on photos
+        training = with_system(given_overrides(), overrides)
+        member = read_config(compose("config", overrides=[*training, "task=crossval"]))
         member = replace(member, crossval=replace(member.crossval, share=str(shared)))
         check_config(member, ("crossval",))
         yield Member(name, overrides, member)
@@ -124,6 +121,19 @@ def _measure_fold(workspace: Workspace, fold: int, directory: Path) -> None:
     write_outcomes(outcomes, directory / "validation.csv")
     seconds = sum(network["fit_seconds"] for network in networks.values())
     write_results(directory / DONE, {**entry, "fit_seconds": seconds})
+
+
+def with_system(given: Sequence[str], overrides: Sequence[str]) -> list[str]:
+    """What trains a system with what the user asked for.
+
+    One source of weights is meant for networks on photos: a system on traces goes without it.
+    """
+    composed = compose("config", overrides=[*given, *overrides])
+    photos_only = composed.model.kind == "haptic" and isinstance(composed.weights, str)
+    return [
+        *(item for item in given if not (photos_only and item.startswith("weights="))),
+        *overrides,
+    ]
 
 
 def given_overrides() -> list[str]:

@@ -6,6 +6,7 @@ the validation folds alone.
 
 import itertools
 import logging
+import shlex
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
@@ -39,6 +40,7 @@ from tex_lightning.tasks.family import (
     compose_family,
     given_overrides,
     measure,
+    with_system,
 )
 from tex_lightning.tasks.workspace import decode_settings, open_workspace
 
@@ -165,9 +167,9 @@ def _member(members: list[Member], name: str) -> Member:
 
 def _command(members: list[Member], name: str) -> str:
     """What trains a member on the user's data."""
-    return " ".join(
-        ["python -m tex_lightning", *_member(members, name).overrides, *given_overrides()]
-    )
+    overrides = with_system(given_overrides(), _member(members, name).overrides)
+    overrides.sort(key=lambda item: not item.startswith("model="))  # what one looks for first
+    return shlex.join(["python", "-m", "tex_lightning", *overrides])
 
 
 def _print_budget(config: Config, members: list[Member], candidates: list[Candidate]) -> None:

@@ -86,7 +86,7 @@ def _report(vote: Vote, classes: list[str], config: Config) -> dict[str, Any]:
     shares = vote.shares.tolist()
     ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
     least = config.decision.reject_below
-    rejected = least is not None and vote.probability < least
+    rejected = vote.below(least)
     return {
         "label": None if rejected else classes[vote.label],
         **({} if least is None else {"rejected": rejected}),

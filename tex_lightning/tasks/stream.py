@@ -5,14 +5,15 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier, check_frames
-from tex_lightning.data.decode import decode_trace
+from tex_lightning.data.decode import decode_trace, usable_samples
+from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -51,13 +52,30 @@ def run(config: Config, directory: Path) -> None:
         samples += chunk.shape[1]
         line = {
             "time": round(samples / rate, 6),
-            "label": None if vote is None else classifier.card.classes[vote.label],
-            "confidence": None if vote is None else float(vote.shares[vote.label]),
-            "fragments": 0 if vote is None else len(vote.fragments),
+            **_report(vote, classifier.card.classes, config.decision.reject_below),
             "latency_ms": round(latency, 3),
         }
         print(json.dumps(line), flush=True)
     check_frames(stream.frames, stream.features)
+
+
+def _report(vote: Vote | None, classes: list[str], least: float | None) -> dict[str, Any]:
+    """Of a line; there is no label before the first fragment, and below ``least`` none is given."""
+    asked = least is not None
+    if vote is None:
+        return {
+            "label": None,
+            **({"rejected": False} if asked else {}),
+            "confidence": None,
+            "fragments": 0,
+        }
+    rejected = vote.below(least)
+    return {
+        "label": None if rejected else classes[vote.label],
+        **({"rejected": rejected} if asked else {}),
+        "confidence": float(vote.shares[vote.label]),
+        "fragments": len(vote.fragments),
+    }
 
 
 def _from_standard_input(config: Config, rate: float, size: int) -> Iterator[Tensor]:
@@ -75,11 +93,11 @@ def _from_standard_input(config: Config, rate: float, size: int) -> Iterator[Ten
                 "(stream.axes)."
             )
         samples = np.frombuffer(content, SAMPLE).reshape(-1, axes)
-        if not np.isfinite(samples).all():
-            first = place + int(np.flatnonzero(~np.isfinite(samples).all(axis=1))[0])
+        if not (usable := usable_samples(samples.T)).all():
+            first = place + int(np.flatnonzero(~usable)[0])
             raise UserError(
-                f"Standard input holds NaN or infinity at sample {first}; send little-endian "
-                "float32 numbers."
+                f"Standard input holds NaN, infinity or a huge number at sample {first}; send "
+                "little-endian float32 numbers."
             )
         place += len(samples)
         yield torch.from_numpy(samples.T.astype(np.float32))

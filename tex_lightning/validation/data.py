@@ -24,6 +24,9 @@ SURFACES = 4  # from which Kylberg's patches of one class are cut
 
 def check_data(data: DataConfig) -> Iterator[str]:
     """What cannot be meant of ``data``."""
+    if data.name not in READ_KEYS:
+        yield from choice("data.name", data.name, tuple(READ_KEYS))
+        return
     for key in ("root", "manifest", "split", "group_by"):
         if getattr(data, key) is not None and key not in READ_KEYS[data.name]:
             readers = [name for name, keys in READ_KEYS.items() if key in keys]

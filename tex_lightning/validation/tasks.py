@@ -14,7 +14,8 @@ CHOICES = {
 }
 AUTO = "auto"
 PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
-READ_CHECKPOINTS = ("evaluate", "predict", "profile", "stream")
+NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
+READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
 LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
 LEAST_SIDE, MOST_SIDE = 224, 8192  # one patch; what the renderer makes
 
@@ -43,6 +44,8 @@ def check_task(config: Config) -> Iterator[str]:
         yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
     if config.predict.fast_decode and config.task != "predict":
         yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
+    if config.checkpoint is None and config.task in NEED_CHECKPOINTS:
+        yield f"checkpoint is null, but task={config.task} classifies with one: give its file"
     yield from _frontier(config)
     yield from _profile(config)
     yield from _pretrain(config)
@@ -82,6 +85,8 @@ def _frontier(config: Config) -> Iterator[str]:
         yield f"model=auto trains one network, task={config.task} does not: use task=fit"
     if frontier.run is not None and config.model.name != AUTO:
         yield "frontier.run is read by model=auto alone: leave it out"
+    if config.task == "frontier" and config.data.val_fold is not None:
+        yield "data.val_fold is set, but task=frontier watches a fold of its own: leave it null"
     yield from least("frontier.rounds", frontier.rounds, 1)
     if frontier.max_latency_ms is not None:
         yield from positive("frontier.max_latency_ms", frontier.max_latency_ms)
@@ -108,8 +113,9 @@ def check_decision(config: Config) -> Iterator[str]:
     for alpha in decision.alphas:
         if not 0 <= alpha < 1:
             yield f"decision.alphas has {alpha:g}: choose from 0 up to 1"
-    for enough in (decision.enough, *decision.enoughs):
-        yield from within("decision.enough", enough, 0, 1)
+    yield from within("decision.enough", decision.enough, 0, 1)
+    for enough in decision.enoughs:
+        yield from within("decision.enoughs", enough, 0, 1)
     if decision.reject_below is not None:
         yield from within("decision.reject_below", decision.reject_below, 0, 1)
     if decision.name == "sequential" and config.model.baseline is not None:
@@ -117,7 +123,7 @@ def check_decision(config: Config) -> Iterator[str]:
             "decision=sequential needs a network, and a baseline looks at the whole recording at "
             "once: use decision=max_vote"
         )
-    if decision.name == "sequential" and config.task in ("profile", "stream"):
+    if decision.name == "sequential" and config.task in ("profile", "stability", "stream"):
         yield f"decision=sequential is not read by task={config.task}: leave it out"
     if config.data.hold_out and config.task not in ("fit", "crossval", "evaluate"):
         yield f"data.hold_out is not read by task={config.task}: leave it out"
@@ -137,6 +143,11 @@ def _profile(config: Config) -> Iterator[str]:
     yield from least("profile.rounds", profile.rounds, 1)
     for name in ("budget_s", "max_seconds"):
         yield from positive(f"profile.{name}", getattr(profile, name))
+    if config.task == "profile" and config.checkpoint is None and config.model.baseline is not None:
+        yield (
+            f"task=profile measures networks, and model={config.model.name} is none: time it by "
+            "task=frontier"
+        )
     if profile.growth and config.task != "profile":
         yield f"profile.growth is read by task=profile alone, not by task={config.task}"
 
