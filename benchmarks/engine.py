@@ -25,7 +25,7 @@ from tex_lightning.profiling.timing import interleaved
 from tex_lightning.schema import EngineConfig
 
 OFF = EngineConfig(False, False, False, False, False, "fp32", False, None)
-DEFAULT = EngineConfig(True, True, True, True, True, "fp32", False, 4_000_000)
+DEFAULT = EngineConfig(True, True, True, True, True, "fp32", False, 2_000_000)
 CASES: list[tuple[Kind, Norm]] = [
     ("haptic", "batch"),
     ("haptic", "lrn"),
