@@ -1,9 +1,14 @@
 """Ladders that end before a step becomes too long, with a clock that only the steps move."""
 
 import pytest
+import torch
 
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.profiling import growth, timing
 from tex_lightning.profiling.growth import Ladder, climb
+from tex_lightning.profiling.subject import Subject
 from tex_lightning.schema import ProfileConfig
 
 
@@ -56,3 +61,18 @@ def test_a_step_that_happens_to_be_quicker_does_not_make_later_ones_look_free(
 ):
     steps, _ = ladder(monkeypatch, lambda value: 0.9 if value == 1 else 0.8)
     assert all(not point.note for point in climb(steps, settings))
+
+
+@pytest.mark.parametrize(("rate", "first"), [(10_000, 2.0), (8_000, 5.0)])
+def test_the_shortest_trace_has_a_window_at_every_rate(rate, first):
+    card = Card(
+        kind="haptic",
+        classes=["a", "b"],
+        decode=DecodeSettings(sampling_rate=rate).to_dict(),
+        decision={"pairs": 10, "seed": 0},
+        haptic_features={"sampling_rate": rate},
+        haptic_network={"width": 0.05, "norm": "batch"},
+    )
+    classifier = SurfaceClassifier(card).eval()
+    assert growth._enough_seconds(Subject(classifier, torch.zeros(1)))[0] == first
+    assert classifier.classify(torch.randn(3, round(first * rate))).label in (0, 1)

@@ -175,3 +175,17 @@ def test_other_networks_are_refused():
     )
     with pytest.raises(UserError, match="visual network"):
         StreamingClassifier(SurfaceClassifier(card))
+
+
+def test_a_checkpoint_that_averages_does_so_live():
+    classifier, trace = make_classifier(), recording(4.3, None, 1, 0)
+    classifier.card.decision["rule"] = "mean"
+    stream = StreamingClassifier(classifier)
+    counted = 0
+    for end in range(22_000, 43_000, 500):
+        voted = stream.push(trace[:, (end - 500 if end > 22_000 else 0) : end])
+        if voted is not None:
+            assert voted.label == classifier.classify(trace[:, :end]).label
+            assert voted.label == int(voted.probabilities.argmax())
+            counted += voted.label != int(voted.shares.argmax())
+    assert counted  # votes alone would have given another label
