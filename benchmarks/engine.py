@@ -12,8 +12,10 @@ from functools import partial
 from typing import Any
 
 import torch
+from omegaconf import OmegaConf
 from torch import Tensor, nn
 
+from tex_lightning.__main__ import CONF
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
@@ -25,7 +27,7 @@ from tex_lightning.profiling.timing import interleaved
 from tex_lightning.schema import EngineConfig
 
 OFF = EngineConfig(False, False, False, False, False, "fp32", False, None)
-DEFAULT = EngineConfig(True, True, True, True, True, "fp32", False, 2_000_000)
+DEFAULT = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "default.yaml")))
 CASES: list[tuple[Kind, Norm]] = [
     ("haptic", "batch"),
     ("haptic", "lrn"),

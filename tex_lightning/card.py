@@ -28,7 +28,7 @@ class Card:
         fusion: ``level`` of FusionNet; empty for the others.
         baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
             empty for our networks.
-        decision: ``pairs`` and ``seed`` of FusionNet's vote.
+        decision: ``pairs`` and ``seed`` of FusionNet's vote, and ``rule``.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
             perhaps ``enough``, the threshold of sequential decisions; empty without such a fold.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
@@ -71,6 +71,11 @@ class Card:
     def title(self) -> str:
         """What it is called in messages."""
         return str(self.baseline.get("name", f"{self.kind} network"))
+
+    @property
+    def rule(self) -> str:
+        """How fragments decide, a key of ``RULES``; older checkpoints count votes."""
+        return str(self.decision.get("rule", "vote"))
 
     @property
     def temperature(self) -> float:

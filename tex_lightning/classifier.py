@@ -103,7 +103,7 @@ class SurfaceClassifier(nn.Module):
 
     def decide(self, logits: Tensor, temperature: float) -> Vote:
         """Decide by class scores (classes, fragments) with the card's rule."""
-        return RULES[str(self.card.decision.get("rule", "vote"))](logits, temperature)
+        return RULES[self.card.rule](logits, temperature)
 
     def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
         """Class scores of every fragment of one sample of decoded recordings.

@@ -15,7 +15,7 @@ def kept_memory() -> Iterator[None]:
     """Keep what tensors on the CPU gave back for the next ones, as long as this lasts.
 
     The allocator of glibc returns large pieces to the system, which has to clear every page when
-    it is asked for again: a few percent of a training step, a tenth of a pass over a long trace.
+    it is asked for again: a few percent of a training step.
     Other systems are left as they are.
     Afterwards all is returned, and the thresholds are the largest that glibc chooses by itself.
     """

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -34,9 +35,13 @@ class Vote:
         """The same fragments, decided by the largest mean probability."""
         return replace(self, label=int(self.probabilities.argmax()))
 
-    def below(self, least: float | None) -> bool:
-        """Whether the probability is less than ``least``, if that is asked."""
-        return least is not None and self.probability < least
+    def named(self, classes: list[str], least: float | None) -> dict[str, Any]:
+        """``label`` by name; with ``least`` also ``rejected``, and no label below it."""
+        label = classes[self.label]
+        if least is None:
+            return {"label": label}
+        rejected = self.probability < least
+        return {"label": None if rejected else label, "rejected": rejected}
 
 
 def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:

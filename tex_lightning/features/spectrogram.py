@@ -104,6 +104,10 @@ class HapticFeatures(nn.Module):
             samples = quick_length(max(1, samples))
         return max(0, (samples - self.window_length) // self.hop_length + 1)
 
+    def samples(self, frames: int) -> int:
+        """Samples of movement that so many frames are cut from."""
+        return (frames - 1) * self.hop_length + self.window_length
+
     def magnitudes(self, trace: Tensor) -> Tensor:
         """Spectrogram before normalisation.
 

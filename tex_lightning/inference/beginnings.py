@@ -44,6 +44,6 @@ def beginnings(trace: Tensor, frames: int, stream: StreamingClassifier) -> Itera
     movement, begin = trace[:, start:], 0
     stream.restart(start_known=True)
     for seen in (*range(HapticNet.min_frames, frames, HapticNet.stride), frames):
-        end = (seen - 1) * features.hop_length + features.window_length
+        end = features.samples(seen)
         yield cast(Vote, stream.push(movement[:, begin:end]))
         begin = end

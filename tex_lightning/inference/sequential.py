@@ -50,7 +50,7 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
             f"decision=sequential needs a network of ours, and {classifier.card.title} looks at "
             "the whole recording at once; use decision=max_vote."
         )
-    if classifier.card.decision.get("rule", "vote") != "vote":
+    if classifier.card.rule != "vote":
         raise UserError(
             "decision=sequential counts votes, and this checkpoint was trained with "
             "decision.rule=mean, which does not; use decision=max_vote."

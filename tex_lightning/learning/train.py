@@ -235,8 +235,6 @@ def _finish(
     if keeper is not None and keeper.best_model_path:  # there is none of no epoch
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
-    partial = training.working / "final.ckpt"
-    trainer.save_checkpoint(partial, weights_only=True)
+    trainer.save_checkpoint(training.final, weights_only=True)
     if trainer.is_global_zero:
-        partial.replace(training.final)
         shutil.rmtree(training.working, ignore_errors=True)

@@ -174,8 +174,7 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
 def _enough_seconds(subject: Subject) -> tuple[float, ...]:
     """Traces with a window of the network, even if DFT321 leaves out one sample in 100."""
     features = cast(HapticFeatures, subject.classifier.haptic_features)
-    frames = window_size(subject.network)[1]
-    samples = (frames - 1) * features.hop_length + features.window_length
+    samples = features.samples(window_size(subject.network)[1])
     least = 1.01 * samples / features.sampling_rate
     return tuple(seconds for seconds in SECONDS if seconds >= least)
 

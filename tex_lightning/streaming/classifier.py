@@ -47,7 +47,7 @@ class StreamingClassifier:
         self.search = int(SEARCH_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
         self.temperature = classifier.card.temperature
-        self.by_mean = str(classifier.card.decision.get("rule", "vote")) == "mean"
+        self.by_mean = classifier.card.rule == "mean"
         self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
         self.restart(start_known=not features.skip_impact)
 

@@ -128,12 +128,12 @@ def with_system(given: Sequence[str], overrides: Sequence[str]) -> list[str]:
 
     One source of weights is meant for networks on photos: a system on traces goes without it.
     """
-    composed = compose("config", overrides=[*given, *overrides])
-    photos_only = composed.model.kind == "haptic" and isinstance(composed.weights, str)
-    return [
-        *(item for item in given if not (photos_only and item.startswith("weights="))),
-        *overrides,
-    ]
+    without = [item for item in given if not item.startswith("weights=")]
+    if len(without) < len(given):
+        composed = compose("config", overrides=[*given, *overrides])
+        if composed.model.kind == "haptic" and isinstance(composed.weights, str):
+            return [*without, *overrides]
+    return [*given, *overrides]
 
 
 def given_overrides() -> list[str]:

@@ -85,11 +85,8 @@ def _report(vote: Vote, classes: list[str], config: Config) -> dict[str, Any]:
     """Label first whatever the tie; then the others by votes, then by their place."""
     shares = vote.shares.tolist()
     ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
-    least = config.decision.reject_below
-    rejected = vote.below(least)
     return {
-        "label": None if rejected else classes[vote.label],
-        **({} if least is None else {"rejected": rejected}),
+        **vote.named(classes, config.decision.reject_below),
         "confidence": shares[vote.label],
         "probability": vote.probability,
         "top_k": [{"label": classes[i], "share": shares[i]} for i in ranked[: config.top_k]],

@@ -60,19 +60,12 @@ def run(config: Config, directory: Path) -> None:
 
 
 def _report(vote: Vote | None, classes: list[str], least: float | None) -> dict[str, Any]:
-    """Of a line; there is no label before the first fragment, and below ``least`` none is given."""
-    asked = least is not None
+    """Of a line; there is no label before the first fragment."""
     if vote is None:
-        return {
-            "label": None,
-            **({"rejected": False} if asked else {}),
-            "confidence": None,
-            "fragments": 0,
-        }
-    rejected = vote.below(least)
+        rejected = {} if least is None else {"rejected": False}
+        return {"label": None, **rejected, "confidence": None, "fragments": 0}
     return {
-        "label": None if rejected else classes[vote.label],
-        **({"rejected": rejected} if asked else {}),
+        **vote.named(classes, least),
         "confidence": float(vote.shares[vote.label]),
         "fragments": len(vote.fragments),
     }
