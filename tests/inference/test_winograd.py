@@ -12,7 +12,7 @@ from torch.nn import functional
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
-from tex_lightning.inference import long_conv, winograd
+from tex_lightning.inference import long_conv, rewrite, winograd
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.long_conv import LongConv
 from tex_lightning.inference.tiles import layer_windows
@@ -52,8 +52,9 @@ def recording() -> torch.Tensor:
 @pytest.fixture
 def short(monkeypatch) -> None:
     """Take the fast way however little there is to multiply, in many blocks."""
+    monkeypatch.setattr(rewrite, "LEAST_DEPTH", 1)
     monkeypatch.setattr(winograd, "LEAST_MACS", 0)
-    monkeypatch.setattr(winograd, "BLOCK", 2000)
+    monkeypatch.setattr(winograd, "BLOCK", 8000)
     monkeypatch.setattr(long_conv, "LEAST_MACS", 0)
 
 
@@ -67,23 +68,28 @@ def fast_layers(network: nn.Module) -> list[nn.Module]:
     st.integers(1, 5),
     st.booleans(),
     st.booleans(),
-    st.sampled_from([1, 60, 500, 1 << 18]),
+    st.booleans(),
+    st.sampled_from([1, 2]),
+    st.sampled_from([1, 240, 2000, 1 << 20]),
 )
 def test_it_equals_convolution_and_pooling_for_every_shape_layout_and_block(
-    shape, outputs, bias, last, block
+    shape, outputs, bias, last, pooled, groups, block
 ):
     torch.manual_seed(sum(shape))
-    conv = nn.Conv2d(shape[1], outputs, 3, padding=1, bias=bias).requires_grad_(False)
+    shape = (shape[0], groups * shape[1], *shape[2:])
+    conv = nn.Conv2d(shape[1], groups * outputs, 3, padding=1, groups=groups, bias=bias)
+    conv.requires_grad_(False)
     x = torch.randn(shape)
     if last:
         x = x.contiguous(memory_format=torch.channels_last)
     before, given = x.clone(), [p.double() for p in conv.parameters()]
-    expected = functional.conv2d(x.double(), *given, padding=1)
-    expected = functional.max_pool2d(expected, 2, 2, ceil_mode=True)
+    expected = functional.conv2d(x.double(), *given, padding=1, groups=groups)
+    if pooled:
+        expected = functional.max_pool2d(expected, 2, 2, ceil_mode=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(winograd, "LEAST_MACS", 0)
         patch.setattr(winograd, "BLOCK", block)
-        found = WinogradConv(conv)(x)
+        found = WinogradConv(conv, pooled=pooled)(x)
     torch.testing.assert_close(found.double(), expected, rtol=1e-5, atol=1e-5)
     assert torch.equal(x, before)
 
@@ -109,8 +115,9 @@ def test_a_long_one_equals_convolution_for_every_shape_and_way(shape, outputs, t
 def test_what_is_quicker_directly_is_computed_directly():
     conv = nn.Conv2d(2, 3, 3, padding=1).requires_grad_(False)
     x = torch.randn(1, 2, 9, 30)
+    assert torch.equal(WinogradConv(conv)(x), conv(x))
     expected = functional.max_pool2d(conv(x), 2, 2, ceil_mode=True)
-    assert torch.equal(WinogradConv(conv)(x), expected)
+    assert torch.equal(WinogradConv(conv, pooled=True)(x), expected)
 
 
 def test_its_making_leaves_random_numbers_as_they_were():
@@ -156,13 +163,27 @@ def test_a_stream_gives_the_fragments_of_the_whole(short):
     assert torch.equal(vote.fragments, engine.classify(trace).fragments)
 
 
+@pytest.mark.parametrize("tile", [None, 60_000])
+def test_a_photo_keeps_its_class_scores(short, tile):
+    model = classifier("visual", "lrn")
+    engine = accelerate(model, replace(FAST, tile=tile))
+    assert len(fast_layers(engine.network)) == 3  # conv3 to conv5, two of them in groups
+    photo = torch.randint(0, 256, (330, 390, 3), dtype=torch.uint8)
+    expected, found = model.logits(photo=photo), engine.logits(photo=photo)
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
+    assert torch.equal(found.argmax(0), expected.argmax(0))
+
+
+def test_few_channels_stay():
+    layers = nn.Sequential(nn.Conv2d(32, 128, 3, padding=1), nn.Conv2d(64, 256, 3, padding=1))
+    rewrite.speed_up_convolutions(layers)
+    assert [type(layer) for layer in layers] == [nn.Conv2d, WinogradConv]
+
+
 @pytest.mark.parametrize(
-    ("kind", "config"),
-    [
-        ("haptic", replace(FAST, fast_convolutions=False)),
-        ("haptic", replace(FAST, precision="bf16")),  # would lose digits
-        ("visual", FAST),
-    ],
+    "config",
+    [replace(FAST, fast_convolutions=False), replace(FAST, precision="bf16")],  # would lose digits
 )
-def test_other_networks_precisions_and_switches_stay(kind, config):
+@pytest.mark.parametrize("kind", ["haptic", "visual"])
+def test_other_precisions_and_the_switch_keep_the_convolutions(short, kind, config):
     assert not fast_layers(accelerate(classifier(kind), config))

@@ -137,7 +137,7 @@ def _rewrite(network: HapticNet | VisualNet, config: EngineConfig, device: torch
         speed_up_response_norm(network)
     # an accelerator's library chooses by itself, and bfloat16 has no digits to lose
     exact = device.type == "cpu" and config.precision == "fp32"
-    if config.fast_convolutions and exact and isinstance(network, HapticNet):
+    if config.fast_convolutions and exact:
         speed_up_convolutions(network)
     if config.channels_last:
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub

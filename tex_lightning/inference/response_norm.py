@@ -23,6 +23,7 @@ class FastResponseNorm(nn.Module):
         if layer.size != 5 or layer.beta != 0.75:
             raise ValueError(f"size {layer.size} and beta {layer.beta} are not those of AlexNet")
         self.scale = layer.alpha / layer.size
+        self.k = layer.k
         self.part = layer.k / layer.size
 
     @torch.compiler.disable  # type: ignore[untyped-decorator]

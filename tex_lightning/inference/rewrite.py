@@ -15,6 +15,9 @@ from tex_lightning.inference.winograd import Pooled, WinogradConv
 from tex_lightning.networks.blocks import is_plain
 from tex_lightning.networks.hapticnet import FINAL_KERNEL
 
+# Below it the additions of Winograd's method cost as much as the multiplications that it saves.
+LEAST_DEPTH = 32
+
 
 def fold_batch_norm(network: nn.Module) -> None:
     """Make batch normalisation part of the convolution before it, wherever that is exact.
@@ -46,22 +49,29 @@ def speed_up_response_norm(network: nn.Module) -> None:
 
 
 def speed_up_convolutions(network: nn.Module) -> None:
-    """Put Winograd's in the place of 3x3 convolutions before pooling, :class:`LongConv` of 4x12.
+    """Put Winograd's in the place of 3x3 convolutions, :class:`LongConv` of 4x12.
 
-    A convolution of one channel stays: there is less to multiply than to add.
+    A convolution of few channels stays: there is less to multiply than to add.
     """
     for layers in _sequences(network):
-        for place, (conv, after) in enumerate(pairwise(list(layers))):
-            if not isinstance(conv, nn.Conv2d) or conv.in_channels == 1 or not is_plain(conv):
+        for place, (conv, after) in enumerate(pairwise([*layers, None])):
+            if not isinstance(conv, nn.Conv2d) or not is_plain(conv):
                 continue
-            if (conv.kernel_size, conv.padding) == ((3, 3), (1, 1)) and _is_2x2(after):
-                layers[place] = WinogradConv(conv)
-                layers[place + 1] = Pooled(2, 2, ceil_mode=True)
-            elif conv.kernel_size == FINAL_KERNEL and conv.padding == (0, 0):
+            if (conv.kernel_size, conv.padding) == ((3, 3), (1, 1)) and _depth(conv) >= LEAST_DEPTH:
+                layers[place] = WinogradConv(conv, pooled=_is_2x2(after))
+                if _is_2x2(after):
+                    layers[place + 1] = Pooled(2, 2, ceil_mode=True)
+            elif (conv.kernel_size, conv.padding, conv.groups) == (FINAL_KERNEL, (0, 0), 1):
                 layers[place] = LongConv(conv)
 
 
-def _is_2x2(layer: nn.Module) -> bool:
+def _depth(conv: nn.Conv2d) -> float:
+    """Multiplications by a tap at one place for each channel there, of inputs and outputs."""
+    channels = conv.in_channels + conv.out_channels
+    return conv.in_channels * conv.out_channels / conv.groups / channels
+
+
+def _is_2x2(layer: nn.Module | None) -> bool:
     if not isinstance(layer, nn.MaxPool2d):
         return False
     return (layer.kernel_size, layer.stride, layer.padding, layer.ceil_mode) == (2, 2, 0, True)

@@ -1,11 +1,11 @@
-"""Convolutions of 3x3 with half the multiplications, by Winograd's method along time.
+"""Convolutions of 3x3 with half the multiplications, by Winograd's method along time or columns.
 
 Four neighbouring outputs of a filter with three taps are products of polynomials: 12
 multiplications, or 6 if the polynomials are multiplied as their values at 0, infinity, 1,
 -1, 2 and -2 (F(4, 3) of Winograd, Arithmetic Complexity of Computations, 1980; as convolutions over
 channels in Lavin and Gray, Fast Algorithms for Convolutional Neural Networks, 2016). Across the
-bands the filter stays as it is: in both directions there would be a quarter of the products, but
-more additions than they save, and more rounding.
+rows (the bands of a spectrogram) the filter stays as it is: in both directions there would be a
+quarter of the products, but more additions than they save, and more rounding.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-TILE = 4  # frames that are computed together, two after pooling
+TILE = 4  # columns that are computed together, two after pooling
 # Values (6, 3) of a filter at the six points, with the divisors of the interpolation.
 FILTER_VALUES = (
     (1 / 4, 0, 0),
@@ -25,8 +25,9 @@ FILTER_VALUES = (
     (1 / 24, 1 / 12, 1 / 6),
     (1 / 24, -1 / 12, 1 / 6),
 )
-# Elements of each of a block's six inputs; longer blocks cost memory, not less time.
-BLOCK = 1 << 19
+# Bytes of a block's inputs or outputs, whichever have more channels: with the products six or seven
+# times as much, which the cache still holds.
+BLOCK = 1 << 22
 # Multiply-accumulates for each thread, below which the thirty calls of a block cost more than half
 # of the products.
 LEAST_MACS = 3 << 26
@@ -40,25 +41,32 @@ class SharedConv(nn.Conv2d):
         padding = cast(tuple[int, int], conv.padding)
         # without drawing weights, which would change the random numbers that come after
         super().__init__(
-            conv.in_channels, conv.out_channels, kernel, padding=padding, device="meta"
+            conv.in_channels,
+            conv.out_channels,
+            kernel,
+            padding=padding,
+            groups=conv.groups,
+            device="meta",
         )
         self.weight, self.bias = conv.weight, conv.bias
 
 
 class WinogradConv(SharedConv):
-    """A 3x3 convolution with padding 1, together with the max pooling by 2x2 that follows it.
+    """A 3x3 convolution with padding 1, alone or with the max pooling by 2x2 that follows it.
 
     Pooling comes along because the outputs are computed apart for each place in a tile: the
-    larger of two places is the pooling over time, and they need not be put in order first.
+    larger of two places is the pooling, and they need not be put in order first.
 
     Args:
         conv: The convolution; the parameters are shared with it.
+        pooled: Whether to pool.
     """
 
     values: Tensor
 
-    def __init__(self, conv: nn.Conv2d) -> None:
+    def __init__(self, conv: nn.Conv2d, *, pooled: bool = False) -> None:
         super().__init__(conv)
+        self.pooled = pooled
         points = conv.weight.new_tensor(FILTER_VALUES, dtype=torch.float64)
         values = torch.einsum("pt,oibt->poib", points, conv.weight.detach().double())
         filters = values.to(conv.weight.dtype).flatten(0, 1)[..., None]
@@ -66,55 +74,52 @@ class WinogradConv(SharedConv):
         self.register_buffer("values", filters, persistent=False)  # (6 O, I, 3, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map (B, I, bands, T) to (B, O, bands / 2, T / 2), both rounded up, channels innermost."""
-        batch, _, bands, frames = x.shape
-        macs = batch * bands * frames * self.weight.numel()
+        """Map (B, I, H, W) to (B, O, H, W), pooled to halves rounded up; channels innermost."""
+        batch, _, rows, columns = x.shape
+        macs = batch * rows * columns * self.weight.numel()
         if macs < LEAST_MACS * torch.get_num_threads():
             direct: Tensor = super().forward(x)
-            return functional.max_pool2d(direct, 2, 2, ceil_mode=True)
-        pooled = x.new_empty(batch, -(-bands // 2), -(-frames // 2), self.out_channels)
-        self._fill(pooled, x.permute(0, 2, 3, 1))
-        return pooled.permute(0, 3, 1, 2)
+            return functional.max_pool2d(direct, 2, 2, ceil_mode=True) if self.pooled else direct
+        tiles = -(-columns // TILE)
+        whole = tiles * TILE
+        if self.pooled:
+            rows, columns, whole = -(-rows // 2), -(-columns // 2), -(-columns // 2)
+        out = x.new_empty(batch, rows, whole, self.out_channels)
+        self._fill(out, x.permute(0, 2, 3, 1), tiles)
+        return out[:, :, :columns].permute(0, 3, 1, 2)
 
     @torch.compiler.disable  # type: ignore[untyped-decorator]
-    def _fill(self, pooled: Tensor, x: Tensor) -> None:
-        """Compute (B, bands / 2, T / 2, O) from (B, bands, T, I), block by block."""
-        frames, size = x.shape[2], x[0, :, 0].numel()
-        tiles = -(-frames // TILE)
+    def _fill(self, out: Tensor, x: Tensor, tiles: int) -> None:
+        """Compute (B, H, 4 tiles, O), or halves of (B, H, W, O), block by block."""
+        rows, columns = x.shape[1:3]
+        size = rows * max(self.in_channels, self.out_channels) * x.element_size()
         images = max(1, BLOCK // (size * tiles))
         block = -(-tiles // -(-size * tiles // BLOCK))  # all of nearly the same length
+        step = TILE // 2 if self.pooled else TILE
         for image in range(0, len(x), images):
             part = slice(image, image + images)
             for begin in range(0, tiles, block):
                 end = min(begin + block, tiles)
-                places = self._places(_at_points(_phases(x[part], begin, end)))
-                into = pooled[part, :, 2 * begin : 2 * end]
-                _pool(places, into, max(0, TILE * end - frames))
+                into = out[part, :, step * begin : step * end]
+                products = self._products(_at_points(_columns(x[part], begin, end)))
+                if self.pooled:
+                    places = [torch.empty_like(products[0]) for _ in range(TILE)]
+                    _interpolate(products, places)
+                    _pool(places, into, max(0, TILE * end - columns))
+                else:
+                    _interpolate(products, [into[:, :, place::TILE] for place in range(TILE)])
 
-    def _places(self, points: Tensor) -> list[Tensor]:
-        """Convolve the values at six points, and interpolate.
-
-        Args:
-            points: (6, B, bands, tiles, I).
-
-        Returns:
-            (B, bands, tiles, O) for each of the four places in a tile.
-        """
+    def _products(self, points: Tensor) -> list[Tensor]:
+        """Convolve the values (6, B, H, tiles, I) at the points: (B, H, tiles, O) each."""
         products = []
         for point, (x, values) in enumerate(zip(points, self.values.chunk(6), strict=True)):
             # the value at 1 goes into every place once, as the bias does
             bias = self.bias if point == 2 else None
-            product = functional.conv2d(x.permute(0, 3, 1, 2), values, bias, padding=(1, 0))
+            product = functional.conv2d(
+                x.permute(0, 3, 1, 2), values, bias, padding=(1, 0), groups=self.groups
+            )
             products.append(product.permute(0, 2, 3, 1))
-        zero, infinity, one, minus_one, two, minus_two = products
-        even, odd = one + minus_one, one.sub_(minus_one)
-        even_two, odd_two = torch.add(two, minus_two, out=minus_one), two.sub_(minus_two)
-        return [
-            zero.add_(even).add_(even_two),
-            torch.add(odd, odd_two, alpha=2, out=minus_two),
-            even.add_(even_two, alpha=4),
-            odd.add_(odd_two, alpha=8).add_(infinity),
-        ]
+        return products
 
 
 class Pooled(nn.MaxPool2d):
@@ -125,36 +130,27 @@ class Pooled(nn.MaxPool2d):
         return x
 
 
-def _phases(x: Tensor, begin: int, end: int) -> Tensor:
-    """Every fourth frame, from the frame before the first tile on, with zeros beyond the ends.
+def _columns(x: Tensor, begin: int, end: int) -> list[Tensor]:
+    """Cut the six columns that a tile sees, zeros beyond the ends.
 
     Args:
-        x: (B, bands, T, I).
+        x: (B, H, W, I).
         begin: First tile.
         end: One past the last.
 
     Returns:
-        (4, B, bands, tiles + 1, I); a tile sees six frames, two of them in the next tile.
+        (B, H, tiles, I) for each column, from that before the tile on.
     """
-    count = end - begin + 1
-    phases = x.new_empty(TILE, *x.shape[:2], count, x.shape[3])
-    for number, phase in enumerate(phases):
-        first = TILE * begin + number - 1
-        before = int(first < 0)
-        known = x[:, :, first + TILE * before : first + TILE * count : TILE]
-        after = before + known.shape[2]
-        phase[:, :, before:after] = known
-        if before:
-            phase[:, :, 0] = 0
-        if after < count:
-            phase[:, :, after:] = 0
-    return phases
+    first, last = TILE * begin - 1, TILE * end + 1
+    block = x[:, :, max(0, first) : last]
+    if first < 0 or last > x.shape[2]:
+        block = functional.pad(block, (0, 0, int(first < 0), max(0, last - x.shape[2])))
+    return [block[:, :, n : n + TILE * (end - begin) : TILE] for n in range(TILE + 2)]
 
 
-def _at_points(phases: Tensor) -> Tensor:
-    """Transform (4, B, bands, tiles + 1, I) to values (6, B, bands, tiles, I) at the points."""
-    first, second, third, fourth = phases[:, :, :, :-1]
-    fifth, sixth = phases[:2, :, :, 1:]
+def _at_points(columns: Sequence[Tensor]) -> Tensor:
+    """Transform the columns (B, H, tiles, I) to values (6, B, H, tiles, I) at the points."""
+    first, second, third, fourth, fifth, sixth = columns
     points: Tensor = fifth.new_empty(6, *fifth.shape)
     zero, infinity, one, minus_one, two, minus_two = points
     odd = fourth - second
@@ -170,22 +166,38 @@ def _at_points(phases: Tensor) -> Tensor:
     return points
 
 
-def _pool(places: Sequence[Tensor], out: Tensor, missing: int) -> None:
-    """Max pooling over time and bands.
+def _interpolate(products: Sequence[Tensor], places: Sequence[Tensor]) -> None:
+    """Compute (B, H, tiles, O) for the four places in a tile from the products at the points.
 
     Args:
-        places: (B, bands, tiles, O) for each of the four places in a tile; overwritten.
-        out: (B, bands / 2, 2 tiles or one less, O).
+        products: (B, H, tiles, O) for each point; overwritten.
+        places: Where to, of that shape.
+    """
+    zero, infinity, one, minus_one, two, minus_two = products
+    even, odd = one + minus_one, one.sub_(minus_one)
+    even_two, odd_two = torch.add(two, minus_two, out=minus_one), two.sub_(minus_two)
+    torch.add(zero.add_(even), even_two, out=places[0])
+    torch.add(odd, odd_two, alpha=2, out=places[1])
+    torch.add(even, even_two, alpha=4, out=places[2])
+    torch.add(odd.add_(infinity), odd_two, alpha=8, out=places[3])
+
+
+def _pool(places: Sequence[Tensor], out: Tensor, missing: int) -> None:
+    """Max pooling over rows and columns.
+
+    Args:
+        places: (B, H, tiles, O) for each of the four places in a tile; overwritten.
+        out: (B, H / 2, 2 tiles or one less, O).
         missing: The last so many places of the last tile lie beyond the end.
     """
     for place in places[TILE - missing :]:
         place[:, :, -1] = -torch.inf
     first, second, third, fourth = places
-    batch, bands, tiles, channels = first.shape
-    frames = first.new_empty(batch, bands, 2 * tiles, channels)
-    torch.maximum(first, second, out=frames[:, :, 0::2])
-    torch.maximum(third, fourth, out=frames[:, :, 1::2])
-    frames = frames[:, :, : out.shape[2]]
-    torch.maximum(frames[:, :-1:2], frames[:, 1::2], out=out[:, : bands // 2])
-    if bands % 2:
-        out[:, -1] = frames[:, -1]
+    batch, rows, tiles, channels = first.shape
+    columns = first.new_empty(batch, rows, 2 * tiles, channels)
+    torch.maximum(first, second, out=columns[:, :, 0::2])
+    torch.maximum(third, fourth, out=columns[:, :, 1::2])
+    columns = columns[:, :, : out.shape[2]]
+    torch.maximum(columns[:, :-1:2], columns[:, 1::2], out=out[:, : rows // 2])
+    if rows % 2:
+        out[:, -1] = columns[:, -1]

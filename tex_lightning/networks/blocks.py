@@ -44,8 +44,8 @@ def check_norm(norm: str, allowed: Iterable[str], key: str) -> None:
 
 
 def is_plain(conv: nn.Conv2d) -> bool:
-    """Return whether a convolution has a stride of 1, no dilation and no groups."""
-    return (conv.stride, conv.dilation, conv.groups) == ((1, 1), (1, 1), 1)
+    """Return whether a convolution has a stride of 1 and no dilation."""
+    return (conv.stride, conv.dilation) == ((1, 1), (1, 1))
 
 
 def conv_block(

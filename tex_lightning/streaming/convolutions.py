@@ -154,7 +154,7 @@ class GatheringConv:
 
 
 def _check_plain(conv: nn.Conv2d) -> None:
-    if not is_plain(conv):
+    if not is_plain(conv) or conv.groups > 1:
         raise ValueError(f"{conv} has a stride, a dilation or groups")
 
 

@@ -76,13 +76,17 @@ class TextureFeatures(nn.Module):
         super().__init__()
         self.register_buffer("mean", torch.zeros(channels))
         self.register_buffer("scale", torch.ones(channels))
-        self.average = nn.AvgPool2d(window.kernel, window.stride)
+        # Rows, then columns: a quarter of the additions.
+        self.average = nn.Sequential(
+            nn.AvgPool2d((window.kernel, 1), (window.stride, 1)),
+            nn.AvgPool2d((1, window.kernel), (1, window.stride)),
+        )
 
     def forward(self, maps: Mapping[str, Tensor]) -> Tensor:
         """Map the outputs (B, D, M, N) of the layers in ``TEXTURES`` to (B, sum of D, M', N')."""
         roots = (maps[name].clamp(min=LEAST).sqrt_() for name in TEXTURES)
         aligned = map(avg_pool2d, roots, TEXTURES.values())
-        features: Tensor = self.average(torch.cat(list(aligned), dim=1))
+        features = torch.cat([self.average(values) for values in aligned], dim=1)
         return (features - self.mean[:, None, None]) / self.scale[:, None, None]
 
     def standardise(self, features: Tensor) -> Tensor:
