@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.inference.long_conv import LongConv
+from tex_lightning.inference.pooling import FastPool
 from tex_lightning.inference.response_norm import FastResponseNorm
 from tex_lightning.inference.winograd import Pooled, WinogradConv
 from tex_lightning.networks.blocks import is_plain
@@ -51,16 +52,20 @@ def speed_up_response_norm(network: nn.Module) -> None:
 def speed_up_convolutions(network: nn.Module) -> None:
     """Put Winograd's in the place of 3x3 convolutions, :class:`LongConv` of 4x12.
 
-    A convolution of few channels stays: there is less to multiply than to add.
+    A convolution of few channels stays: there is less to multiply than to add. Pooling by 2x2 is
+    part of Winograd's convolution before it, or becomes :class:`FastPool`.
     """
     for layers in _sequences(network):
         for place, (conv, after) in enumerate(pairwise([*layers, None])):
             if not isinstance(conv, nn.Conv2d) or not is_plain(conv):
                 continue
+            pooled = _is_2x2(after)
+            if pooled:
+                layers[place + 1] = FastPool()
             if (conv.kernel_size, conv.padding) == ((3, 3), (1, 1)) and _depth(conv) >= LEAST_DEPTH:
-                layers[place] = WinogradConv(conv, pooled=_is_2x2(after))
-                if _is_2x2(after):
-                    layers[place + 1] = Pooled(2, 2, ceil_mode=True)
+                layers[place] = WinogradConv(conv, pooled=pooled)
+                if pooled:
+                    layers[place + 1] = Pooled()
             elif (conv.kernel_size, conv.padding, conv.groups) == (FINAL_KERNEL, (0, 0), 1):
                 layers[place] = LongConv(conv)
 

@@ -15,6 +15,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from tex_lightning.inference.pooling import FastPool, larger_of_pairs
+
 TILE = 4  # columns that are computed together, two after pooling
 # Values (6, 3) of a filter at the six points, with the divisors of the interpolation.
 FILTER_VALUES = (
@@ -79,7 +81,7 @@ class WinogradConv(SharedConv):
         macs = batch * rows * columns * self.weight.numel()
         if macs < LEAST_MACS * torch.get_num_threads():
             direct: Tensor = super().forward(x)
-            return functional.max_pool2d(direct, 2, 2, ceil_mode=True) if self.pooled else direct
+            return FastPool()(direct) if self.pooled else direct
         tiles = -(-columns // TILE)
         whole = tiles * TILE
         if self.pooled:
@@ -122,7 +124,7 @@ class WinogradConv(SharedConv):
         return products
 
 
-class Pooled(nn.MaxPool2d):
+class Pooled(FastPool):
     """The place of a max pooling that :class:`WinogradConv` has done; it tells the geometry."""
 
     def forward(self, x: Tensor) -> Tensor:
@@ -198,6 +200,4 @@ def _pool(places: Sequence[Tensor], out: Tensor, missing: int) -> None:
     torch.maximum(first, second, out=columns[:, :, 0::2])
     torch.maximum(third, fourth, out=columns[:, :, 1::2])
     columns = columns[:, :, : out.shape[2]]
-    torch.maximum(columns[:, :-1:2], columns[:, 1::2], out=out[:, : rows // 2])
-    if rows % 2:
-        out[:, -1] = columns[:, -1]
+    larger_of_pairs(columns, 1, out)
