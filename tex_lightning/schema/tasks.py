@@ -65,8 +65,8 @@ class EngineConfig:
     Attributes:
         fold_batch_norm: Batch normalisation becomes part of the convolution before it.
         fast_response_norm: Local response normalisation in a form that stays in the cache.
-        fast_convolutions: On the CPU in fp32, HapticNet's 3x3 convolutions over long traces with
-            half the multiplications, and the 4x12 one as matrix products.
+        fast_convolutions: On the CPU in fp32, 3x3 convolutions over long traces and photos with
+            half the multiplications, and HapticNet's 4x12 one as matrix products.
         channels_last: Weights with the channels innermost, as decoded photos have them.
         fast_spectrogram: On the CPU, spectrograms in blocks, or by matrix products.
         precision: Of convolutions, fp32 or bf16; class scores are float32 with either.
