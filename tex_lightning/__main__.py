@@ -25,6 +25,8 @@ USER_FAULT = 2
 FAILED_SWEEP = 1
 INTERRUPTED = 130
 
+MISTAKES = (HydraException, OmegaConfBaseException)
+
 STARTED: list[Path] = []  # run folders of this process; none means that Hydra could not make one
 
 log = logging.getLogger(__name__)
@@ -81,9 +83,11 @@ def _run(more: list[str]) -> int:
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
         entry()
-    except (HydraException, OmegaConfBaseException) as error:
+    except (*MISTAKES, ValueError) as error:  # that of a group set to null, before a run begins
         from tex_lightning.mistakes import explain
 
+        if STARTED and not isinstance(error, MISTAKES):
+            raise
         return complain(explain(error, sys.argv[1:], CONF))
     except OSError as error:
         if STARTED:

@@ -13,10 +13,17 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.errors import UserError
 
 OVERRIDE = re.compile(r"^(?P<prefix>[+~]{0,2})(?P<key>[\w./@-]+)(?:=(?P<value>.*))?$", re.DOTALL)
-WRONG_TYPE = re.compile(
-    r"Value '(?P<value>.*)' of type '\w+' could not be converted to (?P<type>\w+)"
-)
-TYPES = {"Integer": "a whole number", "Float": "a number"}
+MERGING = "Error merging override "
+# What OmegaConf says of a value of the wrong type, and what to give instead.
+TYPES = {
+    "could not be converted to Integer": "a whole number",
+    "could not be converted to Float": "a number",
+    "is not a valid bool": "true or false",
+    "to string": "text",
+    "is not Optional": "a value other than null",
+    "is not a ListConfig": "a list, as in [0,1]",
+    "is not a subclass of": "a value to one of its keys",
+}
 HYDRA_OWN = ("hydra", "hydra/")
 
 
@@ -28,13 +35,10 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         arguments: The command line after the program's name.
         conf: Folder of the configuration files.
     """
-    wrong_type = WRONG_TYPE.search(f"{error} {error.__cause__}")
-    if wrong_type is not None:
-        given = next((item for item in arguments if item.endswith(f"={wrong_type['value']}")), "")
-        return UserError(
-            f"{given or wrong_type['value']} is not of the right type; give "
-            f"{TYPES.get(wrong_type['type'], wrong_type['type'])}."
-        )
+    wanted = next((give for said, give in TYPES.items() if said in str(error.__cause__)), None)
+    if wanted is not None and str(error).startswith(MERGING):
+        given = str(error).removeprefix(MERGING)
+        return UserError(f"{given} is not of the right type; give {wanted}.")
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
     overrides = [argument for argument in arguments if not argument.startswith("-")]
@@ -98,7 +102,7 @@ def _check(
     if value is None and not prefix.startswith("~"):
         return _unreadable(key)
     if group in groups:
-        wrong = [item for item in (value or "").split(",") if item not in (*groups[group], "null")]
+        wrong = [item for item in (value or "").split(",") if item not in groups[group]]
         if wrong and "(" not in (value or ""):
             return UserError(
                 f"{group}={wrong[0]} does not exist{_near(wrong[0], groups[group])}; "
