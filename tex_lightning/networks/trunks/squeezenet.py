@@ -1,8 +1,8 @@
 """SqueezeNet v1.0, and texture features from its layers of every depth."""
 
 from collections import OrderedDict
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import ClassVar, cast
 
 import torch
 from torch import Tensor, nn
@@ -82,11 +82,23 @@ class TextureFeatures(nn.Module):
             nn.AvgPool2d((1, window.kernel), (1, window.stride)),
         )
 
-    def forward(self, maps: Mapping[str, Tensor]) -> Tensor:
-        """Map the outputs (B, D, M, N) of the layers in ``TEXTURES`` to (B, sum of D, M', N')."""
-        roots = (maps[name].clamp(min=LEAST).sqrt_() for name in TEXTURES)
-        aligned = map(avg_pool2d, roots, TEXTURES.values())
-        features = torch.cat([self.average(values) for values in aligned], dim=1)
+    def pooled(self, maps: Tensor, positions: int) -> Tensor:
+        """Average the roots of one layer's maps.
+
+        Args:
+            maps: (B, D, M, N), not negative.
+            positions: Those along each axis that one of fire9 stands for.
+
+        Returns:
+            (B, D, M', N').
+        """
+        roots = maps.clamp(min=LEAST).sqrt_()
+        averages: Tensor = self.average(avg_pool2d(roots, positions))
+        return averages
+
+    def forward(self, pooled: Sequence[Tensor]) -> Tensor:
+        """Put what :meth:`pooled` gave for each of ``TEXTURES`` side by side, standardised."""
+        features = torch.cat(list(pooled), dim=1)
         return (features - self.mean[:, None, None]) / self.scale[:, None, None]
 
     def standardise(self, features: Tensor) -> Tensor:
@@ -163,11 +175,11 @@ class SqueezeNetTrunk(Trunk):
 
     def forward(self, x: Tensor) -> Tensor:
         """Map an image (B, 3, H, W) to features (B, out_channels, M', N')."""
-        *layers, (_, features) = self.layers.named_children()
-        maps = {}
-        for name, layer in layers:
+        features = cast(TextureFeatures, self.layers.features)
+        pooled = []
+        for name, layer in list(self.layers.named_children())[:-1]:
             x = layer(x)
-            if name in TEXTURES:
-                maps[name] = x
-        pooled: Tensor = features(maps)
-        return pooled
+            if name in TEXTURES:  # at once, so that no map is kept
+                pooled.append(features.pooled(x, TEXTURES[name]))
+        standardised: Tensor = features(pooled)
+        return standardised
