@@ -27,6 +27,8 @@ FILTER_VALUES = (
     (1 / 24, 1 / 12, 1 / 6),
     (1 / 24, -1 / 12, 1 / 6),
 )
+# Products that the interpolation has read when it comes to each of the four places.
+READ = (0, 5, 3, 4)
 # Bytes of a block's inputs or outputs, whichever have more channels: with the products six or seven
 # times as much, which the cache still holds.
 BLOCK = 1 << 22
@@ -105,7 +107,7 @@ class WinogradConv(SharedConv):
                 into = out[part, :, step * begin : step * end]
                 products = self._products(_at_points(_columns(x[part], begin, end)))
                 if self.pooled:
-                    places = [torch.empty_like(products[0]) for _ in range(TILE)]
+                    places = [products[number] for number in READ]
                     _interpolate(products, places)
                     _pool(places, into, max(0, TILE * end - columns))
                 else:
@@ -143,11 +145,18 @@ def _columns(x: Tensor, begin: int, end: int) -> list[Tensor]:
     Returns:
         (B, H, tiles, I) for each column, from that before the tile on.
     """
-    first, last = TILE * begin - 1, TILE * end + 1
-    block = x[:, :, max(0, first) : last]
-    if first < 0 or last > x.shape[2]:
-        block = functional.pad(block, (0, 0, int(first < 0), max(0, last - x.shape[2])))
-    return [block[:, :, n : n + TILE * (end - begin) : TILE] for n in range(TILE + 2)]
+    # every fourth column in a row: runs of memory that are longer than a column's channels
+    count = end - begin + 1
+    phases = x.new_empty(TILE, *x.shape[:2], count, x.shape[3])
+    for number, phase in enumerate(phases):
+        first = TILE * begin + number - 1
+        before = int(first < 0)
+        known = x[:, :, first + TILE * before : first + TILE * count : TILE]
+        after = before + known.shape[2]
+        phase[:, :, before:after] = known
+        phase[:, :, :before] = 0
+        phase[:, :, after:] = 0
+    return [*phases[:, :, :, :-1], *phases[:2, :, :, 1:]]
 
 
 def _at_points(columns: Sequence[Tensor]) -> Tensor:
