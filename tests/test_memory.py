@@ -22,7 +22,7 @@ if sys.argv[1] == "kept" and not ctypes.CDLL(None).mallopt(MMAP_THRESHOLD, LARGE
     sys.exit("refused")
 with kept_memory() if sys.argv[1] == "kept" else contextlib.nullcontext():
     before = faults()
-    for _ in range(60):
+    for _ in range(30):
         torch.ones(16_000_000)  # 64 MB, which glibc by itself always returns
     print(faults() - before)
 """

@@ -23,6 +23,7 @@ def test_real_recordings_run_from_reading_to_results(cli, shared, tmp_path):
     assert networks(tmp_path)["haptic"]["test_samples"] == 3
 
 
+@pytest.mark.slow
 def test_imagenet_weights_and_a_manifest_run_from_reading_to_results(cli, shared, tmp_path):
     outcome = cli(
         "model=fusion_squeezenet",

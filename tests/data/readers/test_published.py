@@ -245,6 +245,7 @@ def test_kylberg_end_to_end(cli, tmp_path):
     assert networks["visual"]["test_samples"] == 32
 
 
+@pytest.mark.slow
 def test_kth_tips2b_end_to_end_in_both_protocols(cli, tmp_path):
     root = write_kth(tmp_path / "data", 24, 24)
     given = ["model=visual", "model.visual.width=0.1", "data=kth_tips2b", f"data.root={root}"]
