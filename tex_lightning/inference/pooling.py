@@ -14,16 +14,22 @@ class FastPool(nn.MaxPool2d):
     def __init__(self) -> None:
         super().__init__(2, 2, ceil_mode=True)
 
-    @torch.compiler.disable  # type: ignore[untyped-decorator]
     def forward(self, x: Tensor) -> Tensor:
         """Map (B, C, H, W) to (B, C, H / 2, W / 2)."""
-        pixels = x.permute(0, 2, 3, 1)
-        batch, height, width, channels = pixels.shape
-        rows = x.new_empty(batch, -(-height // 2), width, channels)
-        out = x.new_empty(batch, -(-height // 2), -(-width // 2), channels)
-        larger_of_pairs(pixels, 1, rows)
-        larger_of_pairs(rows, 2, out)
-        return out.permute(0, 3, 1, 2)
+        halved: Tensor = halve(x)
+        return halved
+
+
+@torch.compiler.disable  # type: ignore[untyped-decorator]
+def halve(x: Tensor) -> Tensor:
+    """Map (B, C, H, W) to (B, C, H / 2, W / 2), the largest of every 2x2."""
+    pixels = x.permute(0, 2, 3, 1)
+    batch, height, width, channels = pixels.shape
+    rows = x.new_empty(batch, -(-height // 2), width, channels)
+    out = x.new_empty(batch, -(-height // 2), -(-width // 2), channels)
+    larger_of_pairs(pixels, 1, rows)
+    larger_of_pairs(rows, 2, out)
+    return out.permute(0, 3, 1, 2)
 
 
 def larger_of_pairs(x: Tensor, axis: int, out: Tensor) -> None:

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from tex_lightning.inference.pooling import FastPool, larger_of_pairs
+from tex_lightning.inference.pooling import FastPool, halve, larger_of_pairs
 
 TILE = 4  # columns that are computed together, two after pooling
 # Values (6, 3) of a filter at the six points, with the divisors of the interpolation.
@@ -27,7 +27,7 @@ FILTER_VALUES = (
     (1 / 24, 1 / 12, 1 / 6),
     (1 / 24, -1 / 12, 1 / 6),
 )
-# Products that the interpolation has read when it comes to each of the four places.
+# Products that the interpolation no longer needs when it writes each of the four places.
 READ = (0, 5, 3, 4)
 # Bytes of a block's inputs or outputs, whichever have more channels: with the products six or seven
 # times as much, which the cache still holds.
@@ -83,7 +83,7 @@ class WinogradConv(SharedConv):
         macs = batch * rows * columns * self.weight.numel()
         if macs < LEAST_MACS * torch.get_num_threads():
             direct: Tensor = super().forward(x)
-            return FastPool()(direct) if self.pooled else direct
+            return halve(direct) if self.pooled else direct
         tiles = -(-columns // TILE)
         whole = tiles * TILE
         if self.pooled:
