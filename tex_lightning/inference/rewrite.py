@@ -60,14 +60,17 @@ def speed_up_convolutions(network: nn.Module) -> None:
             if not isinstance(conv, nn.Conv2d) or not is_plain(conv):
                 continue
             pooled = _is_2x2(after)
-            if pooled:
-                layers[place + 1] = FastPool()
-            if (conv.kernel_size, conv.padding) == ((3, 3), (1, 1)) and _depth(conv) >= LEAST_DEPTH:
+            by_winograd = _is_3x3(conv) and _depth(conv) >= LEAST_DEPTH
+            if by_winograd:
                 layers[place] = WinogradConv(conv, pooled=pooled)
-                if pooled:
-                    layers[place + 1] = Pooled()
             elif (conv.kernel_size, conv.padding, conv.groups) == (FINAL_KERNEL, (0, 0), 1):
                 layers[place] = LongConv(conv)
+            if pooled:
+                layers[place + 1] = Pooled() if by_winograd else FastPool()
+
+
+def _is_3x3(conv: nn.Conv2d) -> bool:
+    return (conv.kernel_size, conv.padding) == ((3, 3), (1, 1))
 
 
 def _depth(conv: nn.Conv2d) -> float:
