@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import OverrideParseException
+from hydra.errors import MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.errors import UserError
@@ -25,6 +25,7 @@ TYPES = {
     "is not a subclass of": "a value to one of its keys",
 }
 HYDRA_OWN = ("hydra", "hydra/")
+LAUNCHERS = "hydra/launcher"
 
 
 def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError:
@@ -53,6 +54,9 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         complaint = _check(match["key"], match["value"], match["prefix"], groups, keys)
         if complaint is not None:
             return complaint
+    if isinstance(error, MissingConfigException) and error.options:  # of a group of Hydra's
+        group, _, option = str(error.missing_cfg_file).rpartition("/")
+        return _unknown_option(group, option, error.options)
     return UserError(_one_line(error))
 
 
@@ -62,6 +66,14 @@ def _unreadable(override: str) -> UserError:
     return UserError(
         f"{override!r} cannot be read as key=value; put quotes of two kinds around a value with "
         "spaces or signs, as in 'haptic=\"my file (1).wav\"'."
+    )
+
+
+def _unknown_option(group: str, option: str, options: Sequence[str]) -> UserError:
+    more = ', or install what brings it (pip install ".[parallel]")' if group == LAUNCHERS else ""
+    return UserError(
+        f"{group}={option} does not exist{_near(option, options)}; "
+        f"choose one of {', '.join(sorted(options))}{more}."
     )
 
 
@@ -104,10 +116,7 @@ def _check(
     if group in groups:
         wrong = [item for item in (value or "").split(",") if item not in groups[group]]
         if wrong and "(" not in (value or ""):
-            return UserError(
-                f"{group}={wrong[0]} does not exist{_near(wrong[0], groups[group])}; "
-                f"choose one of {', '.join(sorted(groups[group]))}."
-            )
+            return _unknown_option(group, wrong[0], groups[group])
         return None
     if key not in keys and prefix != "+":
         return UserError(
