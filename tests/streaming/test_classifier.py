@@ -14,6 +14,7 @@ from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.schema import EngineConfig
 from tex_lightning.streaming.classifier import StreamingClassifier
 
@@ -36,6 +37,7 @@ def make_classifier(norm: str = "batch", **features: object) -> SurfaceClassifie
         CARD,
         haptic_network={"width": 0.1, "norm": norm},
         haptic_features={**CARD.haptic_features, **features},
+        decision=dict(CARD.decision),
     )
     classifier = SurfaceClassifier(card)
     for module in classifier.modules():
@@ -90,6 +92,43 @@ def test_every_push_gives_the_vote_of_the_whole(norm, axes, touch, seed, chunks)
             assert torch.equal(voted.fragments, expected.fragments)
             assert voted.label == expected.label
             torch.testing.assert_close(voted.shares, expected.shares)
+
+
+@pytest.mark.parametrize("rule", ["vote", "mean"])
+def test_labels_are_those_of_the_whole_while_samples_wait(rule):
+    classifier, trace = make_classifier(), recording(25.0, 0.3, 1, 3)
+    classifier.card.decision["rule"] = rule
+    stream, patient = StreamingClassifier(classifier), StreamingClassifier(classifier, wait=1.0)
+    waited, labels = 0, set()
+    for chunk in trace.split(700, dim=1):
+        whole, voted = stream.push(chunk), patient.push(chunk)
+        assert (whole and whole.label) == (voted and voted.label)
+        labels.add(whole and whole.label)
+        waited += patient.waiting is not None
+        assert patient.waiting is None or patient.waiting.shape[1] < RATE
+    assert waited > 100  # of 358 chunks
+    assert len(labels) > 2  # None, and a lead that changed
+    assert torch.equal(patient.finish().fragments, stream.vote.fragments)
+    assert patient.waiting is None
+    expected = stream.vote.probabilities
+    torch.testing.assert_close(patient.vote.probabilities, expected, rtol=0, atol=1e-5)
+
+
+def test_what_could_change_the_label_does_not_wait():
+    stream = StreamingClassifier(make_classifier(), wait=60.0)
+    stream.push(recording(9.0, None, 1, 0))
+    settled = int(stream.votes.sum())
+    at_edge = stream.output_length(stream.frames) - settled
+    second = (settled - at_edge - 3) // 2
+    stream.votes[:] = torch.tensor([second, settled - second, 0])
+    fragment = HapticNet.stride * stream.features.hop_length  # samples from one to the next
+    free = settled - 2 * second - at_edge - 1  # fragments that leave class 1 a lead of one vote
+    assert free >= 2
+    more = recording(2.0, None, 1, 1)
+    stream.push(more[:, : free * fragment])
+    assert stream.waiting is not None
+    stream.push(more[:, :fragment])
+    assert stream.waiting is None
 
 
 def test_chunks_do_not_matter():

@@ -53,6 +53,19 @@ def test_a_replayed_file_ends_with_the_label_of_predict(cli, checkpoint, tmp_pat
     }
 
 
+def test_labels_that_wait_for_no_computation_are_the_same(cli, checkpoint, tmp_path):
+    wav = tmp_path / "a.wav"
+    soundfile.write(wav, make_trace(1, 42, seconds=8.05), RATE, subtype="FLOAT")
+    common = [f"checkpoint={checkpoint}", f"haptic={wav}", f"hydra.run.dir={tmp_path / 'run'}"]
+    said = lines(cli("task=stream", *common))
+    patient = lines(cli("task=stream", *common, "stream.wait=1"))
+    assert [line["label"] for line in patient[: len(said)]] == [line["label"] for line in said]
+    assert len(patient) == len(said) + 1  # the vote of all
+    keys = ("time", "label", "confidence", "fragments")
+    assert [patient[-1][key] for key in keys] == [said[-1][key] for key in keys]
+    assert sum(line["fragments"] for line in patient[:-1]) < sum(line["fragments"] for line in said)
+
+
 def pipe(monkeypatch, content: bytes) -> None:
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content)))
 
@@ -75,6 +88,8 @@ def test_samples_from_standard_input(cli, checkpoint, tmp_path, monkeypatch):
         (["haptic=[a.wav,b.wav]"], "give one file"),
         (["haptic=-", "stream.axes=2"], "choose 1 or 3"),
         (["haptic=-", "stream.chunk=0"], "stream.chunk is 0: choose a positive number"),
+        (["haptic=-", "stream.wait=-1"], "stream.wait is -1: choose from 0 to 60"),
+        (["haptic=-", "stream.wait=1", "decision.reject_below=0.5"], "set stream.wait=0"),
         (["haptic=-", "engine.precision=bf16"], "computed in float32"),
         (["haptic=-", "image=a.jpg"], "task=stream reads one trace and no image"),
         (["haptic=-"], "record a longer stroke"),

@@ -117,9 +117,10 @@ class PredictConfig:
 
 @dataclass
 class StreamConfig:
-    """Seconds of signal that task=stream takes at once, and the axes of standard input."""
+    """Seconds of signal that task=stream takes at once, and that may wait; axes of a pipe."""
 
     chunk: float = MISSING
+    wait: float = MISSING
     axes: int = MISSING
 
 

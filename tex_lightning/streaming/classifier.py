@@ -15,7 +15,7 @@ PIECE_SECONDS = 1.0  # longer chunks are taken in pieces, so that memory stays b
 
 
 class StreamingClassifier:
-    """Take samples as they come; the vote is always that of the whole recording so far.
+    """Take samples as they come; the label is always that of the whole recording so far.
 
     Each frame, and each column of every layer that cannot change any more, is computed once. What
     the right edge decides is computed after every push from the few columns that reach it.
@@ -23,17 +23,24 @@ class StreamingClassifier:
     Args:
         classifier: A HapticNet classifier in evaluation mode whose features are local in time:
             ``axes=frame`` and ``normalisation=standard``.
+        wait: Most seconds of signal that are left uncomputed while they cannot change the label,
+            whatever they hold; 0 computes everything at once.
         keep_scores: Whether :attr:`scores` can be asked for; they grow with the recording.
 
     Attributes:
         frames: Spectrogram frames of the movement so far.
         votes: (classes,) fragments that cannot change any more, by class.
+        waiting: (axes, samples) that are not computed, or None.
 
     Raises:
         UserError: If the classifier is of another kind, or its features need the whole trace.
     """
 
-    def __init__(self, classifier: SurfaceClassifier, *, keep_scores: bool = False) -> None:
+    waiting: Tensor | None
+
+    def __init__(
+        self, classifier: SurfaceClassifier, *, wait: float = 0, keep_scores: bool = False
+    ) -> None:
         network, features = classifier.network, classifier.haptic_features
         if not isinstance(network, HapticNet) or features is None:
             raise UserError(
@@ -46,6 +53,8 @@ class StreamingClassifier:
         self.layers = streaming_layers([network.trunk, network.head.hidden, network.head.scores])
         self.search = int(SEARCH_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
+        self.wait = wait * features.sampling_rate
+        self.output_length = network.output_length
         self.temperature = classifier.card.temperature
         self.by_mean = classifier.card.rule == "mean"
         self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
@@ -76,9 +85,39 @@ class StreamingClassifier:
                 as many axes as before.
 
         Returns:
-            The vote of all samples so far; None while they do not give one fragment.
+            The vote of all samples so far; None while they do not give one fragment. Where some
+            wait, the label is that of all, and the rest is of those that were computed.
         """
-        samples = chunk.to(self.features.window)
+        samples = _joined(self.waiting, chunk.to(self.features.window))
+        if self._can_wait(samples):
+            self.waiting = samples
+            return self.vote
+        return self._compute(samples)
+
+    @torch.inference_mode()
+    def finish(self) -> Vote | None:
+        """Compute what waits, so that the whole vote is that of all samples so far."""
+        return self.vote if self.waiting is None else self._compute(self.waiting)
+
+    def _can_wait(self, samples: Tensor) -> bool:
+        """Whether the label is certain without these samples, and they are not too many."""
+        if not self.start_known or self.vote is None or samples.shape[1] >= self.wait:
+            return False
+        known = 0 if self.rest is None else self.rest.shape[1]
+        frames = self.frames + self._count_frames(known + samples.shape[1])
+        unsettled = self.output_length(frames) - int(self.votes.sum())
+        # a fragment adds one vote, and at most 1 to a sum of probabilities
+        sums = self.probabilities if self.by_mean else self.votes
+        second, first = sums.sort().values[-2:].tolist()
+        return bool(first - second > unsettled)
+
+    def _count_frames(self, samples: int) -> int:
+        features = self.features
+        return max(0, (samples - features.window_length) // features.hop_length + 1)
+
+    def _compute(self, samples: Tensor) -> Vote | None:
+        """Vote over everything, these samples included."""
+        self.waiting = None
         if not self.start_known:
             samples = self._from_touch(samples)
         skipped = min(self.ahead, samples.shape[1])
@@ -101,6 +140,7 @@ class StreamingClassifier:
     def _start(self, ahead: int) -> None:
         """Forget everything; leave out the next ``ahead`` samples."""
         self.ahead = ahead
+        self.waiting = None
         self.rest: Tensor | None = None  # samples that later frames need
         self.frames = 0
         for layer in self.layers:
@@ -116,7 +156,7 @@ class StreamingClassifier:
         """Compute what the samples settle."""
         features = self.features
         samples = _joined(self.rest, piece)
-        count = max(0, (samples.shape[1] - features.window_length) // features.hop_length + 1)
+        count = self._count_frames(samples.shape[1])
         self.rest = samples[:, count * features.hop_length :]
         if not count:
             return

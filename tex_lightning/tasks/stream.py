@@ -3,7 +3,8 @@
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -26,13 +27,16 @@ SAMPLE = np.dtype("<f4")  # of standard input
 def run(config: Config, directory: Path) -> None:
     """Push the file, or standard input, chunk by chunk and print the vote after each.
 
+    Where samples wait at the end (``stream.wait``), one more line gives the vote of all.
+
     Raises:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
             before there is one fragment.
     """
     classifier = SurfaceClassifier.from_checkpoint(cast(str, config.checkpoint))
     device = pick_device(config.trainer.accelerator)
-    stream = StreamingClassifier(accelerate(classifier.to(device), config.engine))
+    engine = accelerate(classifier.to(device), config.engine)
+    stream = StreamingClassifier(engine, wait=config.stream.wait)
     rate = stream.features.sampling_rate
     size = max(1, round(config.stream.chunk * rate))
     if config.haptic == "-":
@@ -44,18 +48,24 @@ def run(config: Config, directory: Path) -> None:
         trace = decode_trace(path, classifier.card.settings_for(config.data.file_rate))
         chunks = iter(torch.split(torch.from_numpy(trace), size, dim=1))
     samples = 0
-    for chunk in chunks:
+
+    def say(push: Callable[[], Vote | None]) -> None:
         begin = time.perf_counter()
-        vote = stream.push(chunk)
+        vote = push()
         synchronise(device)
         latency = (time.perf_counter() - begin) * 1000
-        samples += chunk.shape[1]
         line = {
             "time": round(samples / rate, 6),
             **_report(vote, classifier.card.classes, config.decision.reject_below),
             "latency_ms": round(latency, 3),
         }
         print(json.dumps(line), flush=True)
+
+    for chunk in chunks:
+        samples += chunk.shape[1]
+        say(partial(stream.push, chunk))
+    if stream.waiting is not None:
+        say(stream.finish)
     check_frames(stream.frames, stream.features)
 
 

@@ -11,7 +11,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.schema import Config
 from tex_lightning.validation.data import check_data
 from tex_lightning.validation.model import check_model
-from tex_lightning.validation.ranges import choice, least, most, positive
+from tex_lightning.validation.ranges import choice, least, most, positive, within
 from tex_lightning.validation.tasks import AUTO, check_decision, check_task
 
 __all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares"]
@@ -68,6 +68,7 @@ def check_config(config: Config, tasks: Sequence[str]) -> None:
         *least("engine.tile", config.engine.tile, LEAST_TILE),
         *check_decision(config),
         *positive("stream.chunk", config.stream.chunk),
+        *within("stream.wait", config.stream.wait, 0, 60),
         *least("top_k", config.top_k, 1),
         *least("seed", config.seed, 0),
         *most("seed", config.seed, 2**32 - 1),

@@ -50,7 +50,7 @@ def check_task(config: Config) -> Iterator[str]:
     yield from _profile(config)
     yield from _pretrain(config)
     yield from _stability(config)
-    yield from _stream_axes(config.stream.axes)
+    yield from _stream(config)
     if config.weights is not None and not on_recordings:
         yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
     fusion = config.model.fusion
@@ -129,9 +129,15 @@ def check_decision(config: Config) -> Iterator[str]:
         yield f"data.hold_out is not read by task={config.task}: leave it out"
 
 
-def _stream_axes(axes: int) -> Iterator[str]:
-    if axes not in (1, 3):
-        yield f"stream.axes is {axes}: choose 1 or 3"
+def _stream(config: Config) -> Iterator[str]:
+    stream = config.stream
+    if stream.axes not in (1, 3):
+        yield f"stream.axes is {stream.axes}: choose 1 or 3"
+    if stream.wait > 0 and config.task == "stream" and config.decision.reject_below is not None:
+        yield (
+            "decision.reject_below needs the probability after every chunk, and with stream.wait "
+            "it is left behind: set stream.wait=0"
+        )
 
 
 def _profile(config: Config) -> Iterator[str]:
