@@ -1,72 +1,18 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 from scipy import stats
 
-from tex_lightning.data.datamodule import (
-    EpochSampler,
-    PhotoBank,
-    SpectrogramBank,
-    TrainingBatches,
-    _partners,
-)
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.banks import PhotoBank, SpectrogramBank
+from tex_lightning.data.datamodule import EpochSampler, TrainingBatches, _partners
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.store import Store
 from tex_lightning.perturbations.augment import Augmentation
 
 
 def ramp(frames: int, start: int) -> torch.Tensor:
     """A spectrogram whose columns are numbered."""
     return (start + torch.arange(frames).float()).repeat(3, 1)
-
-
-def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
-    bank = SpectrogramBank([ramp(20, 0), ramp(35, 100), ramp(11, 200)], frames=10)
-    indices = np.array([0, 1, 2, 1] * 50)
-    cut = bank.cut(indices, np.random.default_rng(0))
-    assert cut.shape == (200, 1, 3, 10)
-    assert cut[:, 0, 0].diff().eq(1).all()
-    starts = cut[:, 0, 0, 0].numpy()
-    assert {*starts[indices == 0]} == set(range(11))
-    assert {*starts[indices == 2]} == {200, 201}
-    assert (starts[indices == 1] >= 100).all()
-    assert (starts[indices == 1] <= 125).all()
-
-
-def test_a_short_spectrogram_is_repeated():
-    cut = SpectrogramBank([ramp(4, 0)], frames=10).cut(np.array([0]), np.random.default_rng(0))
-    steps = cut[0, 0, 0].diff()
-    assert set(steps.tolist()) == {1.0, -3.0}
-
-
-@pytest.fixture
-def photos(surfaces, tmp_path):
-    rows = read_folder(surfaces).of("image").rows
-    return rows, Store(tmp_path, DecodeSettings(half_scale=False))
-
-
-def test_crops_are_pieces_of_the_photo(photos):
-    rows, store = photos
-    crop = PhotoBank(rows, store, side=230).cut(np.array([3]), np.random.default_rng(1))[0]
-    photo = torch.from_numpy(np.array(store.image(rows[3]))).permute(2, 0, 1)
-    places = [
-        (top, left)
-        for top in range(11)
-        for left in range(11)
-        if torch.equal(photo[:, top : top + 230, left : left + 230], crop)
-    ]
-    assert len(places) == 1
-
-
-def test_photos_too_small_are_mirrored_without_black(photos):
-    rows, store = photos
-    crop = PhotoBank(rows, store, side=500).cut(np.array([0]), np.random.default_rng(1))[0]
-    assert crop.shape == (3, 500, 500)
-    assert torch.equal(crop[:, :240, :240], crop[:, :240, 240:480].flip(2))
-    assert crop.float().mean() == pytest.approx(128, abs=10)
 
 
 def batches(surfaces, store, seed=0) -> TrainingBatches:
@@ -126,16 +72,6 @@ def test_partners_have_the_label_and_are_drawn_evenly():
     assert np.array_equal(pool[drawn], labels)
     assert stats.chisquare(np.bincount(drawn[:3000], minlength=6)[[1, 3, 5]]).pvalue > 0.01
     assert stats.chisquare(np.bincount(drawn[6000:], minlength=6)[[0, 4]]).pvalue > 0.01
-
-
-def test_every_version_of_a_recording_is_cut_alike():
-    versions = [ramp(20, 100 * number) for number in range(6)]  # two recordings, three versions
-    bank = SpectrogramBank(versions, frames=10, versions=3)
-    cut = bank.cut(np.repeat([0, 1], 3000), np.random.default_rng(0))
-    number = (cut[:, 0, 0, 0] // 100).long().numpy()
-    assert {*number[:3000]} == {0, 2, 4}
-    assert {*number[3000:]} == {1, 3, 5}
-    assert stats.chisquare(np.bincount(number[:3000])[::2]).pvalue > 0.01
 
 
 def test_perturbed_crops_keep_their_size_and_place_in_shares(surfaces, photos):

@@ -6,14 +6,8 @@ import pytest
 import soundfile
 from PIL import Image
 
-from tex_lightning.data.decode import (
-    STRIP,
-    DecodeSettings,
-    axis_files,
-    decode_image,
-    decode_trace,
-    halve,
-)
+from tex_lightning.data.decode import STRIP, DecodeSettings, decode_image, decode_trace, halve
+from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError
 
 SETTINGS = DecodeSettings()

@@ -8,115 +8,22 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 import torch
 from lightning import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from tex_lightning.data.decode import Photo
+from tex_lightning.data.banks import WHOLE, Indices, PhotoBank, SpectrogramBank
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
-from tex_lightning.perturbations.augment import Augmentation
 
 if TYPE_CHECKING:
     from tex_lightning.data.stream import StreamBatches
 
 Batch = dict[str, Tensor]
-Indices = npt.NDArray[np.int64]
-WHOLE = slice(None)
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
-
-
-class SpectrogramBank:
-    """Spectrograms (bands, frames) of unequal length in one tensor, cut in one indexing step.
-
-    Args:
-        spectrograms: All recordings in their first version, then all in their second, and so on.
-        frames: Length of the sub-samples.
-        versions: How many there are of every recording; which one is cut is drawn.
-    """
-
-    def __init__(self, spectrograms: Sequence[Tensor], frames: int, versions: int = 1) -> None:
-        self.versions = versions
-        whole = [_at_least(item.cpu(), frames) for item in spectrograms]
-        self.frames = frames
-        self.lengths = np.array([item.shape[1] for item in whole])
-        self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
-        self.flat = torch.cat(whole, dim=1)
-
-    def cut(self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE) -> Tensor:
-        """Random sub-samples (batch, 1, bands, frames), one from each indexed spectrogram.
-
-        Only a ``share`` of them is cut, but all are drawn.
-        """
-        if self.versions > 1:
-            version = rng.integers(0, self.versions, len(indices))
-            indices = indices + version * (len(self.lengths) // self.versions)
-        offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
-        columns = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
-        return self.flat[:, torch.from_numpy(columns)].transpose(0, 1).unsqueeze(1)
-
-
-class PhotoBank:
-    """Square crops of stored photos.
-
-    A crop is copied row by row out of a memory map, in a loop over the samples: for photos of any
-    size that was faster than one indexing step over all of them, which needs an index per pixel.
-
-    Args:
-        recordings: Of photos.
-        store: Decoded files.
-        side: Of a crop in pixels.
-        augmentation: What becomes of a crop after it is cut; None leaves it.
-    """
-
-    def __init__(
-        self,
-        recordings: Sequence[Recording],
-        store: Store,
-        side: int,
-        augmentation: Augmentation | None = None,
-    ) -> None:
-        self.augmentation = augmentation
-        self.recordings = recordings
-        self.store = store
-        self.side = side
-        self.maps: dict[int, Photo] = {}  # opened on first use, each loader process its own
-
-    def photo(self, index: int) -> Photo:
-        """The memory map of a photo; finding it again costs more than copying a crop."""
-        if index not in self.maps:
-            self.maps[index] = self.store.image(self.recordings[index])
-        return self.maps[index]
-
-    def cut(self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE) -> Tensor:
-        """Random crops (batch, 3, side, side) uint8; photos too small are mirrored outwards.
-
-        Only a ``share`` of them is cut, but all are drawn.
-        """
-        places = [
-            (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()
-        ][share]
-        seeds: list[int | None] = [None] * len(indices)
-        if self.augmentation is not None:
-            seeds = rng.integers(1 << 63, size=len(indices)).tolist()  # of all, whoever cuts which
-        crops = np.empty((len(places), 3, self.side, self.side), np.uint8)
-        for planes, place, seed in zip(crops, places, seeds[share], strict=True):
-            cv2.split(self._crop(*place, seed), list(planes))  # the fastest way to copy them apart
-        return torch.from_numpy(crops)
-
-    def _crop(self, index: int, top: int, left: int, seed: int | None) -> npt.NDArray[np.uint8]:
-        """One crop (side, side, 3), changed if there is a seed."""
-        piece = self.photo(index)[top : top + self.side, left : left + self.side]
-        crop = mirrored(piece, self.side)
-        if self.augmentation is None or seed is None:
-            return crop
-        changed = self.augmentation(np.array(crop), np.random.default_rng(seed))
-        return mirrored(changed[: self.side, : self.side], self.side)
 
 
 @dataclass
@@ -284,25 +191,6 @@ class SurfaceData(LightningDataModule):
             sampler=numbers[self._share()] or numbers,
             generator=torch.Generator(),
         )
-
-
-def _at_least(spectrogram: Tensor, frames: int) -> Tensor:
-    """Repeat a spectrogram until it has ``frames`` frames."""
-    return spectrogram.repeat(1, -(-frames // spectrogram.shape[1]))
-
-
-def random_corner(photo: Photo, side: int, rng: np.random.Generator) -> tuple[int, int]:
-    """Row and column where a piece of ``side`` begins; 0 where the photo is smaller."""
-    top, left = (int(rng.integers(0, max(0, length - side) + 1)) for length in photo.shape[:2])
-    return top, left
-
-
-def mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
-    """A photo (height, width, 3), mirrored outwards until it has ``side`` pixels on each side."""
-    rows, columns = (max(0, side - length) for length in piece.shape[:2])
-    if rows == 0 and columns == 0:
-        return piece
-    return np.pad(piece, ((0, rows), (0, columns), (0, 0)), mode="symmetric")
 
 
 def _partners(labels: Indices, pool: Indices, rng: np.random.Generator) -> Indices:

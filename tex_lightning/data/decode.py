@@ -3,7 +3,6 @@
 A checkpoint carries the settings used here, so prediction decodes as training did.
 """
 
-import re
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -11,17 +10,15 @@ from pathlib import Path
 import kornia
 import numpy as np
 import numpy.typing as npt
-import soundfile
 import torch
 from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.signal import resample_poly
 
+from tex_lightning.data.trace_files import read_axes, require_file
 from tex_lightning.errors import UserError
 
-TRACE_SUFFIXES = (".wav", ".npy", ".txt", ".csv")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
-UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
 STRIP = 256  # rows of a photo converted at once; even, for halving
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 
@@ -50,34 +47,12 @@ class DecodeSettings:
         return asdict(self)
 
 
-def axis_files(path: Path) -> tuple[Path, ...]:
-    """The files of one recording: three if its axes lie apart, as in LMT-108, else the file alone.
-
-    Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
-    last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all.
-
-    Raises:
-        UserError: If two of the three are there.
-    """
-    match = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name)
-    if match is None or path.suffix.lower() not in TRACE_SUFFIXES:
-        return (path,)
-    files = tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
-    missing = [file for file in files if not file.is_file()]
-    if len(missing) == 1:
-        raise UserError(
-            f"Trace {path} is one axis of three, but {missing[0]} does not exist; add it "
-            "or, if it is no axis, rename the file."
-        )
-    return (path,) if missing else files
-
-
 def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None) -> Trace:
     """Read a trace of one or three axes and bring it to the configured rate.
 
     Args:
         path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a line;
-            one of three files with an axis each stands for all (:func:`axis_files`).
+            one of three files with an axis each stands for all (:func:`.trace_files.axis_files`).
         settings: Target rate and the rate of files that carry none.
         rate: Rate of this file in Hz if it is known and the file carries none.
 
@@ -87,7 +62,7 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
     Raises:
         UserError: If the file is missing, empty, damaged, of another shape, or holds NaN.
     """
-    trace, file_rate = _read_axes(path)
+    trace, file_rate = read_axes(path)
     if not (usable := usable_samples(trace)).all():
         first = int(np.flatnonzero(~usable)[0])
         raise UserError(
@@ -121,7 +96,7 @@ def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) ->
     Raises:
         UserError: If the file is missing, empty, truncated, no image, or not 8 bits a channel.
     """
-    _require_file(path)
+    require_file(path)
     try:
         with Image.open(path) as image:
             if image.mode.startswith(("I", "F")):
@@ -185,106 +160,7 @@ def halve(photo: Photo) -> Photo:
     return half
 
 
-def _require_file(path: Path) -> None:
-    if not path.is_file():
-        raise UserError(f"File {path} does not exist; check the path.")
-    if path.stat().st_size == 0:
-        raise UserError(f"File {path} is empty; record or copy it again.")
-
-
-def _read_axes(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
-    """Samples (axes, samples) out of one file or three, and the rate if the file carries one."""
-    axes = []
-    for file in (files := axis_files(path)):
-        _require_file(file)
-        samples, rate = _read_samples(file)
-        axes.append(_as_axes(file, samples))
-    if len(files) > 1 and {axis.shape for axis in axes} != {(1, axes[0].shape[1])}:
-        shapes = ", ".join(f"{len(axis)} x {axis.shape[1]}" for axis in axes)
-        raise UserError(
-            f"The axes X, Y, Z of trace {path} have {shapes} samples; they must be single and of "
-            "one length."
-        )
-    return np.concatenate(axes), rate
-
-
 def usable_samples(trace: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
     """Which samples of a trace (axes, samples) are numbers that a sensor may give."""
     usable: npt.NDArray[np.bool_] = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
     return usable
-
-
-def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
-    """Samples as (samples,) or 2-D, and the rate if the file carries one."""
-    suffix = path.suffix.lower()
-    try:
-        if suffix == ".wav":
-            _check_wav_length(path)
-            samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
-            return samples, float(rate)
-        if suffix == ".npy":
-            return _numeric(np.load(path, allow_pickle=False)), None
-        if suffix in (".txt", ".csv"):
-            return _read_text(path), None
-    except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
-        raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
-    raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
-
-
-def _check_wav_length(path: Path) -> None:
-    """Compare sizes with the header: libsndfile reads a truncated file without a word."""
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        if stream.read(4) != b"RIFF":
-            return
-        stream.seek(12)
-        while len(header := stream.read(8)) == 8:
-            length = int.from_bytes(header[4:], "little")
-            if header[:4] == b"data":
-                missing = stream.tell() + length - size
-                if missing > 0 and length < UNKNOWN_LENGTH:
-                    raise ValueError(f"truncated: {missing} of {length} bytes are missing")
-                return
-            stream.seek(length + length % 2, 1)
-
-
-def _numeric(array: npt.NDArray[np.generic]) -> npt.NDArray[np.floating]:
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"it holds {array.dtype} instead of numbers")
-    return array.astype(np.float64)
-
-
-def _read_text(path: Path) -> npt.NDArray[np.floating]:
-    """One sample a line; columns apart by comma, semicolon or white space; header optional."""
-    with path.open(encoding="utf-8-sig") as stream:
-        first = stream.readline()
-    delimiter = next((mark for mark in ",;" if mark in first), None)
-    fields = [field.strip() for field in first.split(delimiter)]
-    skip = int(not all(_is_number(field) for field in fields if field))
-    with path.open(encoding="utf-8-sig") as stream:
-        lines = [line for line in stream if line.strip()][skip:]
-    if not lines:
-        raise ValueError("no numbers")
-    return np.loadtxt(lines, delimiter=delimiter, ndmin=1)
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
-
-
-def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-    """Bring samples to (axes, samples)."""
-    trace = samples[None] if samples.ndim == 1 else samples
-    if trace.ndim == 2 and trace.shape[0] not in (1, 3):
-        trace = trace.T
-    if trace.ndim != 2 or trace.shape[0] not in (1, 3):
-        raise UserError(
-            f"Trace {path} has shape {samples.shape}; a trace has one or three axes (columns)."
-        )
-    if trace.shape[1] == 0:
-        raise UserError(f"Trace {path} holds no samples; record or copy it again.")
-    return trace

@@ -18,15 +18,9 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
-from tex_lightning.data.decode import (
-    DecodeSettings,
-    Photo,
-    Trace,
-    axis_files,
-    decode_image,
-    decode_trace,
-)
+from tex_lightning.data.decode import DecodeSettings, Photo, Trace, decode_image, decode_trace
 from tex_lightning.data.recordings import Recording
+from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
 from tex_lightning.progress import track

@@ -13,7 +13,8 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from tex_lightning.data.datamodule import WHOLE, Batch, SpectrogramBank, mirrored, random_corner
+from tex_lightning.data.banks import WHOLE, SpectrogramBank, mirrored, random_corner
+from tex_lightning.data.datamodule import Batch
 from tex_lightning.data.synthetic.stream import SpecimenStream
 from tex_lightning.features.spectrogram import HapticFeatures
 

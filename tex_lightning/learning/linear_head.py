@@ -14,7 +14,7 @@ import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from tex_lightning.data.datamodule import PhotoBank, mirrored, random_corner
+from tex_lightning.data.banks import PhotoBank, mirrored, random_corner
 from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.trunks.squeezenet import TextureFeatures
 from tex_lightning.progress import track

@@ -14,14 +14,8 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.datamodule import (
-    PhotoBank,
-    SampleSet,
-    SpectrogramBank,
-    SurfaceData,
-    TrainingBatches,
-    load_trace,
-)
+from tex_lightning.data.banks import PhotoBank, SpectrogramBank
+from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches, load_trace
 from tex_lightning.data.folds import Kind, make_samples
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.stream import PhotoViews, StreamBatches, TraceViews

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from tex_lightning.data.decode import IMAGE_SUFFIXES, TRACE_SUFFIXES, axis_files
+from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings, number_files
+from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_files
 from tex_lightning.errors import UserError
 from tex_lightning.schema import DataConfig
 
