@@ -21,7 +21,7 @@ IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before 
 SETTLING_SECONDS = 0.2  # from the touch to steady movement
 SEARCH_SECONDS = 2.0  # later bursts are part of the movement
 FEW = 3000  # samples, below which Fourier transforms are done before the products have begun
-BLOCK = 128  # frames; their spectra take 256 kB
+BLOCK = 512  # frames; their spectra take 1 MB, fewer are too few for two threads
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
 
 
