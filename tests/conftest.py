@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+import torch
 from hypothesis import settings
 from PIL import Image
 
@@ -35,6 +36,11 @@ def shared() -> Path:
 def cache(tmp_path_factory) -> Path:
     """One cache for all tests, so that synthetic surfaces are rendered once."""
     return tmp_path_factory.mktemp("cache")
+
+
+def ramp(frames: int, start: int) -> torch.Tensor:
+    """A spectrogram whose columns are numbered."""
+    return (start + torch.arange(frames).float()).repeat(3, 1)
 
 
 def make_trace(kind: int, recording: int, seconds: float = 2.4) -> np.ndarray:

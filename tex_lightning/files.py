@@ -8,6 +8,14 @@ from pathlib import Path
 from tex_lightning.errors import UserError
 
 
+def require_file(path: Path) -> None:
+    """Refuse a file that is missing or empty."""
+    if not path.is_file():
+        raise UserError(f"File {path} does not exist; check the path.")
+    if path.stat().st_size == 0:
+        raise UserError(f"File {path} is empty; record or copy it again.")
+
+
 def write_text(target: Path, text: str) -> None:
     """Write a text file that is whole or not there."""
     write_atomically(target, lambda path: _write(path, text))

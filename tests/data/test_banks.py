@@ -1,14 +1,10 @@
 import numpy as np
 import pytest
 import torch
+from conftest import ramp
 from scipy import stats
 
 from tex_lightning.data.banks import PhotoBank, SpectrogramBank
-
-
-def ramp(frames: int, start: int) -> torch.Tensor:
-    """A spectrogram whose columns are numbered."""
-    return (start + torch.arange(frames).float()).repeat(3, 1)
 
 
 def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():

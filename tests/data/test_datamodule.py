@@ -2,17 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from conftest import ramp
 from scipy import stats
 
 from tex_lightning.data.banks import PhotoBank, SpectrogramBank
 from tex_lightning.data.datamodule import EpochSampler, TrainingBatches, _partners
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.perturbations.augment import Augmentation
-
-
-def ramp(frames: int, start: int) -> torch.Tensor:
-    """A spectrogram whose columns are numbered."""
-    return (start + torch.arange(frames).float()).repeat(3, 1)
 
 
 def batches(surfaces, store, seed=0) -> TrainingBatches:

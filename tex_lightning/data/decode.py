@@ -14,8 +14,9 @@ import torch
 from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.signal import resample_poly
 
-from tex_lightning.data.trace_files import read_axes, require_file
+from tex_lightning.data.trace_files import read_axes
 from tex_lightning.errors import UserError
+from tex_lightning.files import require_file
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 

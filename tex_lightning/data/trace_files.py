@@ -8,6 +8,7 @@ import numpy.typing as npt
 import soundfile
 
 from tex_lightning.errors import UserError
+from tex_lightning.files import require_file
 
 TRACE_SUFFIXES = (".wav", ".npy", ".txt", ".csv")
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
@@ -53,14 +54,6 @@ def read_axes(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
             "one length."
         )
     return np.concatenate(axes), rate
-
-
-def require_file(path: Path) -> None:
-    """Refuse a file that is missing or empty."""
-    if not path.is_file():
-        raise UserError(f"File {path} does not exist; check the path.")
-    if path.stat().st_size == 0:
-        raise UserError(f"File {path} is empty; record or copy it again.")
 
 
 def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:

@@ -35,11 +35,12 @@ class StoppingRule:
     alpha: float
     classes: int
 
-    def decided(self, votes: Sequence[int], remaining: int) -> bool:
+    def decided(self, votes: Sequence[float], remaining: int) -> bool:
         """Whether to stop.
 
         Args:
-            votes: (classes,) fragments for each class so far.
+            votes: (classes,) fragments for each class so far; for the exact rule also sums of what
+                they give each class, from 0 to 1.
             remaining: Fragments not yet drawn.
         """
         second, first = sorted(votes)[-2:]
@@ -60,7 +61,7 @@ class StoppingRule:
         return bisect_left(range(remaining + 1), True, key=decided)
 
 
-def log_density(first: int, second: int) -> float:
+def log_density(first: float, second: float) -> float:
     """Logarithm of the density at 1/2 of the Beta(first + 1, second + 1) distribution."""
     count = first + second
     return lgamma(count + 2) - lgamma(first + 1) - lgamma(second + 1) - count * log(2)

@@ -102,6 +102,10 @@ class HapticFeatures(nn.Module):
             samples -= movement_start(trace, self.sampling_rate)
         if self._joins(trace):
             samples = quick_length(max(1, samples))
+        return self.frames(samples)
+
+    def frames(self, samples: int) -> int:
+        """Frames that so many samples of movement give; 0 if too few."""
         return max(0, (samples - self.window_length) // self.hop_length + 1)
 
     def samples(self, frames: int) -> int:

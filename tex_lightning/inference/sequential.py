@@ -24,7 +24,6 @@ from tex_lightning.inference.beginnings import beginnings, haptic_stream
 from tex_lightning.inference.costs import Costs
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import window_size
 from tex_lightning.schema import Config, DecisionConfig
@@ -108,12 +107,8 @@ class SequentialClassifier(SurfaceClassifier):
         if self.stream is None:
             return self.full.classify(trace)
         frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
-        whole = cast(HapticNet, self.full.network).output_length(frames)
-        exact = StoppingRule(0, len(self.card.classes))  # what follows in time is no random draw
         for vote in beginnings(trace, frames, self.stream):
-            left = whole - int(self.stream.votes.sum())
-            sure = sure_enough(vote.probability, self.enough)
-            if sure or exact.decided(self.stream.votes.tolist(), left):
+            if sure_enough(vote.probability, self.enough) or self.stream.certain(frames):
                 break
         return _spent(vote, self.stream.macs, self.costs.haptic(frames))
 

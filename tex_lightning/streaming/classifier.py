@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.decision.sequential import StoppingRule
 from tex_lightning.decision.voting import Vote, probabilities, winner
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SEARCH_SECONDS, HapticFeatures, movement_start
@@ -57,6 +58,7 @@ class StreamingClassifier:
         self.output_length = network.output_length
         self.temperature = classifier.card.temperature
         self.by_mean = classifier.card.rule == "mean"
+        self.exact = StoppingRule(0, network.classes)  # what follows in time is no random draw
         self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
         self.restart(start_known=not features.skip_impact)
 
@@ -104,16 +106,13 @@ class StreamingClassifier:
         if not self.start_known or self.vote is None or samples.shape[1] >= self.wait:
             return False
         known = 0 if self.rest is None else self.rest.shape[1]
-        frames = self.frames + self._count_frames(known + samples.shape[1])
-        unsettled = self.output_length(frames) - int(self.votes.sum())
-        # a fragment adds one vote, and at most 1 to a sum of probabilities
-        sums = self.probabilities if self.by_mean else self.votes
-        second, first = sums.sort().values[-2:].tolist()
-        return bool(first - second > unsettled)
+        return self.certain(self.frames + self.features.frames(known + samples.shape[1]))
 
-    def _count_frames(self, samples: int) -> int:
-        features = self.features
-        return max(0, (samples - features.window_length) // features.hop_length + 1)
+    def certain(self, frames: int) -> bool:
+        """Whether the settled fragments decide for a recording of so many frames, all in all."""
+        unsettled = self.output_length(frames) - int(self.votes.sum())
+        sums = self.probabilities if self.by_mean else self.votes
+        return self.exact.decided(sums.tolist(), unsettled)
 
     def _compute(self, samples: Tensor) -> Vote | None:
         """Vote over everything, these samples included."""
@@ -156,7 +155,7 @@ class StreamingClassifier:
         """Compute what the samples settle."""
         features = self.features
         samples = _joined(self.rest, piece)
-        count = self._count_frames(samples.shape[1])
+        count = features.frames(samples.shape[1])
         self.rest = samples[:, count * features.hop_length :]
         if not count:
             return
