@@ -48,7 +48,7 @@ class TrainerConfig:
         devices: How many of each machine train one network together; None takes every GPU.
         num_nodes: How many machines do.
         precision: Of training.
-        threads: Of PyTorch on the CPU; None leaves its choice.
+        threads: Of PyTorch on the CPU; None takes one for a live stream, else leaves its choice.
     """
 
     accelerator: str = MISSING

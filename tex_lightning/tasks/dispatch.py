@@ -1,5 +1,6 @@
 """From a composed configuration to the task it names."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -61,8 +62,7 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_missing(composed)
     config = read_config(composed)
     check_config(config, tuple(TASKS))
-    if config.trainer.threads is not None:
-        torch.set_num_threads(config.trainer.threads)
+    set_threads(config)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
     if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:
         raise UserError(NO_SWEEP)
@@ -75,3 +75,16 @@ def run_task(composed: DictConfig, directory: Path) -> int:
             config = resolve_auto(config, directory.resolve())
         TASKS[config.task](config, directory.resolve())
     return 0
+
+
+def set_threads(config: Config) -> None:
+    """Set PyTorch's threads on the CPU: as configured, else one for a live stream.
+
+    The layers of a short chunk are so small that a second thread only costs time
+    (``python -m benchmarks threads``). A user's ``OMP_NUM_THREADS`` is left as it is.
+    """
+    threads = config.trainer.threads
+    if threads is None and config.task == "stream" and "OMP_NUM_THREADS" not in os.environ:
+        threads = 1
+    if threads is not None:
+        torch.set_num_threads(threads)
