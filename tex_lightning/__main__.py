@@ -15,7 +15,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from tex_lightning.distributed.place import follows
 from tex_lightning.errors import UserError
+from tex_lightning.mistakes import explain
 from tex_lightning.schema import register
+from tex_lightning.usage import answer, asks
 
 INSIDE = Path(__file__).parent / "conf"  # in an installed wheel
 BESIDE = Path(__file__).parent.parent / "conf"  # in a checkout
@@ -70,10 +72,25 @@ def main() -> int:
     # Hydra then raises its errors instead of printing and exiting with status 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     STARTED.clear()
+    if asks(sys.argv[1:]):
+        return _answer(sys.argv[1:])
     if follows():
         with tempfile.TemporaryDirectory() as unused:
             return _run([f"hydra.run.dir={unused}", "hydra/job_logging=none"])
     return _run([])
+
+
+def _answer(arguments: list[str]) -> int:
+    """Print what the command line asks to read and return the exit status."""
+    try:
+        print(answer(arguments, CONF), flush=True)
+    except UserError as error:
+        return complain(error)
+    except (*MISTAKES, ValueError) as error:
+        return complain(explain(error, [item for item in arguments if not asks([item])], CONF))
+    except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
 
 
 def _run(more: list[str]) -> int:
@@ -84,8 +101,6 @@ def _run(more: list[str]) -> int:
     try:
         entry()
     except (*MISTAKES, ValueError) as error:  # that of a group set to null, before a run begins
-        from tex_lightning.mistakes import explain
-
         if STARTED and not isinstance(error, MISTAKES):
             raise
         return complain(explain(error, sys.argv[1:], CONF))

@@ -60,7 +60,7 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_known(composed)
     check_missing(composed)
     config = read_config(composed)
-    check_config(config, tuple(TASKS))
+    check_config(config)
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
