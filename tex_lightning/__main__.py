@@ -3,7 +3,6 @@
 import logging
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 import hydra
@@ -13,9 +12,11 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.distributed.place import follows
 from tex_lightning.errors import UserError
+from tex_lightning.mistakes import explain
+from tex_lightning.ranks import is_rank_zero, join_quietly
 from tex_lightning.schema import register
+from tex_lightning.usage import answer, asks
 
 INSIDE = Path(__file__).parent / "conf"  # in an installed wheel
 BESIDE = Path(__file__).parent.parent / "conf"  # in a checkout
@@ -43,7 +44,7 @@ def run_job(composed: DictConfig) -> None:
     STARTED.append(directory)
     (directory / FAILURE).unlink(missing_ok=True)
     try:
-        status = run_task(composed, directory)
+        run_task(composed, directory)
     except UserError as error:
         if not sweeping:
             raise SystemExit(complain(error)) from error
@@ -53,14 +54,11 @@ def run_job(composed: DictConfig) -> None:
             raise
         log.exception("This job of the sweep failed.")
         note_failure(directory, f"{type(error).__name__}: {error}")
-    else:
-        if status:
-            raise SystemExit(status)
 
 
 def complain(error: Exception) -> int:
     """Print a user's mistake in one sentence and return the exit status for it."""
-    if not follows():
+    if is_rank_zero():
         print(f"Error: {error}", file=sys.stderr)
     return USER_FAULT
 
@@ -70,22 +68,34 @@ def main() -> int:
     # Hydra then raises its errors instead of printing and exiting with status 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     STARTED.clear()
-    if follows():
-        with tempfile.TemporaryDirectory() as unused:
-            return _run([f"hydra.run.dir={unused}", "hydra/job_logging=none"])
-    return _run([])
+    if asks(sys.argv[1:]):
+        return _answer(sys.argv[1:])
+    if not is_rank_zero():
+        join_quietly()
+        sys.argv.append("hydra/job_logging=none")
+    return _run()
 
 
-def _run(more: list[str]) -> int:
-    """Run the command line with ``more`` arguments and return its exit status."""
-    sys.argv += more
+def _answer(arguments: list[str]) -> int:
+    """Print what the command line asks to read and return the exit status."""
+    try:
+        print(answer(arguments, CONF), flush=True)
+    except UserError as error:
+        return complain(error)
+    except (*MISTAKES, ValueError) as error:
+        return complain(explain(error, [item for item in arguments if not asks([item])], CONF))
+    except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _run() -> int:
+    """Run the command line and return its exit status."""
     register()
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
         entry()
     except (*MISTAKES, ValueError) as error:  # that of a group set to null, before a run begins
-        from tex_lightning.mistakes import explain
-
         if STARTED and not isinstance(error, MISTAKES):
             raise
         return complain(explain(error, sys.argv[1:], CONF))
@@ -98,7 +108,7 @@ def _run(more: list[str]) -> int:
     except KeyboardInterrupt:
         from tex_lightning.runfolder import holds_work
 
-        if STARTED and not follows() and holds_work(STARTED[-1]):
+        if STARTED and is_rank_zero() and holds_work(STARTED[-1]):
             again = f"the same command with hydra.run.dir={STARTED[-1]}"
             print(f"Interrupted; {again} goes on after the last finished epoch.", file=sys.stderr)
         return INTERRUPTED

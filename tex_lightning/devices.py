@@ -3,6 +3,8 @@
 import torch
 
 from tex_lightning.errors import UserError
+from tex_lightning.ranks import started_processes
+from tex_lightning.schema import TrainerConfig
 
 
 def pick_device(accelerator: str) -> torch.device:
@@ -22,26 +24,45 @@ def pick_device(accelerator: str) -> torch.device:
     return torch.device("cpu")
 
 
-def count_devices(accelerator: str, wanted: int | None) -> int:
-    """How many devices of this machine are used: so many as wanted, every GPU for None.
-
-    On the CPU a device is a process.
+def count_processes(trainer: TrainerConfig) -> int:
+    """How many processes train one network together, on all nodes.
 
     Raises:
-        UserError: If there are not so many.
+        UserError: If there are not so many devices, or another number has been started.
     """
+    wanted = _count_devices(trainer.accelerator, trainer.devices) * trainer.num_nodes
+    started = started_processes()
+    if started is not None and started != wanted:
+        raise UserError(
+            f"{started} processes were started, but the trainer wants {wanted}; make "
+            "trainer.devices times trainer.num_nodes equal to their number, as in trainer=ddp "
+            f"trainer.devices={started}."
+        )
+    if started is None and trainer.num_nodes > 1:
+        raise UserError(
+            f"trainer.num_nodes is {trainer.num_nodes}, but nothing started a process on every "
+            "node; start the command with srun or torchrun."
+        )
+    return wanted
+
+
+def _count_devices(accelerator: str, wanted: object) -> int:
+    """How many devices of this machine are used; on the CPU a device is a process."""
     kind = pick_device(accelerator).type
-    if kind == "cpu":
-        if wanted is None:
+    found = torch.cuda.device_count() if kind == "cuda" else 1
+    if wanted in ("auto", -1, "-1"):
+        if kind == "cpu":
             raise UserError(
-                "trainer.devices is null, which takes every GPU, but this run has none; give "
+                "trainer.devices is auto, which takes every GPU, but this run has none; give "
                 "trainer.devices=2 to train in two processes on the CPU."
             )
-        return wanted
-    found = torch.cuda.device_count() if kind == "cuda" else 1
-    if wanted is not None and wanted > found:
-        raise UserError(f"trainer.devices is {wanted}, but there are {found}; choose fewer.")
-    return found if wanted is None else wanted
+        return found
+    if isinstance(wanted, list):
+        return len(wanted)
+    count = int(str(wanted))
+    if kind != "cpu" and count > found:
+        raise UserError(f"trainer.devices is {count}, but there are {found}; choose fewer.")
+    return count
 
 
 def synchronise(device: torch.device) -> None:

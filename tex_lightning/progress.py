@@ -6,11 +6,13 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import Progress
 
+from tex_lightning.ranks import is_rank_zero
+
 Item = TypeVar("Item")
 
-console = Console(stderr=True)
+console = Console(stderr=True, quiet=not is_rank_zero())
 if not console.is_terminal:
-    console = Console(stderr=True, width=120)  # a log file has room for the tables
+    console = Console(stderr=True, width=120, quiet=console.quiet)  # a file has room for tables
 
 
 def track(items: Iterable[Item], title: str) -> Iterator[Item]:

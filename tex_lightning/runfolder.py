@@ -22,7 +22,7 @@ WORK = ("checkpoints", "folds", "systems", "predictions", "results.json", "trial
 FREE_KEYS = (
     "crossval.", "frontier.only", "frontier.max", "frontier.min", "logger.", "data.cache_dir",
     "data.num_workers", "trainer.accelerator", "trainer.devices", "trainer.num_nodes",
-    "trainer.threads",
+    "trainer.strategy", "trainer.threads", "callbacks.",
 )  # fmt: skip
 
 
@@ -71,5 +71,5 @@ def _read(note: Path) -> dict[str, Any]:
 
 def _binding_settings(config: Config) -> dict[str, Any]:
     """Dotted keys and values of everything that a continued run must keep."""
-    values = flatten(asdict(config))
+    values = flatten({**asdict(config), "trainer": vars(config.trainer)})
     return {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}

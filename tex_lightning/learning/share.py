@@ -36,7 +36,7 @@ def train_shared(training: Training, folder: Path) -> Path:
         "fit": training.fit_values,
         "seed": config.seed,
         "weights": training.weights,
-        "trainer": asdict(config.trainer),
+        "trainer": config.trainer.flags,
     }
     if training.unimodal:
         recipe["model"] = asdict(config.model)

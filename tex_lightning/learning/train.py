@@ -21,7 +21,6 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.stream import PhotoViews, StreamBatches, TraceViews
 from tex_lightning.data.synthetic.stream import SpecimenStream
 from tex_lightning.devices import pick_device
-from tex_lightning.distributed.team import agreed, shared
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import crop_side
 from tex_lightning.features.spectrogram import HapticFeatures
@@ -53,7 +52,7 @@ def train_network(training: Training, *watchers: Callback) -> Path:
 
     Args:
         training: What is trained.
-        watchers: Callbacks beside the package's own, of rank zero.
+        watchers: Callbacks beside the configured ones.
 
     Raises:
         UserError: If a recording is too short, or weights or checkpoints do not fit.
@@ -62,32 +61,16 @@ def train_network(training: Training, *watchers: Callback) -> Path:
     if training.final.is_file():
         log.info("%s is trained already.", training.final)
         return training.final
-    with shared(training):
-        take_part(training, *watchers)
-    return training.final
-
-
-def take_part(training: Training, *watchers: Callback) -> None:
-    """Train a network as one of the processes that do; only rank zero writes.
-
-    Args:
-        training: What is trained.
-        watchers: Callbacks beside the package's own.
-
-    Raises:
-        UserError: If a recording is too short, or weights or checkpoints do not fit, wherever
-            that was found.
-    """
     begin = time.perf_counter()
     last = training.working / "last.ckpt"
-    with agreed():
-        module, data = _prepare(training, last)
+    module, data = _prepare(training, last)
     preparation = time.perf_counter() - begin
     with quiet_lightning():
-        trainer, timer, keeper = make_trainer(training, *watchers, resumed=last.is_file())
+        trainer, timer, keeper = make_trainer(training, *watchers)
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         _finish(training, trainer, module, keeper)
+    return training.final
 
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:

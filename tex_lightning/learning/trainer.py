@@ -1,4 +1,4 @@
-"""Lightning's Trainer as this package uses it: callbacks, loggers, and no advertisements."""
+"""Lightning's Trainer as this package uses it: flags, callbacks, loggers, no advertisements."""
 
 import logging
 import signal
@@ -9,21 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import torch.distributed as dist
 from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
-from lightning.fabric.plugins.environments.lightning import LightningEnvironment
-from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
-from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+from lightning.fabric.utilities.exceptions import MisconfigurationException
+from lightning.pytorch.callbacks import ModelCheckpoint, Timer
 
 from tex_lightning.data.folds import make_samples
-from tex_lightning.distributed.place import Place
-from tex_lightning.distributed.team import Team
+from tex_lightning.devices import pick_device
+from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
-from tex_lightning.learning.base import REFRESH
-from tex_lightning.learning.callbacks.figures import SampleFigures
+from tex_lightning.instantiation import build
 from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.training import Training
+from tex_lightning.report.events import open_loggers
+from tex_lightning.schema import TrainerConfig
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
@@ -31,30 +30,6 @@ UNHELPFUL = (
     ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
-
-
-class StartedAlready(LightningEnvironment):
-    """What Lightning asks of processes that were started and connected without it."""
-
-    def __init__(self, place: Place, nodes: int) -> None:
-        super().__init__()
-        self.place, self.nodes = place, nodes
-
-    @property
-    def creates_processes_externally(self) -> bool:
-        """So that Lightning does not run the command line once more."""
-        return True
-
-    def local_rank(self) -> int:
-        """Number of this process on its node."""
-        return self.place.local
-
-    def node_rank(self) -> int:
-        """Number of this process's node."""
-        return self.place.rank // (self.place.size // self.nodes)
-
-    def teardown(self) -> None:
-        """Leave the environment to those who made it."""
 
 
 class CheckpointFiles(TorchCheckpointIO):
@@ -78,7 +53,7 @@ class CheckpointFiles(TorchCheckpointIO):
 
 
 class PlainTermination(Callback):
-    """Let SIGTERM end a process at once.
+    """Let SIGTERM end one process of several at once.
 
     Lightning's handler talks to the other processes from within the signal, wherever they are, and
     all of them hang. The last finished epoch is kept in any case.
@@ -86,17 +61,8 @@ class PlainTermination(Callback):
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Undo what Lightning has registered just before."""
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-class ProgressBar(RichProgressBar):
-    """Lightning's bar without the number of the log version, which says nothing here."""
-
-    def get_metrics(self, *args: Any) -> dict[str, int | str | float | dict[str, float]]:  # noqa: ANN401
-        """The metrics beside the bar."""
-        metrics = super().get_metrics(*args)
-        metrics.pop("v_num", None)
-        return metrics
+        if trainer.world_size > 1:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager
@@ -117,44 +83,59 @@ def quiet_lightning() -> Iterator[None]:
 
 
 def make_trainer(
-    training: Training, *watchers: Callback, resumed: bool
+    training: Training, *watchers: Callback
 ) -> tuple[Trainer, Timer, ModelCheckpoint | None]:
     """Make the trainer, with its clock and, where it validates, the keeper of the best weights.
 
     Args:
         training: What is trained.
-        watchers: Callbacks beside those below.
-        resumed: Whether it goes on from a checkpoint, and then logs beside the earlier metrics.
+        watchers: Callbacks beside the configured ones.
+
+    Raises:
+        UserError: If a flag, a callback or a logger cannot be used.
     """
-    config, fit = training.config, training.fit_values
-    validated = bool(make_samples(training.parts.val, training.card.kind))
+    config, fit, kind = training.config, training.fit_values, training.card.kind
+    validated = bool(make_samples(training.parts.val, kind))
     timer = Timer()
     keeper = _keep(training, "best", "val/loss") if validated else None
     # not Lightning's save_last, which leaves out the epochs that are not the best
     keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
-    bar = ProgressBar(refresh_rate=REFRESH, console_kwargs={"stderr": True})
-    callbacks: list[Callback] = [timer, *keepers, bar, SampleFigures(), *watchers]
-    if training.card.kind == "fusion":
-        paths = training.unimodal
-        start = config.model.fusion.head_start
+    callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
+    callbacks += [build(f"callbacks.{name}", node) for name, node in config.callbacks.items()]
+    if kind == "fusion":
+        paths, start = training.unimodal, config.model.fusion.head_start
         callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"], start))
-    if Team.current is not None:
-        callbacks.append(PlainTermination())
-    trainer = Trainer(
-        accelerator=config.trainer.accelerator,
-        **_processes(training),
-        plugins=_plugins(training),
-        precision=config.trainer.precision,  # type: ignore[arg-type]  # a string from the config
-        max_epochs=fit["epochs"],
-        callbacks=callbacks,
-        logger=_make_loggers(training, resumed=resumed),
-        log_every_n_steps=min(10, fit["steps_per_epoch"]),
-        limit_val_batches=1.0 if validated else 0,
-        num_sanity_val_steps=0,
-        enable_model_summary=False,
-        default_root_dir=training.directory,
-    )
+    flags = {
+        "log_every_n_steps": min(10, fit["steps_per_epoch"]),
+        "limit_val_batches": 1.0 if validated else 0,
+        "num_sanity_val_steps": 0,
+        "enable_model_summary": False,
+        "sync_batchnorm": _synchronises(config.trainer, kind),
+        **config.trainer.flags,
+    }
+    if isinstance(flags["strategy"], dict):
+        flags["strategy"] = build("trainer.strategy", flags["strategy"])
+    try:
+        trainer = Trainer(
+            **flags,
+            plugins=[CheckpointFiles()],
+            max_epochs=fit["epochs"],
+            callbacks=callbacks,
+            logger=open_loggers(config.logger, training.directory, kind),
+            use_distributed_sampler=False,  # every process knows its share of a batch
+            default_root_dir=training.directory,
+        )
+    except (MisconfigurationException, ValueError, TypeError) as error:
+        raise UserError(
+            f"Lightning's Trainer refuses what trainer says: {' '.join(str(error).split())}"
+        ) from error
     return trainer, timer, keeper
+
+
+def _synchronises(trainer: TrainerConfig, kind: str) -> bool:
+    """Whether batch normalisation is over whole batches: on GPUs, but for FusionNet's, fixed."""
+    several = trainer.devices != 1 or trainer.num_nodes != 1
+    return several and kind != "fusion" and pick_device(trainer.accelerator).type == "cuda"
 
 
 def _keep(training: Training, name: str, monitor: str | None) -> ModelCheckpoint:
@@ -167,43 +148,3 @@ def _keep(training: Training, name: str, monitor: str | None) -> ModelCheckpoint
         enable_version_counter=False,
         auto_insert_metric_name=False,
     )
-
-
-def _processes(training: Training) -> dict[str, Any]:
-    """The trainer's arguments for as many processes as there are."""
-    team = Team.current
-    if team is None:
-        return {"devices": 1}
-    nodes = training.config.trainer.num_nodes
-    return {
-        "devices": team.place.size // nodes,
-        "num_nodes": nodes,
-        "strategy": "ddp",
-        "use_distributed_sampler": False,  # every process knows its share of a batch
-        # statistics of whole batches; there is no such layer for CPUs, and FusionNet's are fixed
-        "sync_batchnorm": dist.get_backend() == "nccl" and training.card.kind != "fusion",
-    }
-
-
-def _plugins(training: Training) -> list[Any]:
-    """How checkpoints are written and where this process stands among others."""
-    team = Team.current
-    place = [] if team is None else [StartedAlready(team.place, training.config.trainer.num_nodes)]
-    return [CheckpointFiles(), *place]
-
-
-def _make_loggers(training: Training, *, resumed: bool) -> list[Logger]:
-    """CSV of metrics always, TensorBoard events if configured; a resumed run gets its own CSV."""
-    kind: str = training.card.kind
-    version = kind
-    if resumed:
-        earlier = len(list((training.directory / "metrics").glob(f"{kind}*")))
-        version = f"{kind}_resumed{earlier}"
-    loggers: list[Logger] = [CSVLogger(training.directory, name="metrics", version=version)]
-    if training.config.logger.tensorboard:
-        loggers.append(
-            TensorBoardLogger(
-                training.directory, name="tensorboard", version=kind, default_hp_metric=False
-            )
-        )
-    return loggers

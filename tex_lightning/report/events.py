@@ -1,28 +1,81 @@
-"""Final figures and hyper-parameters in TensorBoard, beside the curves of training."""
+"""Metrics, figures and hyper-parameters in whatever loggers are configured."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from torch.utils.tensorboard import SummaryWriter
+from lightning.pytorch.loggers import CSVLogger, Logger, MLFlowLogger, TensorBoardLogger
+from matplotlib.figure import Figure
 
+from tex_lightning.instantiation import build
 from tex_lightning.schema import flatten
 from tex_lightning.stability.trial import Trial
 
 HPARAM_TYPES = (bool, int, float, str)
 
+Nodes = Mapping[str, Mapping[str, Any]]  # of the configuration, by the logger's name
+
+_OPEN: dict[tuple[Path, str], list[Logger]] = {}  # of networks that are not tested yet
+
+
+def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
+    """The configured loggers of one network, the same ones for its training and its test.
+
+    Args:
+        nodes: ``logger`` of the configuration. Where a class takes them, it gets the run folder as
+            ``save_dir`` and the name as ``version`` and ``run_name``.
+        directory: The run folder.
+        name: Of the network. A CSV goes beside that of an interrupted run.
+
+    Raises:
+        UserError: If one cannot be made.
+    """
+    if (directory, name) not in _OPEN:
+        _OPEN[directory, name] = [
+            _make(f"logger.{title}", node, directory, name) for title, node in nodes.items()
+        ]
+    return _OPEN[directory, name]
+
+
+def close_loggers(directory: Path, name: str) -> None:
+    """Write what loggers still hold."""
+    for logger in _OPEN.pop((directory, name), ()):
+        logger.finalize("success")
+
+
+def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
+    offered = {"save_dir": str(directory), "run_name": name}
+    logger: Logger = build(where, node, **offered, version=name)
+    earlier = Path(logger.log_dir or "").is_dir() if isinstance(logger, CSVLogger) else False
+    if earlier:  # it would write over them
+        count = len(list(Path(str(logger.log_dir)).parent.glob(f"{name}*")))
+        logger = build(where, node, **offered, version=f"{name}_resumed{count}")
+    return logger
+
+
+def log_figures(loggers: Sequence[Logger], figures: Mapping[str, Figure]) -> None:
+    """Hand figures to the loggers that can show them."""
+    for logger in loggers:
+        for title, figure in figures.items():
+            if isinstance(logger, TensorBoardLogger):
+                logger.experiment.add_figure(title, figure, global_step=0)
+            elif isinstance(logger, MLFlowLogger):
+                logger.experiment.log_figure(logger.run_id, figure, f"{title}.png")
+
 
 def log_test(
+    nodes: Nodes,
     directory: Path,
     name: str,
     config: dict[str, Any],
     result: dict[str, Any],
-    figures: Any,  # noqa: ANN401
+    figures: Mapping[str, Figure],
 ) -> None:
     """Add test accuracies, figures and the hyper-parameters that led to them.
 
     Args:
-        directory: The run folder; events go to ``tensorboard/NAME``.
+        nodes: ``logger`` of the configuration.
+        directory: The run folder.
         name: haptic, visual or fusion.
         config: The whole configuration as plain values.
         result: The network's entry of ``results.json``.
@@ -34,37 +87,43 @@ def log_test(
         "test/latency_ms": result["latency_ms"]["median"],
         "test/fit_seconds": result["fit_seconds"],
     }
-    with SummaryWriter(str(directory / "tensorboard" / name)) as writer:
-        for title, figure in figures.items():
-            writer.add_figure(f"test/{title}", figure)
-        for title, value in metrics.items():
-            writer.add_scalar(title, value)
-        writer.add_hparams(_hyper_parameters(config, name), metrics, run_name=".")
+    loggers = open_loggers(nodes, directory, name)
+    log_figures(loggers, {f"test/{title}": figure for title, figure in figures.items()})
+    for logger in loggers:
+        parameters = _hyper_parameters(config, name)
+        if isinstance(logger, TensorBoardLogger):
+            logger.log_hyperparams(parameters, metrics)  # side by side in its HPARAMS
+        else:
+            logger.log_hyperparams(parameters)
+            logger.log_metrics(metrics)
+    close_loggers(directory, name)
 
 
 def log_profile(
-    directory: Path, name: str, result: dict[str, Any], figures: dict[str, Any]
+    nodes: Nodes, directory: Path, name: str, result: dict[str, Any], figures: Mapping[str, Figure]
 ) -> None:
-    """Add a network's profile: every single figure as a scalar, and its charts."""
-    with SummaryWriter(str(directory / "tensorboard" / name)) as writer:
-        for title, figure in figures.items():
-            writer.add_figure(f"profile/{title}", figure)
-        for key, value in result.items():
-            if isinstance(value, int | float):
-                writer.add_scalar(f"profile/{key}", value)
+    """Add a network's profile: every single figure as a metric, and its charts."""
+    loggers = open_loggers(nodes, directory, name)
+    log_figures(loggers, {f"profile/{title}": figure for title, figure in figures.items()})
+    numbers = {key: value for key, value in result.items() if isinstance(value, int | float)}
+    for logger in loggers:
+        logger.log_metrics({f"profile/{key}": float(value) for key, value in numbers.items()})
+    close_loggers(directory, name)
 
 
-def log_stability(directory: Path, trials: Sequence[Trial], figures: dict[str, Any]) -> None:
+def log_stability(
+    nodes: Nodes, directory: Path, trials: Sequence[Trial], figures: Mapping[str, Figure]
+) -> None:
     """Add vote accuracies over severity, as a curve for each system, and the charts."""
-    with SummaryWriter(str(directory / "tensorboard" / "stability")) as writer:
-        for title, figure in figures.items():
-            writer.add_figure(f"stability/{title}", figure)
+    loggers = open_loggers(nodes, directory, "stability")
+    log_figures(loggers, {f"stability/{title}": figure for title, figure in figures.items()})
+    close_loggers(directory, "stability")
     for system in dict.fromkeys(trial.system.name for trial in trials):
-        with SummaryWriter(str(directory / "tensorboard" / system)) as writer:
-            for trial in trials:
-                if trial.system.name == system:
-                    title = f"{trial.perturbation.modality}/{trial.perturbation.name}"
-                    writer.add_scalar(title, trial.accuracy, int(trial.severity))
+        for logger in open_loggers(nodes, directory, system):
+            for trial in (each for each in trials if each.system.name == system):
+                title = f"{trial.perturbation.modality}/{trial.perturbation.name}"
+                logger.log_metrics({title: trial.accuracy}, step=int(trial.severity))
+        close_loggers(directory, system)
 
 
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.errors import UserError
+from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.document import write_report
 from tex_lightning.report.events import log_test
 from tex_lightning.report.results import (
@@ -39,6 +40,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     for fold in chosen:  # before time is spent on the first
         workspace.on_fold(fold, directory).parts()
     folds = {fold: _run_fold(workspace, fold) for fold in chosen}
+    if not is_rank_zero():
+        return {}
     names = next(iter(folds.values()))["networks"]
     networks = {name: _pool(workspace, folds, name) for name in names}
     seconds = sum(results["wall_seconds"] for results in folds.values())
@@ -88,7 +91,10 @@ def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:
     begin = time.perf_counter()
     log.info("Fold %d of %d.", fold, workspace.config.data.folds)
     on_fold = workspace.on_fold(fold, directory)
-    results = results_frame(on_fold, fit_fold(on_fold), time.perf_counter() - begin)
+    networks = fit_fold(on_fold)
+    if not is_rank_zero():
+        return {}
+    results = results_frame(on_fold, networks, time.perf_counter() - begin)
     write_results(done, results)
     return results
 
@@ -121,6 +127,6 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
             {"fold": fold, **{key: entry[key] for key in kept}} for fold, entry in entries.items()
         ],
     }
-    if workspace.config.logger.tensorboard:
-        log_test(workspace.directory, name, asdict(workspace.config), pooled, figures)
+    config = workspace.config
+    log_test(config.logger, workspace.directory, name, asdict(config), pooled, figures)
     return pooled

@@ -9,11 +9,10 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from tex_lightning.distributed.launch import count_processes, leading
-from tex_lightning.distributed.place import follows
-from tex_lightning.distributed.worker import follow
+from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.memory import kept_memory
+from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder
 from tex_lightning.schema import Config
@@ -46,14 +45,13 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
     "stability": stability.run,
 }
 
-TRAINING = ("fit", "crossval", "frontier", "pretrain")
+TRAINING = ("fit", "crossval")  # on several devices
 
 
-def run_task(composed: DictConfig, directory: Path) -> int:
+def run_task(composed: DictConfig, directory: Path) -> None:
     """Check the configuration and run its task with ``directory`` as the run folder.
 
-    Returns:
-        The exit status, which is 0 but for processes that follow another one.
+    Every process of a training on several devices does; only rank zero writes.
 
     Raises:
         UserError: If the configuration or what it names cannot be used.
@@ -61,20 +59,26 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_known(composed)
     check_missing(composed)
     config = read_config(composed)
-    check_config(config, tuple(TASKS))
+    check_config(config)
     set_threads(config)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
     if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:
         raise UserError(NO_SWEEP)
     check_shares(config, processes)
-    if processes > 1 and follows():
-        return follow(config.trainer.accelerator)
-    with kept_memory(), leading(processes, config.trainer):
-        claim_folder(composed, config, directory.resolve())
+    if started_processes() and not _names_folder():
+        raise UserError(
+            "Several processes were started, which have to share a run folder; give hydra.run.dir."
+        )
+    with kept_memory():
+        if is_rank_zero():
+            claim_folder(composed, config, directory.resolve())
         if config.model.name == AUTO:
             config = resolve_auto(config, directory.resolve())
         TASKS[config.task](config, directory.resolve())
-    return 0
+
+
+def _names_folder() -> bool:
+    return any(each.startswith("hydra.run.dir=") for each in HydraConfig.get().overrides.hydra)
 
 
 def set_threads(config: Config) -> None:

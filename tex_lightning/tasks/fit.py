@@ -16,6 +16,7 @@ from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.parts import UNIMODAL
+from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.events import log_test
 from tex_lightning.report.results import RANDOM, environment, write_results
 from tex_lightning.report.table import print_results
@@ -40,6 +41,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
         return done
     workspace = open_workspace(config, directory)
     networks = fit_fold(workspace)
+    if not is_rank_zero():
+        return {}
     results = results_frame(workspace, networks, time.perf_counter() - begin)
     write_results(directory / "results.json", results)
     print_results(results, directory)
@@ -125,6 +128,8 @@ def _fit_network(
         checkpoint = train_shared(training, Path(workspace.config.crossval.share).expanduser())
     else:
         checkpoint = train_network(training)
+    if not is_rank_zero():  # it alone tests and writes
+        return {"checkpoint": str(checkpoint)}
     return tested_network(workspace, checkpoint, parts)
 
 
@@ -143,8 +148,7 @@ def tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict
     figures = {}
     if config.task in ("fit", "pretrain"):  # others draw what they have pooled over the folds
         figures = draw_figures(outcomes, workspace.classes, kind, directory)
-    if workspace.config.logger.tensorboard:
-        log_test(directory, kind, asdict(workspace.config), result, figures)
+    log_test(config.logger, directory, kind, asdict(config), result, figures)
     title = classifier.card.title
     log.info("%s: %d of %d votes right.", title, result["correct"], result["test_samples"])
     return result

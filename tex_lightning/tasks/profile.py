@@ -41,8 +41,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
         }
         for title, figure in figures.items():
             save_figure(figure, directory / "figures" / f"{name}_{title}.png")
-        if config.logger.tensorboard:
-            log_profile(directory, name, networks[name], figures)
+        log_profile(config.logger, directory, name, networks[name], figures)
     if config.profile.growth:
         _measure_growth(config, subjects, directory)
     results = {

@@ -45,8 +45,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     figures = stability_figures(trials)
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{title}.png")
-    if config.logger.tensorboard:
-        log_stability(directory, trials, figures)
+    log_stability(config.logger, directory, trials, figures)
     results = {
         "task": config.task,
         "data": config.data.name,

@@ -1,15 +1,15 @@
-"""Figures of what the network is shown, in TensorBoard."""
+"""Figures of what the network is shown."""
 
 from typing import Any
 
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
-from lightning.pytorch.loggers import TensorBoardLogger
+from matplotlib.figure import Figure
 from torch import Tensor
-from torch.utils.tensorboard import SummaryWriter
 
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.report.events import log_figures
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
 
 SHOWN = 8
@@ -26,26 +26,19 @@ class SampleFigures(Callback):
         batch_idx: int,
     ) -> None:
         """Draw once, at the very first step."""
-        writer = tensorboard_writer(trainer) if trainer.is_global_zero else None
-        if trainer.global_step or writer is None or not isinstance(pl_module, SurfaceModule):
+        first = trainer.is_global_zero and not trainer.global_step
+        if not first or not isinstance(pl_module, SurfaceModule):
             return
         classifier = pl_module.classifier
         titles = [classifier.card.classes[int(index)] for index in batch["label"][:SHOWN]]
         for tensor in pl_module.inputs(batch):
             name, figure = _figure(tensor[:SHOWN].cpu(), titles, classifier.haptic_features)
-            writer.add_figure(name, figure, global_step=0)
+            log_figures(trainer.loggers, {name: figure})
 
 
-def tensorboard_writer(trainer: Trainer) -> SummaryWriter | None:
-    """The run's event writer, if it has one."""
-    for logger in trainer.loggers:
-        if isinstance(logger, TensorBoardLogger):
-            writer: SummaryWriter = logger.experiment
-            return writer
-    return None
-
-
-def _figure(tensor: Tensor, titles: list[str], features: HapticFeatures | None) -> tuple[str, Any]:
+def _figure(
+    tensor: Tensor, titles: list[str], features: HapticFeatures | None
+) -> tuple[str, Figure]:
     if features is not None and tensor.shape[1] == 1:
         return "samples/spectrograms", spectrogram_figure(tensor[:, 0], titles, features)
     return "samples/patches", patch_figure(tensor, titles)

@@ -1,0 +1,192 @@
+"""Two processes on the CPU beside one: the same weights and votes; all end together.
+
+Lightning starts the second process by the command line of the first, so every run is a real one.
+"""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from tex_lightning.__main__ import CONF
+
+TWO = ["trainer=ddp", "trainer.accelerator=cpu", "trainer.devices=2"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CONF.parent), "OMP_NUM_THREADS": "1"}
+
+
+def command(surfaces: Path, cache: Path, directory: Path, *arguments: str) -> list[str]:
+    """Of a small run, nothing in which differs with the number of processes."""
+    return [
+        *("-m", "tex_lightning", "data=folder", f"data.root={surfaces}", "debug=tiny"),
+        *("data.half_scale=false", "trainer.threads=1", f"data.cache_dir={cache}"),
+        *("model.haptic.norm=lrn", "model.haptic.dropout=0", "model.haptic.width=0.1"),
+        *("model.visual.norm=lrn", "model.visual.dropout=0", "model.visual.width=0.1"),
+        *(f"hydra.run.dir={directory}", *arguments),
+    ]
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments], env=ENVIRONMENT, capture_output=True, text=True, timeout=200
+    )
+
+
+def weights(directory: Path, kind: str) -> dict[str, torch.Tensor]:
+    path = directory / "checkpoints" / f"{kind}.ckpt"
+    return torch.load(path, weights_only=True)["state_dict"]
+
+
+def votes(directory: Path, kind: str) -> list[tuple[str, ...]]:
+    with (directory / "predictions" / f"{kind}.csv").open() as stream:
+        keys = ("haptic", "image", "predicted", "correct_fragments")
+        return [tuple(row[key] for key in keys) for row in csv.DictReader(stream)]
+
+
+def written(directory: Path) -> list[str]:
+    """All files; those of events by their kind, since their names hold time and process."""
+    paths = {str(path.relative_to(directory)) for path in directory.rglob("*.*")}
+    return sorted({path.partition(".tfevents")[0] for path in paths})
+
+
+def wait_for(condition) -> None:
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    raise AssertionError("it did not happen within a minute")
+
+
+@pytest.fixture(scope="module")
+def one(surfaces, cache, tmp_path_factory):
+    directory = tmp_path_factory.mktemp("one") / "run"
+    finished = run(*command(surfaces, cache, directory, "model=fusion", "trainer.accelerator=cpu"))
+    assert finished.returncode == 0, finished.stderr
+    return directory
+
+
+def test_two_processes_train_three_networks_as_one_does(one, surfaces, cache, tmp_path):
+    two = tmp_path / "two"
+    finished = run(*command(surfaces, cache, two, "model=fusion", *TWO))
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stderr.count("Results in") == 1
+    for kind in ("haptic", "visual", "fusion"):
+        left, right = weights(one, kind), weights(two, kind)
+        assert left.keys() == right.keys()
+        for key in left:
+            torch.testing.assert_close(left[key], right[key], rtol=1e-5, atol=1e-5)
+        assert votes(one, kind) == votes(two, kind)
+    assert written(one) == written(two)
+
+
+@pytest.mark.slow
+def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(one, surfaces, cache, tmp_path):
+    starter = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
+    arguments = command(surfaces, cache, tmp_path / "run", "model=haptic", *TWO)
+    finished = run(*starter, *arguments)
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stderr.count("Results in") == 1
+    assert votes(one, "haptic") == votes(tmp_path / "run", "haptic")
+    folder = f"hydra.run.dir={tmp_path / 'run'}"
+    refused = run(*starter, *(each for each in arguments if each != folder))
+    assert refused.stderr.count("share a run folder; give hydra.run.dir") == 1
+
+
+@pytest.mark.slow
+def test_two_folds_are_pooled_by_rank_zero(surfaces, cache, tmp_path):
+    folds = ["task=crossval", "crossval.only=[0,1]", "model=haptic", "logger=csv"]
+    finished = run(*command(surfaces, cache, tmp_path / "run", *folds, *TWO))
+    assert finished.returncode == 0, finished.stderr
+    network = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["haptic"]
+    assert [each["fold"] for each in network["folds"]] == [0, 1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["ctrl-c", "rank zero killed", "another killed"])
+def test_all_processes_end_together(surfaces, cache, tmp_path, how):
+    directory = tmp_path / "run"
+    long = ["model=haptic", "model.haptic.fit.epochs=1000", "logger=csv", *TWO]
+    with subprocess.Popen(
+        [sys.executable, *command(surfaces, cache, directory, *long)],
+        env=ENVIRONMENT,
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as leader:
+        wait_for(lambda: (directory / "checkpoints" / "haptic" / "last.ckpt").is_file())
+        (other,) = children(leader.pid)
+        if how == "ctrl-c":
+            os.killpg(leader.pid, signal.SIGINT)
+        else:
+            os.kill(leader.pid if how == "rank zero killed" else other, signal.SIGKILL)
+        wait_for(lambda: leader.poll() is not None)
+        wait_for(lambda: not alive(other))
+        said = leader.stderr.read()
+    if how == "ctrl-c":
+        assert leader.returncode == 130
+        assert said.count("goes on after the last finished epoch") == 1
+
+
+def children(parent: int) -> list[int]:
+    """Processes of Python that a process has started."""
+    found = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        fields = status.read_text().rpartition(")")[2].split()
+        command = (status.parent / "cmdline").read_bytes()
+        if int(fields[1]) == parent and b"tex_lightning" in command:
+            found.append(int(status.parent.name))
+    return found
+
+
+def alive(process: int) -> bool:
+    status = Path(f"/proc/{process}/stat")
+    return status.is_file() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["model.haptic.fit.batch_size=7"], "is 7, but 2 processes share every batch"),
+        (["model.haptic.fit.batch_size=2"], "choose a multiple of 2, 4 or more"),
+        (["trainer.devices=0"], "trainer.devices is 0: choose from 1 to 64"),
+        (["trainer.num_nodes=2"], "start the command with srun or torchrun"),
+        (["trainer.devices=auto"], "trainer.devices is auto, which takes every GPU"),
+        (["task=profile"], "several devices are used by task=fit and task=crossval"),
+        (["crossval.share=DIR"], "crossval.share is for runs on one device each"),
+    ],
+)
+def test_what_cannot_be_shared_is_refused(cli, tmp_path, arguments, message):
+    outcome = cli("model=haptic", *TWO, *arguments, f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 2
+    assert message in outcome.err
+    assert not (tmp_path / "settings.json").exists()
+
+
+def test_a_sweep_is_refused_before_its_first_job(cli, tmp_path):
+    outcome = cli("-m", "seed=0,1", *TWO, f"hydra.sweep.dir={tmp_path}/sweep")
+    assert outcome.status == 2
+    assert outcome.err.count("Error: A sweep runs every job in one process") == 1
+    assert not (tmp_path / "sweep").exists()
+
+
+def test_flags_of_the_trainer_are_passed_on_or_refused(cli, surfaces, tmp_path):
+    small = [f"data.root={surfaces}", "data=folder", "data.half_scale=false", "debug=tiny"]
+    wrong = ["trainer.gradient_clip_vall=1", "+trainer.logger=x"]
+    outcome = cli("model=haptic", *small, *wrong, f"hydra.run.dir={tmp_path / 'a'}")
+    assert outcome.status == 2
+    assert "did you mean trainer.gradient_clip_val?" in outcome.err
+    assert "trainer.logger is set by this package: use logger=NAME" in outcome.err
+    # nothing is learnt from gradients of no length
+    clipped = ["trainer.gradient_clip_val=1e-12", "model.haptic.fit.optimizer=adam", "logger=csv"]
+    outcome = cli("model=haptic", *small, *clipped, f"hydra.run.dir={tmp_path / 'b'}")
+    assert outcome.status == 0, outcome.err
+    refused = ["trainer.gradient_clip_algorithm=none", "trainer.gradient_clip_val=1"]
+    outcome = cli("model=haptic", *small, *refused, f"hydra.run.dir={tmp_path / 'c'}")
+    assert outcome.status == 2
+    assert "Lightning's Trainer refuses what trainer says" in outcome.err
