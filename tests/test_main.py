@@ -172,7 +172,7 @@ def test_presets_of_the_paper_run(cli, tmp_path, preset):
     assert outcome.status == 0, outcome.err
     kind = preset.partition("_")[0]
     content = torch.load(tmp_path / f"checkpoints/{kind}.ckpt", weights_only=True)
-    assert content["hyper_parameters"]["fit"]["optimizer"] == "adam"
+    assert content["hyper_parameters"]["fit"]["optimizer"]["_target_"] == "torch.optim.Adam"
 
 
 @pytest.mark.parametrize(
@@ -193,10 +193,12 @@ def test_presets_hold_the_papers_table_of_hyper_parameters(preset, kind, expecte
     fit = config.model[kind].fit
     size = fit.get("frames", fit.get("patch"))
     steps = fit.epochs * fit.steps_per_epoch
-    found = (fit.learning_rate, fit.gamma, fit.step_every, steps, fit.batch_size, size)
+    schedule = fit.schedule
+    found = (fit.learning_rate, schedule.gamma, schedule.step_size, steps, fit.batch_size, size)
     assert found == expected
-    assert fit.weight_decay == 5e-4
-    assert fit.optimizer == "adam"
+    assert fit.optimizer.weight_decay == 5e-4
+    assert fit.optimizer._target_ == "torch.optim.Adam"
+    assert schedule._target_ == "torch.optim.lr_scheduler.StepLR"
 
 
 @pytest.mark.parametrize("preset", ["haptic", "visual", "fusion"])

@@ -60,6 +60,6 @@ def test_papers_hyper_parameters():
     ):
         fit = model[name].fit
         assert fit.epochs * fit.steps_per_epoch == 100_000
-        assert (fit.learning_rate, fit.gamma, fit.step_every, fit.batch_size) == (
-            rate, gamma, step, batch,
-        )  # fmt: skip
+        schedule = fit.schedule
+        assert (fit.learning_rate, schedule.gamma) == (rate, gamma)
+        assert (schedule.step_size, fit.batch_size) == (step, batch)

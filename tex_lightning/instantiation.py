@@ -31,9 +31,23 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     try:
         taken = inspect.signature(get_class(node[TARGET])).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
-        return instantiate(dict(node), **more)
+        return instantiate({"_convert_": "all", **node}, **more)
     except UserError:
         raise
+    except Exception as error:  # a class of the user's may fail in any way
+        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+
+
+def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
+    """Call what a node with ``_partial_: true`` gave.
+
+    Raises:
+        UserError: If it was no such node, or the call fails.
+    """
+    if not callable(made):
+        raise UserError(f"{where} gives an object where a call is needed; add _partial_: true.")
+    try:
+        return made(*arguments)
     except Exception as error:  # a class of the user's may fail in any way
         raise UserError(f"{where} cannot be made: {_reason(error)}") from error
 

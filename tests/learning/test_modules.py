@@ -15,17 +15,15 @@ from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.haptic import HapticModule
 from tex_lightning.learning.visual import VisualModule
 
+SCHEDULES = "torch.optim.lr_scheduler"
 NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
 FIT = {
     "epochs": 5,
     "steps_per_epoch": 20,
     "batch_size": 4,
-    "optimizer": "adamw",
+    "optimizer": {"_target_": "torch.optim.AdamW", "_partial_": True, "weight_decay": 0.01},
     "learning_rate": 1e-3,
-    "schedule": "onecycle",
-    "gamma": 0.1,
-    "step_every": 30,
-    "weight_decay": 0.01,
+    "schedule": {"_target_": f"{SCHEDULES}.OneCycleLR", "_partial_": True},
     "label_smoothing": 0.0,
     "head_factor": 20.0,
     "patch": 224,
@@ -75,7 +73,8 @@ def test_fusions_head_is_the_fusion_layer_alone():
 
 
 def test_step_decay_follows_its_closed_form():
-    for step, (backbone, head) in enumerate(rates(module("haptic", schedule="step"), 70)):
+    step_lr = {"_target_": f"{SCHEDULES}.StepLR", "_partial_": True, "gamma": 0.1, "step_size": 30}
+    for step, (backbone, head) in enumerate(rates(module("haptic", schedule=step_lr), 70)):
         assert backbone == pytest.approx(1e-3 * 0.1 ** (step // 30))
         assert head == pytest.approx(20 * backbone)
 
@@ -89,11 +88,28 @@ def test_one_cycle_rises_to_the_rate_and_falls_to_nothing():
     assert all(head == pytest.approx(20 * base) for base, head in found)
 
 
-def test_adam_and_adamw_decay_as_they_should():
-    for name, kind in (("adam", torch.optim.Adam), ("adamw", torch.optim.AdamW)):
-        optimizer = module("haptic", optimizer=name).configure_optimizers()["optimizer"]
-        assert type(optimizer) is kind
-        assert optimizer.param_groups[0]["weight_decay"] == 0.01
+def test_any_optimizer_and_schedule_can_be_named():
+    sgd = {"_target_": "torch.optim.SGD", "_partial_": True, "momentum": 0.9}
+    cosine = {"_target_": f"{SCHEDULES}.CosineAnnealingLR", "_partial_": True}
+    model = module("haptic", optimizer=sgd, schedule=cosine)
+    optimizer = model.configure_optimizers()["optimizer"]
+    assert type(optimizer) is torch.optim.SGD
+    assert optimizer.param_groups[0]["momentum"] == 0.9
+    assert rates(model, 101)[100] == pytest.approx((0, 0))  # T_max is the number of steps
+
+
+@pytest.mark.parametrize(
+    ("node", "message"),
+    [
+        ({"_target_": "torch.optim.Adan", "_partial_": True}, "fit.optimizer cannot be made: "),
+        ({"_target_": "torch.optim.SGD", "_partial_": True, "x": 1}, "unexpected keyword argument"),
+        ({"lr": 1}, "fit.optimizer has no _target_"),
+        ({"_target_": "datetime.timedelta"}, "add _partial_: true"),
+    ],
+)
+def test_an_optimizer_that_cannot_be_made_says_why(node, message):
+    with pytest.raises(UserError, match=message):
+        module("haptic", optimizer=node).configure_optimizers()
 
 
 def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():

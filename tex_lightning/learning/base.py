@@ -12,6 +12,7 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import max_vote
+from tex_lightning.instantiation import build, call
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -101,27 +102,22 @@ class SurfaceModule(LightningModule, ABC):
     def configure_optimizers(self) -> Any:  # noqa: ANN401  (Lightning's union of unions)
         """Two named groups, made up front so that every scheduler and a resumption can have them.
 
-        ``adam`` adds weight decay to the gradient, as the paper's L2 term does; ``adamw`` decays
-        the weights themselves.
+        The scheduler steps after every batch. It gets the number of steps and the largest rates of
+        both groups where its class takes them.
         """
         fit, rate = self.fit_config, self.fit_config["learning_rate"]
         groups = [
             {"params": list(self.backbone_parameters()), "lr": rate, "name": "backbone"},
             {"params": list(self.head_parameters()), "lr": rate * self.head_factor, "name": "head"},
         ]
-        kind = torch.optim.Adam if fit["optimizer"] == "adam" else torch.optim.AdamW
-        optimizer = kind(groups, lr=rate, weight_decay=fit["weight_decay"])
-        scheduler: torch.optim.lr_scheduler.LRScheduler
-        if fit["schedule"] == "onecycle":
-            scheduler = torch.optim.lr_scheduler.OneCycleLR(
-                optimizer,
-                max_lr=[rate, rate * self.head_factor],
-                total_steps=max(1, fit["epochs"] * fit["steps_per_epoch"]),
-            )
-        else:
-            scheduler = torch.optim.lr_scheduler.StepLR(
-                optimizer, step_size=fit["step_every"], gamma=fit["gamma"]
-            )
+        steps = max(1, fit["epochs"] * fit["steps_per_epoch"])
+        optimizer = call("fit.optimizer", build("fit.optimizer", fit["optimizer"]), groups)
+        make_scheduler = build(
+            "fit.schedule", fit["schedule"],
+            total_steps=steps, total_iters=steps, T_max=steps,
+            max_lr=[group["lr"] for group in groups],
+        )  # fmt: skip
+        scheduler = call("fit.schedule", make_scheduler, optimizer)
         return {
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},

@@ -111,6 +111,8 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 def register() -> None:
     """Make the schema known to Hydra under the name ``schema``."""
     node = OmegaConf.structured(Config)
-    for opened in (node.trainer, node.callbacks, node.logger):
+    recipes = [node.model[name].fit for name in ("haptic", "visual", "fusion")]
+    nodes = [each[part] for each in recipes for part in ("optimizer", "schedule")]
+    for opened in (node.trainer, node.callbacks, node.logger, *nodes):
         OmegaConf.set_struct(opened, False)  # whoever they are passed to knows their keys
     ConfigStore.instance().store(name="schema", node=node)

@@ -31,17 +31,14 @@ class FitConfig:
     epochs: int = key("stretches of training between two checkpoints", least=0, most=1_000_000)
     steps_per_epoch: int = key("optimiser steps in an epoch", **COUNT)
     batch_size: int = key("samples in a step, over all processes", **BATCH)
-    optimizer: str = key(
-        "adam adds weight decay to the gradient, as the paper does", choices=("adam", "adamw")
+    optimizer: dict[str, Any] = key(
+        "class and arguments; Adam adds weight decay to the gradient, as the paper does",
+        factory=dict,
     )
     learning_rate: float = key("largest learning rate of the trunk", **RATE)
-    schedule: str = key("how the learning rate changes", choices=("onecycle", "step"))
-    gamma: float = key(
-        "factor on the learning rate after every step_every steps, of schedule=step",
-        above=0, most=1,
-    )  # fmt: skip
-    step_every: int = key("steps between two such drops", least=1, most=1_000_000_000)
-    weight_decay: float = key("strength of weight decay", least=0, most=10)
+    schedule: dict[str, Any] = key(
+        "class and arguments of what changes the learning rate after every step", factory=dict
+    )
     label_smoothing: float = key("share of the label given to all classes", **PROBABILITY)
     head_factor: float = key(
         "learning rate of the 1x1 layers over that of the trunk", above=0, most=1000
