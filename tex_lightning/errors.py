@@ -1,4 +1,6 @@
-"""The one exception that is the user's to mend."""
+"""The one exception that is the user's to mend, and how it repeats what the user gave."""
+
+SHOWN = 200  # characters of a value that a message repeats
 
 
 class UserError(Exception):
@@ -7,3 +9,12 @@ class UserError(Exception):
     The message is one plain sentence: what was wrong, where (file or key), and what to do.
     The command line prints it without a traceback and exits with status 2.
     """
+
+
+def shorten(value: object) -> str:
+    """Text for a message: a long value keeps its beginning and end."""
+    text = str(value)
+    if len(text) <= SHOWN:
+        return text
+    half = SHOWN // 2
+    return f"{text[:half]}[{len(text) - 2 * half} more characters]{text[-half:]}"

@@ -10,10 +10,13 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
+from tex_lightning.schema import register
+from tex_lightning.schema.reading import keys_read
 
 OVERRIDE = re.compile(r"^(?P<prefix>[+~]{0,2})(?P<key>[\w./@-]+)(?:=(?P<value>.*))?$", re.DOTALL)
 MERGING = "Error merging override "
+DIGITS = "integer string conversion"  # what Python says of thousands of digits
 # What OmegaConf says of a value of the wrong type, and what to give instead.
 TYPES = {
     "could not be converted to Integer": "a whole number",
@@ -38,41 +41,47 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
     """
     wanted = next((give for said, give in TYPES.items() if said in str(error.__cause__)), None)
     if wanted is not None and str(error).startswith(MERGING):
-        given = str(error).removeprefix(MERGING)
+        given = shorten(str(error).removeprefix(MERGING))
         return UserError(f"{given} is not of the right type; give {wanted}.")
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
     overrides = [argument for argument in arguments if not argument.startswith("-")]
+    if isinstance(error, OverflowError) or DIGITS in str(error):
+        longest = shorten(max(overrides, key=len, default=""))
+        return UserError(f"{longest} has too many digits; give a smaller number.")
     try:
-        groups, keys = config_groups(conf), list(config_keys(conf))
+        groups = config_groups(conf)
+        config = compose_config(conf, _chosen(overrides, groups))
     except Exception:  # a broken configuration is not the user's typing
         return UserError(_one_line(error))
     for override in overrides:
         match = OVERRIDE.match(override)
         if match is None:
             return _unreadable(override)
-        complaint = _check(match["key"], match["value"], match["prefix"], groups, keys)
+        complaint = _check(match["key"], match["value"], match["prefix"], groups, config)
         if complaint is not None:
             return complaint
     if isinstance(error, MissingConfigException) and error.options:  # of a group of Hydra's
         group, _, option = str(error.missing_cfg_file).rpartition("/")
-        return _unknown_option(group, option, error.options)
+        return unknown_option(group, option, error.options)
     return UserError(_one_line(error))
 
 
 def _unreadable(override: str) -> UserError:
+    given = shorten(repr(override))
     if "=" not in override:
-        return UserError(f"{override!r} has no value; write it as key=value.")
+        return UserError(f"{given} has no value; write it as key=value.")
     return UserError(
-        f"{override!r} cannot be read as key=value; put quotes of two kinds around a value with "
-        "spaces or signs, as in 'haptic=\"my file (1).wav\"'."
+        f"{given} cannot be read as key=value; put quotes of two kinds around a value with spaces "
+        "or signs, as in 'haptic=\"my file (1).wav\"'."
     )
 
 
-def _unknown_option(group: str, option: str, options: Sequence[str]) -> UserError:
+def unknown_option(group: str, option: str, options: Sequence[str]) -> UserError:
+    """The mistake of naming an option that its group does not have."""
     more = ', or install what brings it (pip install ".[parallel]")' if group == LAUNCHERS else ""
     return UserError(
-        f"{group}={option} does not exist{_near(option, options)}; "
+        f"{group}={shorten(option)} does not exist{_did_you_mean(_close(option, options))}; "
         f"choose one of {', '.join(sorted(options))}{more}."
     )
 
@@ -91,11 +100,12 @@ def config_groups(conf: Path) -> dict[str, list[str]]:
     return groups
 
 
-def config_keys(conf: Path) -> Iterator[str]:
-    """Dotted keys of the whole configuration, sections included."""
+def compose_config(conf: Path, overrides: Sequence[str] = ()) -> DictConfig:
+    """The configuration as a command line composes it, wherever Hydra was before."""
+    register()
     GlobalHydra.instance().clear()
     with initialize_config_dir(str(conf), version_base="1.3"):
-        yield from _keys(compose("config"), "")
+        return compose("config", overrides=list(overrides))
 
 
 def _keys(config: DictConfig, prefix: str) -> Iterator[str]:
@@ -106,7 +116,7 @@ def _keys(config: DictConfig, prefix: str) -> Iterator[str]:
 
 
 def _check(
-    key: str, value: str | None, prefix: str, groups: dict[str, list[str]], keys: list[str]
+    key: str, value: str | None, prefix: str, groups: dict[str, list[str]], config: DictConfig
 ) -> UserError | None:
     group = key.partition("@")[0]
     if group in HYDRA_OWN or group.startswith(("hydra.", "hydra/")):
@@ -116,24 +126,49 @@ def _check(
     if group in groups:
         wrong = [item for item in (value or "").split(",") if item not in groups[group]]
         if wrong and "(" not in (value or ""):
-            return _unknown_option(group, wrong[0], groups[group])
+            return unknown_option(group, wrong[0], groups[group])
         return None
-    if key not in keys and prefix != "+":
+    if key not in _keys(config, "") and prefix != "+":
+        near = _near_keys(key, config) or _close(key, [*_keys(config, ""), *groups])
         return UserError(
-            f"There is no key {key}{_near(key, sorted({*keys, *groups}))}; "
-            "`python -m tex_lightning --help` lists all."
+            f"There is no key {shorten(key)}{_did_you_mean(near)}; "
+            "`python -m tex_lightning --help=all` lists all."
         )
     return None
 
 
-def _near(word: str, candidates: Sequence[str]) -> str:
-    """Near matches of a whole dotted key, or of its last part where the path is wrong."""
-    close = difflib.get_close_matches(word, candidates, n=3, cutoff=0.6)
-    if not close:
-        leaf = word.rpartition(".")[2]
-        leaves = {candidate.rpartition(".")[2]: candidate for candidate in candidates}
-        close = [leaves[name] for name in difflib.get_close_matches(leaf, leaves, n=3, cutoff=0.6)]
-    return f" (did you mean {' or '.join(dict.fromkeys(close))}?)" if close else ""
+def _chosen(overrides: Sequence[str], groups: dict[str, list[str]]) -> list[str]:
+    """The overrides that choose an option which exists, such as ``model=fusion``."""
+    pairs = (override.partition("=") for override in overrides)
+    return [f"{group}={option}" for group, _, option in pairs if option in groups.get(group, ())]
+
+
+def _near_keys(word: str, config: DictConfig) -> list[str]:
+    """Keys of the chosen task and model that a wrong one may stand for, the likeliest rule first.
+
+    The end of a dotted key (``fit.epochs``), a slip (``model.haptic.widht``), the name of a key
+    below another path (``data.epochs``), a slip in the name alone, or its initials (``lr``).
+    """
+    keys = list(keys_read(config))
+    leaf = word.rpartition(".")[2]
+    leaves = {key: key.rpartition(".")[2] for key in keys}
+    like = difflib.get_close_matches(leaf, set(leaves.values()), n=1)
+    rules = (
+        [key for key in keys if key.endswith(f".{word}")],
+        _close(word, keys),
+        [key for key, name in leaves.items() if name == leaf],
+        [key for key, name in leaves.items() if name in like],
+        [key for key, name in leaves.items() if leaf == "".join(w[0] for w in name.split("_"))],
+    )
+    return next(filter(None, rules), [])
+
+
+def _close(word: str, candidates: Sequence[str]) -> list[str]:
+    return list(dict.fromkeys(difflib.get_close_matches(word, candidates, n=3)))
+
+
+def _did_you_mean(near: Sequence[str]) -> str:
+    return f" (did you mean {' or '.join(near)}?)" if near else ""
 
 
 def _one_line(error: Exception) -> str:
@@ -144,4 +179,4 @@ def _one_line(error: Exception) -> str:
     lines = [line.strip() for part in parts for line in part.splitlines()]
     noise = ("full_key:", "object_type=", "reference_type=", "See https:", "Set the environment")
     kept = [line.rstrip(".") for line in lines if line and not line.startswith(noise)]
-    return "; ".join(dict.fromkeys(kept)) + "."
+    return "; ".join(dict.fromkeys(map(shorten, kept))) + "."

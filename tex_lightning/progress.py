@@ -1,5 +1,6 @@
 """Progress bars and messages, all on standard error: standard output belongs to results."""
 
+import os
 from collections.abc import Iterable, Iterator, Sized
 from typing import TypeVar
 
@@ -9,8 +10,8 @@ from rich.progress import Progress
 Item = TypeVar("Item")
 
 console = Console(stderr=True)
-if not console.is_terminal:
-    console = Console(stderr=True, width=120)  # a log file has room for the tables
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    console = Console(stderr=True, width=120)  # a log file has room for long names
 
 
 def track(items: Iterable[Item], title: str) -> Iterator[Item]:

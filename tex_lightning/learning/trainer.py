@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 import torch.distributed as dist
@@ -15,6 +15,7 @@ from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from lightning.pytorch.callbacks import ModelCheckpoint, RichProgressBar, Timer
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from tex_lightning.data.folds import make_samples
 from tex_lightning.distributed.place import Place
@@ -90,13 +91,27 @@ class PlainTermination(Callback):
 
 
 class ProgressBar(RichProgressBar):
-    """Lightning's bar without the number of the log version, which says nothing here."""
+    """Lightning's bar for 80 columns: epochs are counted from 1, the metrics are the main ones."""
+
+    shown: ClassVar = {"train/loss": "loss", "val/loss": "val_loss", "val/vote_accuracy": "votes"}
 
     def get_metrics(self, *args: Any) -> dict[str, int | str | float | dict[str, float]]:  # noqa: ANN401
         """The metrics beside the bar."""
         metrics = super().get_metrics(*args)
-        metrics.pop("v_num", None)
-        return metrics
+        return {short: metrics[name] for name, short in self.shown.items() if name in metrics}
+
+    def configure_columns(self, trainer: Trainer) -> list[Any]:
+        """Epoch, bar, steps and time left; Lightning adds the metrics."""
+        return [
+            TextColumn("[progress.description]{task.description}"),
+            BarColumn(bar_width=8),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(compact=True),
+        ]
+
+    def _get_train_description(self, current_epoch: int) -> str:
+        text = f"Epoch {current_epoch + 1}/{self.trainer.max_epochs}"
+        return f"{text:<{len(self.validation_description)}}"  # so that the bars stay in line
 
 
 @contextmanager

@@ -1,16 +1,16 @@
 """The configuration, typed: a wrong key or type fails while it is composed.
 
-Values live in ``conf/``; here stand their types and meaning only. ``???`` (``MISSING``) marks what
-a configuration file or the user has to fill in.
+Values live in ``conf/``; here stand types, meanings, choices and ranges. ``???`` (``MISSING``)
+marks what a configuration file or the user has to fill in.
 """
 
 from dataclasses import dataclass, field
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING
 
 from tex_lightning.schema.data import DataConfig, SyntheticConfig
+from tex_lightning.schema.keys import SEED, key
 from tex_lightning.schema.model import (
     FitConfig,
     FusionConfig,
@@ -23,6 +23,7 @@ from tex_lightning.schema.model import (
     VisualFitConfig,
 )
 from tex_lightning.schema.tasks import (
+    READS,
     CrossvalConfig,
     DecisionConfig,
     EngineConfig,
@@ -38,11 +39,11 @@ from tex_lightning.schema.tasks import (
 )
 
 __all__ = [
-    "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig", "FitConfig",
-    "FrontierConfig", "FusionConfig", "FusionFitConfig", "GenerateConfig", "HapticConfig",
-    "HapticFitConfig", "LoggerConfig", "ModelConfig", "PredictConfig", "PretrainConfig",
-    "ProbeConfig", "ProfileConfig", "StabilityConfig", "StreamConfig", "SyntheticConfig",
-    "TrainerConfig", "VisualConfig", "VisualFitConfig", "flatten", "register",
+    "READS", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
+    "FitConfig", "FrontierConfig", "FusionConfig", "FusionFitConfig", "GenerateConfig",
+    "HapticConfig", "HapticFitConfig", "LoggerConfig", "ModelConfig", "PredictConfig",
+    "PretrainConfig", "ProbeConfig", "ProfileConfig", "StabilityConfig", "StreamConfig",
+    "SyntheticConfig", "TrainerConfig", "VisualConfig", "VisualFitConfig", "flatten", "register",
 ]  # fmt: skip
 
 
@@ -50,13 +51,24 @@ __all__ = [
 class Config:
     """The whole configuration."""
 
-    task: str = MISSING
-    seed: int = MISSING
-    checkpoint: str | None = MISSING
-    haptic: Any = None
-    image: Any = None
-    top_k: int = MISSING
-    weights: Any = None
+    task: str = key("what to do, set by task=NAME", choices=tuple(READS))
+    seed: int = key(
+        "of initial weights, order of samples, sub-samples, rotations", least=0, most=SEED
+    )
+    checkpoint: str | None = key("trained network to classify with or to measure")
+    haptic: Any = key(
+        "trace(s): a file or a list to predict from; one to profile with; one, or -, to stream",
+        default=None,
+    )
+    image: Any = key(
+        "photo(s): a file or a list to predict from; one to profile with", default=None
+    )
+    top_k: int = key("candidates listed by task=predict", least=1)
+    weights: Any = key(
+        "of the trunk: file, URL, imagenet, a checkpoint of task=pretrain, or synthetic for "
+        "HapticNet; for several {TRUNK: FILE, haptic: FILE, ...}; null is random",
+        default=None,
+    )
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
@@ -87,11 +99,11 @@ class Config:
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested plain values as one dictionary with dotted keys."""
     flat: dict[str, Any] = {}
-    for key, value in values.items():
+    for name, value in values.items():
         if isinstance(value, dict):
-            flat.update(flatten(value, f"{prefix}{key}."))
+            flat.update(flatten(value, f"{prefix}{name}."))
         else:
-            flat[f"{prefix}{key}"] = value
+            flat[f"{prefix}{name}"] = value
     return flat
 
 

@@ -3,7 +3,21 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from omegaconf import MISSING
+from tex_lightning.schema.keys import key
+
+LEAST_FACTOR, MOST_FACTOR = 10, 50  # of FusionNet's head, in the paper
+PATCH = 224  # pixels a side that give one prediction on the trunks as published
+LARGEST = 8192  # pixels a side
+
+RATE = {"above": 0, "most": 10}
+COUNT = {"least": 1, "most": 1_000_000}
+BATCH = {"least": 1, "most": 4096}
+SHARE = {"least": 0, "most": 1}
+PROBABILITY = {"least": 0, "below": 1}
+WIDTH = {"above": 0, "most": 8}
+ROTATION = {"unit": "degrees", "least": 0, "most": 180}
+NORMS = ("batch", "lrn", "none")
+PERTURB = "perturbations that training recordings meet, by name; [] for none"
 
 
 @dataclass
@@ -14,30 +28,39 @@ class FitConfig:
     checkpoints.
     """
 
-    epochs: int = MISSING
-    steps_per_epoch: int = MISSING
-    batch_size: int = MISSING
-    optimizer: str = MISSING
-    learning_rate: float = MISSING
-    schedule: str = MISSING
-    gamma: float = MISSING
-    step_every: int = MISSING
-    weight_decay: float = MISSING
-    label_smoothing: float = MISSING
-    head_factor: float = MISSING
+    epochs: int = key("stretches of training between two checkpoints", least=0, most=1_000_000)
+    steps_per_epoch: int = key("optimiser steps in an epoch", **COUNT)
+    batch_size: int = key("samples in a step, over all processes", **BATCH)
+    optimizer: str = key(
+        "adam adds weight decay to the gradient, as the paper does", choices=("adam", "adamw")
+    )
+    learning_rate: float = key("largest learning rate of the trunk", **RATE)
+    schedule: str = key("how the learning rate changes", choices=("onecycle", "step"))
+    gamma: float = key(
+        "factor on the learning rate after every step_every steps, of schedule=step",
+        above=0, most=1,
+    )  # fmt: skip
+    step_every: int = key("steps between two such drops", least=1, most=1_000_000_000)
+    weight_decay: float = key("strength of weight decay", least=0, most=10)
+    label_smoothing: float = key("share of the label given to all classes", **PROBABILITY)
+    head_factor: float = key(
+        "learning rate of the 1x1 layers over that of the trunk", above=0, most=1000
+    )
 
 
 @dataclass
 class HapticFitConfig(FitConfig):
-    """Training of HapticNet on sub-samples of ``frames`` spectrogram frames.
+    """Training of HapticNet on sub-samples of spectrograms; FusionNet is perturbed alike."""
 
-    With names of perturbations in ``perturb``, every trace is there in ``perturbed_copies`` more
-    versions, each changed by one of them; FusionNet is trained on the same.
-    """
-
-    frames: int = MISSING
-    perturb: list[str] = MISSING
-    perturbed_copies: int = MISSING
+    frames: int = key(
+        "length of a sub-sample; longer traces are cut at random, shorter ones repeated",
+        unit="frames", least=177, most=20_000,
+    )  # fmt: skip
+    perturb: list[str] = key(PERTURB)
+    perturbed_copies: int = key(
+        "versions of every training trace beside itself, where perturb names anything",
+        least=1, most=100,
+    )  # fmt: skip
 
 
 @dataclass
@@ -48,68 +71,90 @@ class ProbeConfig:
     pieces of ``side`` pixels; others take ``steps`` on patches. Both make so many ``passes``.
     """
 
-    steps: int = MISSING
-    passes: int = MISSING
-    batch_size: int = MISSING
-    learning_rate: float = MISSING
-    strength: float = MISSING
-    side: int = MISSING
+    steps: int = key("optimiser steps on patches; 0 leaves it out", least=0, most=1_000_000)
+    passes: int = key("passes over the training photos, cut anew each time", least=1, most=1000)
+    batch_size: int = key("patches in a step", **BATCH)
+    learning_rate: float = key("learning rate of those steps", **RATE)
+    strength: float = key(
+        "inverse of regularisation of the fit that head=[] gets", above=0, most=1_000_000
+    )
+    side: int = key(
+        "most along a side of a photo for that fit; larger ones are cut",
+        unit="pixels", least=PATCH, most=LARGEST,
+    )  # fmt: skip
 
 
 @dataclass
 class VisualFitConfig(FitConfig):
-    """Training of VisualNet on square patches, rotated by up to ``rotation`` degrees.
+    """Training of VisualNet on square patches; FusionNet is perturbed alike."""
 
-    With names of perturbations in ``perturb``, a ``perturbed_share`` of the patches is changed by
-    one of them each; FusionNet is trained on the same.
-    """
-
-    patch: int = MISSING
-    rotation: float = MISSING
-    perturb: list[str] = MISSING
-    perturbed_share: float = MISSING
+    patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
+    rotation: float = key("largest random rotation either way", **ROTATION)
+    perturb: list[str] = key(PERTURB)
+    perturbed_share: float = key(
+        "share of the patches that is perturbed, where perturb names anything", **SHARE
+    )
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
 
 @dataclass
 class FusionFitConfig(FitConfig):
-    """Training of FusionNet on receptive-field-sized inputs, photos rotated as above.
+    """Training of FusionNet on receptive-field-sized inputs."""
 
-    With a probability of ``modality_dropout``, the trace or the photo of a pair says nothing.
-    """
-
-    rotation: float = MISSING
-    modality_dropout: float = MISSING
+    head_factor: float = key(
+        "learning rate of the fusion layer over that of the networks",
+        least=LEAST_FACTOR, most=MOST_FACTOR,
+    )  # fmt: skip
+    rotation: float = key("largest random rotation of photos either way", **ROTATION)
+    modality_dropout: float = key(
+        "probability that a pair is classified by its trace or its photo alone", **SHARE
+    )
 
 
 @dataclass
 class HapticConfig:
     """HapticNet and its features."""
 
-    width: float = MISSING
-    norm: str = MISSING
-    dropout: float = MISSING
-    normalisation: str = MISSING
-    skip_impact: bool = MISSING
-    axes: str = MISSING
-    scale: str = MISSING
+    width: float = key("factor on every channel count; 1 is the paper's size", **WIDTH)
+    norm: str = key("normalisation of activations; lrn is the paper's", choices=NORMS)
+    dropout: float = key("probability of dropping an input of the 1x1 layers", **PROBABILITY)
+    normalisation: str = key(
+        "of spectrograms: log per channel over the training set, or per trace to [0, 1]",
+        choices=("standard", "paper"),
+    )
+    skip_impact: bool = key("leave out the first touch of the tool")
+    axes: str = key(
+        "mean removed and three axes joined per frame, or over the whole trace as in the paper",
+        choices=("frame", "trace"),
+    )
+    scale: str = key(
+        "50 mel bands up to half the sampling rate, or the paper's 50 channels up to 1 kHz",
+        choices=("mel", "linear"),
+    )
     fit: HapticFitConfig = field(default_factory=HapticFitConfig)
 
 
 @dataclass
 class VisualConfig:
-    """VisualNet; ``head`` holds the channel counts of FC1 and FC2, or nothing.
+    """VisualNet on one of several trunks."""
 
-    ``fragment`` is the side in pixels of what gives one prediction.
-    """
-
-    trunk: str = MISSING
-    width: float = MISSING
-    norm: str = MISSING
-    dropout: float = MISSING
-    fc1_kernel: int | None = None
-    head: list[int] = MISSING
-    fragment: int | None = None
+    trunk: str = key("convolutions before FC1, set by model=NAME or model/trunk=NAME")
+    width: float = key("factor on every channel count; 1 is the published size", **WIDTH)
+    norm: str = key(
+        "normalisation of activations; none for pretrained trunks without one", choices=NORMS
+    )
+    dropout: float = key("probability of dropping an input of FC2 and FC3", **PROBABILITY)
+    fc1_kernel: int | None = key(
+        "side of FC1's kernel; null is the trunk's, which makes one prediction of 224 pixels",
+        least=1, most=64, default=None,
+    )  # fmt: skip
+    head: list[int] = key(
+        "channels of FC1 and FC2 before the width; [] for FC3 alone", least=1, most=16_384
+    )
+    fragment: int | None = key(
+        "side of what gives one prediction, of squeezenet; null is 224",
+        unit="pixels", least=1, most=2048, default=None,
+    )  # fmt: skip
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
 
@@ -117,26 +162,37 @@ class VisualConfig:
 class FusionConfig:
     """FusionNet: which layer is fused and where the unimodal networks come from."""
 
-    level: str = MISSING
-    haptic_checkpoint: str | None = None
-    visual_checkpoint: str | None = None
-    head_start: str = MISSING
+    level: str = key("layer that is fused", choices=("fc2", "fc3"))
+    haptic_checkpoint: str | None = key(
+        "HapticNet to start from; null trains one first", default=None
+    )
+    visual_checkpoint: str | None = key(
+        "VisualNet to start from; null trains one first", default=None
+    )
+    head_start: str = key(
+        "first weights of the fusion layer: the sum of both networks' scores, or random ones as "
+        "in the paper",
+        choices=("scores", "random"),
+    )
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
 
 
 @dataclass
 class ModelConfig:
-    """What is trained; ``kind`` is haptic, visual or fusion.
+    """What is trained."""
 
-    ``baseline`` names a system of ``tex_lightning.baselines`` that is fitted instead of a network,
-    with ``settings`` of its own, whose budgets are multiplied by ``budget``.
-    """
-
-    name: str = MISSING
-    kind: str = MISSING
-    baseline: str | None = None
-    settings: dict[str, Any] = field(default_factory=dict)
-    budget: float = MISSING
+    name: str = key("model, set by model=NAME")
+    kind: str = key("what it looks at, set by model=NAME", choices=("haptic", "visual", "fusion"))
+    baseline: str | None = key(
+        "system of tex_lightning/baselines that is fitted instead of a network", default=None
+    )
+    settings: dict[str, Any] = key(
+        "of the baseline; its file in conf/model explains them", factory=dict
+    )
+    budget: float = key(
+        "factor on the baseline's steps, kernels and components; below 1 to try it",
+        above=0, most=1000,
+    )  # fmt: skip
     haptic: HapticConfig = field(default_factory=HapticConfig)
     visual: VisualConfig = field(default_factory=VisualConfig)
     fusion: FusionConfig = field(default_factory=FusionConfig)

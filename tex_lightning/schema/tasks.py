@@ -1,214 +1,256 @@
-"""How fragments are decided on, networks are run, and each task is told what to do."""
+"""How fragments are decided on, networks are run, and what each task reads."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from omegaconf import MISSING
+from tex_lightning.schema.keys import SEED, key
+
+SECONDS = (3, 600)  # one full window behind the impact; what the renderer makes
+SIDE = {"unit": "pixels", "least": 224, "most": 8192}  # one patch; what the renderer makes
+ROUNDS = {"least": 1, "most": 10_000}
+SHARE = {"least": 0, "most": 1}
+CHANCE = {"least": 0, "below": 1}
+DAY = {"unit": "s", "above": 0, "most": 86_400}
 
 
 @dataclass
 class DecisionConfig:
-    """How fragments become one label.
+    """How fragments become one label."""
 
-    Attributes:
-        name: max_vote asks every fragment, sequential as few as the label needs.
-        pairs: FusionNet's K.
-        rule: vote lets every fragment vote, mean averages their class probabilities; a checkpoint
-            keeps the rule it was trained with.
-        seed: Of the pairs, and of the order in which windows of a photo are drawn.
-        reject_below: Mean class probability below which no label is given.
-        alpha: Most chance that the windows left out would change the label; 0 takes no chance.
-        enough: Mean probability at which one modality, or the beginning of a trace, decides.
-        calibrated: Whether a checkpoint's own threshold takes the place of ``enough``.
-        disagreement: Share of decisions differing from the full one that this threshold may have.
-        confidence: Of the bound on that share.
-        alphas: Drawn in the curves.
-        enoughs: Drawn in the curves, and those that the threshold is chosen among.
-    """
-
-    name: str = MISSING
-    pairs: int = MISSING
-    rule: str = MISSING
-    seed: int = MISSING
-    reject_below: float | None = None
-    alpha: float = MISSING
-    enough: float = MISSING
-    calibrated: bool = MISSING
-    disagreement: float = MISSING
-    confidence: float = MISSING
-    alphas: list[float] = MISSING
-    enoughs: list[float] = MISSING
+    name: str = key(
+        "max_vote counts every fragment, sequential as few as the label needs",
+        choices=("max_vote", "sequential"),
+    )
+    pairs: int = key("K, the pairs that FusionNet votes over", least=1, most=1_000_000)
+    rule: str = key(
+        "count the fragments' votes, or average their class probabilities; a checkpoint keeps "
+        "the rule it was trained with",
+        choices=("vote", "mean"),
+    )
+    seed: int = key("of the pairs and of the order of windows", least=0, most=SEED)
+    reject_below: float | None = key(
+        "mean class probability below which no label is given; null always gives one",
+        default=None, **SHARE,
+    )  # fmt: skip
+    alpha: float = key(
+        "sequential: most chance that what is left out would change the label; 0 takes none",
+        **CHANCE,
+    )
+    enough: float = key(
+        "sequential: mean probability at which one modality, or the beginning of a trace, decides",
+        **SHARE,
+    )
+    calibrated: bool = key(
+        "sequential: a checkpoint's own threshold, chosen on its validation fold, replaces enough"
+    )
+    disagreement: float = key(
+        "share of decisions that may differ from the full one when that threshold is chosen",
+        **CHANCE,
+    )
+    confidence: float = key("of the bound on that share (Clopper-Pearson)", **CHANCE)
+    alphas: list[float] = key("values of alpha drawn in the curves", **CHANCE)
+    enoughs: list[float] = key(
+        "values of enough drawn in the curves, and those the threshold is chosen among", **SHARE
+    )
 
 
 @dataclass
 class TrainerConfig:
-    """Passed to Lightning's Trainer.
+    """Passed to Lightning's Trainer."""
 
-    Attributes:
-        accelerator: Kind of device.
-        devices: How many of each machine train one network together; None takes every GPU.
-        num_nodes: How many machines do.
-        precision: Of training.
-        threads: Of PyTorch on the CPU; None takes one for a live stream, else leaves its choice.
-    """
-
-    accelerator: str = MISSING
-    devices: int | None = MISSING
-    num_nodes: int = MISSING
-    precision: str = MISSING
-    threads: int | None = None
+    accelerator: str = key(
+        "kind of device; auto takes the best there is",
+        choices=("auto", "cpu", "gpu", "cuda", "mps"),
+    )
+    devices: int | None = key(
+        "devices of each machine that train one network together; null takes every GPU",
+        least=1, most=64,
+    )  # fmt: skip
+    num_nodes: int = key(
+        "machines that do; more than one are started by srun or torchrun", least=1, most=1024
+    )
+    precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
+    threads: int | None = key(
+        "threads of PyTorch on the CPU; null takes one for task=stream, else leaves its choice",
+        least=1,
+        most=1024,
+        default=None,
+    )
 
 
 @dataclass
 class EngineConfig:
-    """How a trained network is run in testing and prediction; its weights stay what they are.
+    """How a trained network is run in testing and prediction; its weights stay what they are."""
 
-    Attributes:
-        fold_batch_norm: Batch normalisation becomes part of the convolution before it.
-        fast_response_norm: Local response normalisation in a form that stays in the cache.
-        fast_convolutions: On the CPU in fp32, 3x3 convolutions over long traces and photos with
-            half the multiplications, and HapticNet's 4x12 one as matrix products.
-        channels_last: Weights with the channels innermost, as decoded photos have them.
-        fast_spectrogram: On the CPU, spectrograms in blocks, or by matrix products.
-        precision: Of convolutions, fp32 or bf16; class scores are float32 with either.
-        compile: Whether ``torch.compile`` fuses layers.
-        tile: Most pixels, or frames times 50 channels, that go through a network at once; larger
-            inputs go in pieces. None never divides.
-    """
-
-    fold_batch_norm: bool = MISSING
-    fast_response_norm: bool = MISSING
-    fast_convolutions: bool = MISSING
-    channels_last: bool = MISSING
-    fast_spectrogram: bool = MISSING
-    precision: str = MISSING
-    compile: bool = MISSING
-    tile: int | None = MISSING
+    fold_batch_norm: bool = key("make batch normalisation part of the convolution before it")
+    fast_response_norm: bool = key(
+        "compute local response normalisation in a form that stays in the cache"
+    )
+    fast_convolutions: bool = key(
+        "on the CPU in fp32, compute 3x3 convolutions over long traces and photos with half the "
+        "multiplications, and HapticNet's 4x12 one as matrix products"
+    )
+    channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
+    fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks or by matrix products")
+    precision: str = key(
+        "of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
+    )
+    compile: bool = key("fuse layers with torch.compile, which needs a C++ compiler")
+    tile: int | None = key(
+        "most pixels, or frames times 50 channels, that go through a network at once; null never "
+        "divides",
+        least=100_000, most=1_000_000_000_000,  # smaller pieces are nearly all margin
+    )  # fmt: skip
 
 
 @dataclass
 class LoggerConfig:
-    """Whether TensorBoard events and their figures are written beside the CSV of metrics."""
+    """What is written beside the CSV of metrics."""
 
-    tensorboard: bool = MISSING
+    tensorboard: bool = key("write TensorBoard events and figures; the CSV is always written")
 
 
 @dataclass
 class CrossvalConfig:
-    """Cross-validation.
+    """Cross-validation."""
 
-    Attributes:
-        only: Which folds are run; None means all.
-        profile: Unimodal models whose speed is profiled afterwards.
-        share: Folder in which runs side by side find each other's networks, so that each is
-            trained once whatever it is fused into and however it decides; None shares nothing.
-    """
-
-    only: list[int] | None = None
-    profile: list[str] = MISSING
-    share: str | None = None
+    only: list[int] | None = key("folds to run, e.g. [0,3]; null runs all", default=None)
+    profile: list[str] = key(
+        "models whose first fold's network gets task=profile too, e.g. [haptic,visual]"
+    )
+    share: str | None = key(
+        "folder where runs find each other's networks, each trained once for all; null shares none",
+        default=None,
+    )
 
 
 @dataclass
 class PredictConfig:
-    """Whether task=predict lets the JPEG decoder halve photos, faster and nearly the same."""
+    """Prediction."""
 
-    fast_decode: bool = MISSING
+    fast_decode: bool = key("let the JPEG decoder halve photos: half the time, nearly the same")
 
 
 @dataclass
 class StreamConfig:
-    """Seconds of signal that task=stream takes at once, and that may wait; axes of a pipe."""
+    """Classification while a recording goes on."""
 
-    chunk: float = MISSING
-    wait: float = MISSING
-    axes: int = MISSING
+    chunk: float = key("signal between two votes", unit="s", above=0, most=3600)
+    wait: float = key(
+        "most signal left uncomputed while it cannot change the label",
+        unit="s", least=0, most=60,
+    )  # fmt: skip
+    axes: int = key("axes of the samples on standard input, of haptic=-", choices=(1, 3))
 
 
 @dataclass
 class GenerateConfig:
-    """Where synthetic surfaces are written out and in which layout (folder or tum)."""
+    """Where synthetic surfaces are written out."""
 
-    out: str = MISSING
-    layout: str = MISSING
+    out: str = key("folder to write to, new or empty")
+    layout: str = key("of the files", choices=("folder", "tum"))
 
 
 @dataclass
 class PretrainConfig:
-    """The stream of ``task=pretrain``.
+    """Endless synthetic surfaces."""
 
-    Attributes:
-        views: How often a rendered specimen is viewed before it is gone.
-        test: Specimens that the network is tested on; training meets none of them.
-    """
-
-    views: int = MISSING
-    test: int = MISSING
+    views: int = key(
+        "how often a rendered specimen is viewed; rendering costs as much as five to ten views",
+        least=1, most=10_000,
+    )  # fmt: skip
+    test: int = key("specimens to test on, none of which is trained on", least=1, most=100_000)
 
 
 @dataclass
 class ProfileConfig:
-    """What ``task=profile`` measures and how long it may take.
+    """What is measured and how long it may take."""
 
-    Attributes:
-        classes: Of a network with random weights.
-        seconds: Length of the rendered trace.
-        width: Of the rendered photo in pixels, as the network sees it.
-        height: The same.
-        rounds: Most rounds in which everything is timed by turns.
-        budget_s: No further round begins after so many seconds; three are always run.
-        growth: Whether to measure how the cost grows with size, classes, pairs, batch and threads.
-        max_seconds: Longest single call that ``growth`` may expect.
-    """
-
-    classes: int = MISSING
-    seconds: float = MISSING
-    width: int = MISSING
-    height: int = MISSING
-    rounds: int = MISSING
-    budget_s: float = MISSING
-    growth: bool = MISSING
-    max_seconds: float = MISSING
+    classes: int = key("classes of a network without a checkpoint", least=2, most=100_000)
+    seconds: float = key(
+        "length of the rendered trace; haptic=FILE takes a real one",
+        unit="s",
+        least=SECONDS[0],
+        most=SECONDS[1],
+    )
+    width: int = key(
+        "width of the rendered photo after halving; image=FILE takes a real one", **SIDE
+    )
+    height: int = key("its height", **SIDE)
+    rounds: int = key("most rounds of timing; in each every way of classifying is timed", **ROUNDS)
+    budget_s: float = key(
+        "no new round after this time for a network, but three in any case", **DAY
+    )
+    growth: bool = key("also measure cost against length, size, classes, pairs, batch, threads")
+    max_seconds: float = key("longest single call that growth may expect", **DAY)
 
 
 @dataclass
 class FrontierConfig:
-    """The family of systems that ``task=frontier`` trains and measures.
+    """The family of systems that is trained and measured."""
 
-    Attributes:
-        systems: Overrides, separated by blanks, by the system's name.
-        only: Some of them; None runs all.
-        rounds: Rounds of timing.
-        max_latency_ms: Latency that the system to use may have; None is no limit.
-        min_accuracy: Share of right votes on the validation folds that it must have.
-        run: Finished run folder that ``model=auto`` takes its choice from; None finds it first.
-    """
-
-    systems: dict[str, str] = field(default_factory=dict)
-    only: list[str] | None = None
-    rounds: int = MISSING
-    max_latency_ms: float | None = None
-    min_accuracy: float | None = None
-    run: str | None = None
+    systems: dict[str, str] = key(
+        "overrides by name of the system, set by frontier=NAME", factory=dict
+    )
+    only: list[str] | None = key("some of the systems by name; null runs all", default=None)
+    rounds: int = key("rounds of timing; in each every system is timed", **ROUNDS)
+    max_latency_ms: float | None = key(
+        "budget: prints the best system within it and the command that trains it",
+        unit="ms", above=0, most=1_000_000_000, default=None,
+    )  # fmt: skip
+    min_accuracy: float | None = key(
+        "demand: prints the quickest system with this share of correct votes",
+        default=None, **SHARE,
+    )  # fmt: skip
+    run: str | None = key(
+        "finished run folder of task=frontier that model=auto takes its choice from; null finds "
+        "it first",
+        default=None,
+    )
 
 
 @dataclass
 class StabilityConfig:
-    """What ``task=stability`` tests and how thoroughly.
+    """What is tested and how thoroughly."""
 
-    Attributes:
-        systems: Run folders or checkpoints.
-        parts: Whether the unimodal networks beside a FusionNet are tested too.
-        folds: Of a cross-validation's run folder; None takes all that it holds.
-        only: Names of perturbations; None takes all.
-        limit: Most test samples of a class in a fold; None takes all.
-        bound: Share of the clean vote accuracy below which a system counts as broken.
-        bisections: Of the stretch between two severities in which it breaks.
-    """
+    systems: list[str] | None = key(
+        "run folders or checkpoints; the first is the reference of the corruption error",
+        default=None,
+    )
+    parts: bool = key("test HapticNet and VisualNet of a FusionNet's run folder as well")
+    folds: list[int] | None = key(
+        "folds of a cross-validation's run folder; null tests all that it holds", default=None
+    )
+    only: list[str] | None = key(
+        "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
+    )
+    limit: int | None = key(
+        "most test samples of a class in a fold; null takes all", least=1, default=None
+    )
+    bound: float = key(
+        "a system breaks where it keeps less than this share of its clean vote accuracy",
+        above=0, most=1,
+    )  # fmt: skip
+    bisections: int = key(
+        "of the stretch between two severities in which it breaks", least=0, most=30
+    )
 
-    systems: list[str] | None = None
-    parts: bool = MISSING
-    folds: list[int] | None = None
-    only: list[str] | None = None
-    limit: int | None = None
-    bound: float = MISSING
-    bisections: int = MISSING
+
+# The keys and sections that each task reads.
+_TRAINING = ("seed", "data", "model", "decision", "engine", "trainer", "logger")
+_RUNNING = ("trainer.accelerator", "trainer.threads")  # all that is read without training
+_CLASSIFYING = ("checkpoint", "haptic", "data.file_rate", "engine", *_RUNNING)
+READS = {
+    "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run"),
+    "crossval": ("weights", *_TRAINING, "crossval"),
+    "evaluate": ("checkpoint", "seed", "data", "decision", "engine", *_RUNNING),
+    "predict": (*_CLASSIFYING, "image", "top_k", "predict", "decision"),
+    "stream": (*_CLASSIFYING, "stream", "decision.reject_below"),
+    "stability": ("stability", "seed", "data", "engine", "logger", *_RUNNING),
+    "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
+    "profile": (
+        *_CLASSIFYING, "image", "seed", "profile", "model", "data.sampling_rate",
+        "data.half_scale", "data.resize", "logger",
+    ),
+    "pretrain": ("pretrain", *_TRAINING),
+    "generate": ("generate", "data.classes", "data.synthetic"),
+}  # fmt: skip

@@ -61,7 +61,7 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_known(composed)
     check_missing(composed)
     config = read_config(composed)
-    check_config(config, tuple(TASKS))
+    check_config(config)
     set_threads(config)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
     if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:

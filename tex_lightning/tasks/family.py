@@ -80,7 +80,7 @@ def compose_family(config: Config, shared: Path) -> Iterator[Member]:
         training = with_system(given_overrides(), overrides)
         member = read_config(compose("config", overrides=[*training, "task=crossval"]))
         member = replace(member, crossval=replace(member.crossval, share=str(shared)))
-        check_config(member, ("crossval",))
+        check_config(member)
         yield Member(name, overrides, member)
 
 

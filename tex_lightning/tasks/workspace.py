@@ -147,7 +147,14 @@ def check_networks(config: Config) -> int:
         starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
         if source is not None:
             start_trunk(starts[kind], source)
-    return starts["visual"].least_side if "visual" in starts else 0
+    least_side = starts["visual"].least_side if "visual" in starts else 0
+    patch = model.visual.fit.patch
+    if "visual" in starts and "visual" not in given and patch < least_side:
+        raise UserError(
+            f"model.visual.fit.patch is {patch}, and this network needs {least_side} pixels for a "
+            f"prediction; choose {least_side} or more."
+        )
+    return least_side
 
 
 def given_checkpoints(config: Config) -> dict[Kind, Path]:

@@ -1,28 +1,23 @@
 """What types cannot say of a configuration: ranges, choices, and keys that need each other.
 
-Everything is checked before any work, and all complaints are made at once.
+Ranges and choices of single keys stand in the schema. Everything is checked before any work, and
+all complaints are made at once.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from operator import attrgetter
 
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
 from tex_lightning.schema import Config
+from tex_lightning.schema.keys import walk
 from tex_lightning.validation.data import check_data
 from tex_lightning.validation.model import check_model
-from tex_lightning.validation.ranges import choice, least, most, positive, within
+from tex_lightning.validation.ranges import beyond
 from tex_lightning.validation.tasks import AUTO, check_decision, check_task
 
 __all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares"]
-
-CHOICES = {
-    "layout": ("folder", "tum"),
-    "accelerator": ("auto", "cpu", "gpu", "cuda", "mps"),
-    "precision": ("32-true", "16-mixed", "bf16-mixed", "64-true"),
-    "engine": ("fp32", "bf16"),
-}
-LEAST_TILE = 100_000  # smaller pieces are nearly all margin
 
 
 def check_missing(composed: DictConfig) -> None:
@@ -38,7 +33,8 @@ def check_known(composed: DictConfig) -> None:
     unknown = list(_unknown(composed, OmegaConf.structured(Config), ""))
     if unknown:
         raise UserError(
-            f"There is no key {', '.join(unknown)}; `python -m tex_lightning --help` lists all."
+            f"There is no key {shorten(', '.join(unknown))}; `python -m tex_lightning --help=all` "
+            "lists all."
         )
 
 
@@ -52,30 +48,23 @@ def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]
             yield from _unknown(given[key], known[key], f"{prefix}{key}.")
 
 
-def check_config(config: Config, tasks: Sequence[str]) -> None:
+def check_config(config: Config) -> None:
     """Refuse values that cannot be meant, naming all of them in one sentence."""
     complaints = [
-        *choice("task", config.task, tasks),
+        *check_ranges(config),
         *check_data(config.data),
         *check_model(config.model),
-        *choice("generate.layout", config.generate.layout, CHOICES["layout"]),
-        *choice("trainer.accelerator", config.trainer.accelerator, CHOICES["accelerator"]),
-        *choice("trainer.precision", config.trainer.precision, CHOICES["precision"]),
-        *least("trainer.devices", config.trainer.devices, 1),
-        *least("trainer.num_nodes", config.trainer.num_nodes, 1),
-        *least("trainer.threads", config.trainer.threads, 1),
-        *choice("engine.precision", config.engine.precision, CHOICES["engine"]),
-        *least("engine.tile", config.engine.tile, LEAST_TILE),
         *check_decision(config),
-        *positive("stream.chunk", config.stream.chunk),
-        *within("stream.wait", config.stream.wait, 0, 60),
-        *least("top_k", config.top_k, 1),
-        *least("seed", config.seed, 0),
-        *most("seed", config.seed, 2**32 - 1),
         *check_task(config),
     ]
     if complaints:
         raise UserError("; ".join(complaints) + ".")
+
+
+def check_ranges(config: Config) -> Iterator[str]:
+    """Values outside the range or the choices that the schema gives for their key."""
+    for name, key in walk(Config):
+        yield from beyond(name, attrgetter(name)(config), key)
 
 
 def check_shares(config: Config, processes: int) -> None:

@@ -3,34 +3,36 @@
 import difflib
 from collections.abc import Iterator, Sequence
 
+from tex_lightning.errors import shorten
+from tex_lightning.schema.keys import Key, plain
 
-def choice(key: str, value: str, allowed: Sequence[str]) -> Iterator[str]:
+
+def beyond(name: str, value: object, key: Key) -> Iterator[str]:
+    """A value, or one in a list, that its key does not allow; null passes."""
+    for item in value if isinstance(value, list) else [value]:
+        if item is None:
+            continue
+        if key.choices:
+            yield from choice(name, item, key.choices)
+        elif isinstance(item, int | float) and not key.allows(item):
+            yield f"{name} is {shorten(plain(item))}: choose {key.range}"
+
+
+def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]:
     """A value outside ``allowed``, with the nearest one that is in it."""
     if value not in allowed:
-        near = difflib.get_close_matches(value, allowed, n=1)
+        known = list(map(str, allowed))
+        near = difflib.get_close_matches(str(value), known, n=1)
         hint = f" (did you mean {near[0]}?)" if near else ""
-        yield f"{key} is {value}{hint}: choose {', '.join(allowed)}"
+        yield f"{name} is {shorten(value)}{hint}: choose {', '.join(known)}"
 
 
-def least(key: str, value: float | None, least: float) -> Iterator[str]:
-    """A value below ``least``; None passes."""
-    if value is not None and not value >= least:
-        yield f"{key} is {value:g}: choose {least:g} or more"
+def least(name: str, value: float, least: float) -> Iterator[str]:
+    """A value below ``least``."""
+    if not value >= least:
+        yield f"{name} is {plain(value)}: choose {plain(least)} or more"
 
 
-def most(key: str, value: float, most: float) -> Iterator[str]:
-    """A value above ``most``."""
-    if value > most:
-        yield f"{key} is {value}: choose {most} or less"
-
-
-def within(key: str, value: float, least: float, most: float) -> Iterator[str]:
+def within(name: str, value: float, least: float, most: float) -> Iterator[str]:
     """A value outside ``least`` to ``most``."""
-    if not least <= value <= most:
-        yield f"{key} is {value:g}: choose from {least:g} to {most:g}"
-
-
-def positive(key: str, value: float) -> Iterator[str]:
-    """A value that is no positive finite number."""
-    if not 0 < value < float("inf"):
-        yield f"{key} is {value:g}: choose a positive number"
+    yield from beyond(name, value, Key("", least=least, most=most))

@@ -3,21 +3,15 @@
 from collections.abc import Iterator
 
 from tex_lightning.data.synthetic.dataset import SAMPLING_RATE as RENDERED_RATE
-from tex_lightning.decision.voting import RULES
 from tex_lightning.perturbations.table import perturbations
 from tex_lightning.schema import Config
-from tex_lightning.validation.ranges import choice, least, most, positive, within
+from tex_lightning.schema.tasks import SECONDS
+from tex_lightning.validation.ranges import choice, within
 
-CHOICES = {
-    "rule": tuple(RULES),
-    "decision": ("max_vote", "sequential"),
-}
 AUTO = "auto"
 PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
 NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
-LEAST_TRACE_S, MOST_TRACE_S = 3, 600  # one full window behind the impact; what the renderer makes
-LEAST_SIDE, MOST_SIDE = 224, 8192  # one patch; what the renderer makes
 
 
 def check_task(config: Config) -> Iterator[str]:
@@ -87,11 +81,6 @@ def _frontier(config: Config) -> Iterator[str]:
         yield "frontier.run is read by model=auto alone: leave it out"
     if config.task == "frontier" and config.data.val_fold is not None:
         yield "data.val_fold is set, but task=frontier watches a fold of its own: leave it null"
-    yield from least("frontier.rounds", frontier.rounds, 1)
-    if frontier.max_latency_ms is not None:
-        yield from positive("frontier.max_latency_ms", frontier.max_latency_ms)
-    if frontier.min_accuracy is not None:
-        yield from within("frontier.min_accuracy", frontier.min_accuracy, 0, 1)
     for key in ("only", "max_latency_ms", "min_accuracy"):
         if getattr(frontier, key) is not None and config.task != "frontier":
             yield f"frontier.{key} is read by task=frontier alone, not by task={config.task}"
@@ -100,24 +89,8 @@ def _frontier(config: Config) -> Iterator[str]:
 def check_decision(config: Config) -> Iterator[str]:
     """What cannot be meant of ``decision``."""
     decision = config.decision
-    yield from choice("decision.name", decision.name, CHOICES["decision"])
-    yield from choice("decision.rule", decision.rule, CHOICES["rule"])
     if decision.name == "sequential" and decision.rule != "vote":
         yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
-    yield from least("decision.pairs", decision.pairs, 1)
-    yield from least("decision.seed", decision.seed, 0)
-    yield from most("decision.seed", decision.seed, 2**32 - 1)
-    for key in ("alpha", "disagreement", "confidence"):
-        if not 0 <= (value := getattr(decision, key)) < 1:
-            yield f"decision.{key} is {value:g}: choose from 0 up to 1"
-    for alpha in decision.alphas:
-        if not 0 <= alpha < 1:
-            yield f"decision.alphas has {alpha:g}: choose from 0 up to 1"
-    yield from within("decision.enough", decision.enough, 0, 1)
-    for enough in decision.enoughs:
-        yield from within("decision.enoughs", enough, 0, 1)
-    if decision.reject_below is not None:
-        yield from within("decision.reject_below", decision.reject_below, 0, 1)
     if decision.name == "sequential" and config.model.baseline is not None:
         yield (
             "decision=sequential needs a network, and a baseline looks at the whole recording at "
@@ -130,10 +103,8 @@ def check_decision(config: Config) -> Iterator[str]:
 
 
 def _stream(config: Config) -> Iterator[str]:
-    stream = config.stream
-    if stream.axes not in (1, 3):
-        yield f"stream.axes is {stream.axes}: choose 1 or 3"
-    if stream.wait > 0 and config.task == "stream" and config.decision.reject_below is not None:
+    reject, wait = config.decision.reject_below, config.stream.wait
+    if wait > 0 and config.task == "stream" and reject is not None:
         yield (
             "decision.reject_below needs the probability after every chunk, and with stream.wait "
             "it is left behind: set stream.wait=0"
@@ -142,13 +113,6 @@ def _stream(config: Config) -> Iterator[str]:
 
 def _profile(config: Config) -> Iterator[str]:
     profile = config.profile
-    yield from within("profile.classes", profile.classes, 2, 100_000)
-    yield from within("profile.seconds", profile.seconds, LEAST_TRACE_S, MOST_TRACE_S)
-    for side in ("width", "height"):
-        yield from within(f"profile.{side}", getattr(profile, side), LEAST_SIDE, MOST_SIDE)
-    yield from least("profile.rounds", profile.rounds, 1)
-    for name in ("budget_s", "max_seconds"):
-        yield from positive(f"profile.{name}", getattr(profile, name))
     if config.task == "profile" and config.checkpoint is None and config.model.baseline is not None:
         yield (
             f"task=profile measures networks, and model={config.model.name} is none: time it by "
@@ -159,8 +123,6 @@ def _profile(config: Config) -> Iterator[str]:
 
 
 def _pretrain(config: Config) -> Iterator[str]:
-    yield from least("pretrain.views", config.pretrain.views, 1)
-    yield from least("pretrain.test", config.pretrain.test, 1)
     if config.task != "pretrain":
         return
     model, data = config.model, config.data
@@ -175,8 +137,7 @@ def _pretrain(config: Config) -> Iterator[str]:
     if model.haptic.fit.perturb or model.visual.fit.perturb:
         yield "perturb is not read by task=pretrain: leave it empty"
     if model.kind == "haptic":
-        seconds = data.synthetic.seconds
-        yield from within("data.synthetic.seconds", seconds, LEAST_TRACE_S, MOST_TRACE_S)
+        yield from within("data.synthetic.seconds", data.synthetic.seconds, *SECONDS)
 
 
 def _stability(config: Config) -> Iterator[str]:
@@ -191,7 +152,3 @@ def _stability(config: Config) -> Iterator[str]:
         yield "stability.only names nothing: leave it null for all perturbations"
     for fold in stability.folds or []:
         yield from within("stability.folds", fold, 0, config.data.folds - 1)
-    yield from least("stability.limit", stability.limit, 1)
-    yield from least("stability.bisections", stability.bisections, 0)
-    if not 0 < stability.bound <= 1:
-        yield f"stability.bound is {stability.bound:g}: choose a share above 0 and up to 1"

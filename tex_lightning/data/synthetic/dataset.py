@@ -19,8 +19,11 @@ from tex_lightning.data.synthetic.specimen import Specimen
 from tex_lightning.data.synthetic.tool import slide_tool
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
+from tex_lightning.schema.data import SyntheticConfig
+from tex_lightning.schema.keys import Key, walk
 
 SAMPLING_RATE = 10_000
+CLASSES = Key("materials that can be made up", least=2, most=999)
 _HAPTIC, _IMAGE = 0, 1
 _FIRST_IMAGE, _LAST_IMAGE = 5529, 9999
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
@@ -52,17 +55,10 @@ class SyntheticSpec:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _check("data.classes", self.classes, 2, 999)
-        _check("data.synthetic.recordings", self.recordings, 1, 100)
-        _check("data.synthetic.seed", self.seed, 0, 2**32 - 1)
-        _check("data.synthetic.seconds", self.seconds, 1, 600)
-        _check("data.synthetic.photo_width", self.photo_width, 32, 8192)
-        _check("data.synthetic.photo_height", self.photo_height, 32, 8192)
-
-
-def _check(key: str, value: float, low: int, high: int) -> None:
-    if not low <= value <= high:
-        raise UserError(f"{key} is {value}, but synthetic data needs a value from {low} to {high}.")
+        for name, key in (("classes", CLASSES), *walk(SyntheticConfig)):
+            if not key.allows(value := getattr(self, name)):
+                section = "data" if key is CLASSES else "data.synthetic"
+                raise UserError(f"{section}.{name} is {value}: choose {key.range}.")
 
 
 def write_folder(spec: SyntheticSpec, root: Path) -> None:

@@ -13,10 +13,9 @@ from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.schema.model import LEAST_FACTOR, MOST_FACTOR
 
 log = logging.getLogger(__name__)
-
-LEAST_FACTOR, MOST_FACTOR = 10.0, 50.0
 
 
 class FusionStart(Callback):
