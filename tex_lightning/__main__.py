@@ -13,6 +13,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
+from tex_lightning.arguments import quote_files
 from tex_lightning.distributed.place import follows
 from tex_lightning.errors import UserError
 from tex_lightning.schema import register
@@ -78,7 +79,7 @@ def main() -> int:
 
 def _run(more: list[str]) -> int:
     """Run the command line with ``more`` arguments and return its exit status."""
-    sys.argv += more
+    sys.argv[1:] = [*quote_files(sys.argv[1:]), *more]
     register()
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:

@@ -51,15 +51,17 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         )
     if classifier.card.rule != "vote":
         raise UserError(
-            "decision=sequential counts votes, and this checkpoint was trained with "
-            "decision.rule=mean, which does not; use decision=max_vote."
+            "decision=sequential counts votes, and this checkpoint decides by decision.rule=mean, "
+            "which does not; use decision=max_vote or decision.rule=vote."
         )
     return SequentialClassifier(classifier, config)
 
 
 def prepare(classifier: SurfaceClassifier, config: Config) -> SurfaceClassifier:
     """A classifier as testing and prediction run it: accelerated, and deciding as configured."""
-    return decide(accelerate(classifier, config.engine), config.decision)
+    fast = accelerate(classifier, config.engine)
+    fast.card = fast.card.deciding(config.decision)
+    return decide(fast, config.decision)
 
 
 class SequentialClassifier(SurfaceClassifier):

@@ -11,11 +11,12 @@ class DecisionConfig:
 
     Attributes:
         name: max_vote asks every fragment, sequential as few as the label needs.
-        pairs: FusionNet's K.
-        rule: vote lets every fragment vote, mean averages their class probabilities; a checkpoint
-            keeps the rule it was trained with.
+        pairs: FusionNet's K. Of this and the next three a checkpoint keeps what was given when it
+            was trained; None, where one is read, takes the checkpoint's.
+        rule: vote lets every fragment vote, mean averages their class probabilities.
         seed: Of the pairs, and of the order in which windows of a photo are drawn.
-        reject_below: Mean class probability below which no label is given.
+        reject_below: Mean class probability below which no label is given; 0, and None in training,
+            always give one.
         alpha: Most chance that the windows left out would change the label; 0 takes no chance.
         enough: Mean probability at which one modality, or the beginning of a trace, decides.
         calibrated: Whether a checkpoint's own threshold takes the place of ``enough``.
@@ -26,9 +27,9 @@ class DecisionConfig:
     """
 
     name: str = MISSING
-    pairs: int = MISSING
-    rule: str = MISSING
-    seed: int = MISSING
+    pairs: int | None = MISSING
+    rule: str | None = MISSING
+    seed: int | None = MISSING
     reject_below: float | None = None
     alpha: float = MISSING
     enough: float = MISSING

@@ -1,6 +1,7 @@
 """From a composed configuration to the task it names."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -14,7 +15,7 @@ from tex_lightning.distributed.worker import follow
 from tex_lightning.errors import UserError
 from tex_lightning.memory import kept_memory
 from tex_lightning.report.sweep import NO_SWEEP
-from tex_lightning.runfolder import claim_folder
+from tex_lightning.runfolder import claim_folder, find_checkpoint
 from tex_lightning.schema import Config
 from tex_lightning.tasks import (
     crossval,
@@ -61,6 +62,8 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_missing(composed)
     config = read_config(composed)
     check_config(config, tuple(TASKS))
+    if config.checkpoint is not None:
+        config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1

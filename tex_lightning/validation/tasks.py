@@ -101,12 +101,16 @@ def check_decision(config: Config) -> Iterator[str]:
     """What cannot be meant of ``decision``."""
     decision = config.decision
     yield from choice("decision.name", decision.name, CHOICES["decision"])
-    yield from choice("decision.rule", decision.rule, CHOICES["rule"])
-    if decision.name == "sequential" and decision.rule != "vote":
+    for key in ("pairs", "rule", "seed"):
+        if getattr(decision, key) is None and config.task not in NEED_CHECKPOINTS:
+            yield f"decision.{key} is null, but task={config.task} has no checkpoint with one"
+    if decision.rule is not None:
+        yield from choice("decision.rule", decision.rule, CHOICES["rule"])
+    if decision.name == "sequential" and decision.rule not in ("vote", None):
         yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
     yield from least("decision.pairs", decision.pairs, 1)
     yield from least("decision.seed", decision.seed, 0)
-    yield from most("decision.seed", decision.seed, 2**32 - 1)
+    yield from most("decision.seed", decision.seed or 0, 2**32 - 1)
     for key in ("alpha", "disagreement", "confidence"):
         if not 0 <= (value := getattr(decision, key)) < 1:
             yield f"decision.{key} is {value:g}: choose from 0 up to 1"
@@ -133,11 +137,6 @@ def _stream(config: Config) -> Iterator[str]:
     stream = config.stream
     if stream.axes not in (1, 3):
         yield f"stream.axes is {stream.axes}: choose 1 or 3"
-    if stream.wait > 0 and config.task == "stream" and config.decision.reject_below is not None:
-        yield (
-            "decision.reject_below needs the probability after every chunk, and with stream.wait "
-            "it is left behind: set stream.wait=0"
-        )
 
 
 def _profile(config: Config) -> Iterator[str]:
