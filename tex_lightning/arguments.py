@@ -1,5 +1,6 @@
 """Names of files on the command line that Hydra would read as something else."""
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -25,9 +26,14 @@ def _quoted(arguments: Sequence[str]) -> Iterator[str]:
     for argument in arguments:
         key, _, value = argument.partition("=")
         if key in KEYS and _names_files(value) and _misread(parser, argument):
-            escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("$", "\\$")
+            escaped = re.sub(r'(\\*)("|$)', _escaped, value)
             argument = f'{key}="{escaped}"'
         yield argument
+
+
+def _escaped(match: re.Match[str]) -> str:
+    """Hydra reads backslashes literally, except before a quote."""
+    return 2 * match[1] + ('\\"' if match[2] else "")
 
 
 def _names_files(value: str) -> bool:

@@ -171,6 +171,12 @@ def _check(card: Card) -> None:
     _number("calibration.temperature", card.temperature, 1e-6, 1e6)
     _number("decode.sampling_rate", card.settings.sampling_rate, 1, 1e9)
     _number("decode.file_rate", card.settings.file_rate, 1e-3, 1e9)
+    _number("calibration.enough", card.calibration.get("enough", 0), 0, 1)
+    for name, ends in card.input_ranges.items():
+        for end in ends:
+            _number(f"input_ranges.{name}", end, 0, math.inf)
+    if card.trained_on and not isinstance(card.trained_on.get("seen"), list):
+        raise CardError("its trained_on.seen is no list")
     names = [name for name in card.classes if not isinstance(name, str)]
     if names or not isinstance(card.classes, list) or len(set(card.classes)) != len(card.classes):
         raise CardError("its classes are not a list of different names")

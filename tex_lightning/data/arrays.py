@@ -66,8 +66,8 @@ def as_photo(given: Any, settings: DecodeSettings, colour: str) -> Photo:  # noq
         )
     if colour not in COLOURS:
         raise UserError(f"colour is {colour!r}; choose {' or '.join(COLOURS)}.")
-    pixels = np.ascontiguousarray(array[..., ::-1] if colour == "bgr" else array)
-    return to_size(pixels, settings, "image")
+    pixels = array[..., ::-1] if colour == "bgr" else array
+    return to_size(np.array(pixels, order="C"), settings, "image")  # copied: some are read-only
 
 
 def _as_array(given: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401
@@ -76,3 +76,7 @@ def _as_array(given: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401
         if tensor.is_floating_point():
             tensor = tensor.double()  # NumPy has no bfloat16
         return tensor.numpy()
+    try:
+        return np.asarray(given)
+    except ValueError as error:  # lists of unequal lengths
+        raise UserError(f"{key} cannot be read as an array ({error}); give one.") from error

@@ -14,7 +14,7 @@ from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.parts import part_for
 from tex_lightning.streaming.classifier import StreamingClassifier
 
-STREAMED = 3.0  # time of a multiply-accumulate in beginnings over that in a full pass; measured 2.3 to 3
+STREAMED = 3.0  # time of a multiply-accumulate here over that in a full pass; measured 2.3 to 3
 
 
 def haptic_stream(classifier: SurfaceClassifier) -> StreamingClassifier | None:
