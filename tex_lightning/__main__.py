@@ -14,6 +14,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
+from tex_lightning.arguments import quote_files
 from tex_lightning.distributed.place import follows
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.mistakes import explain
@@ -103,7 +104,7 @@ def _answer(arguments: list[str]) -> int:
 
 def _run(more: list[str]) -> int:
     """Run the command line with ``more`` arguments and return its exit status."""
-    sys.argv += more
+    sys.argv[1:] = [*quote_files(sys.argv[1:]), *more]
     register()
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:

@@ -63,18 +63,37 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
     Raises:
         UserError: If the file is missing, empty, damaged, of another shape, or holds NaN.
     """
+    trace, source = read_trace(path, settings, rate)
+    return to_rate(trace, source, settings.sampling_rate, f"Trace {path}")
+
+
+def read_trace(
+    path: Path, settings: DecodeSettings, rate: float | None = None
+) -> tuple[npt.NDArray[np.floating], float]:
+    """Read a trace as it stands in its file: samples (axes, samples) and their rate in Hz.
+
+    Arguments and errors are those of :func:`decode_trace`.
+    """
     trace, file_rate = read_axes(path)
     if not (usable := usable_samples(trace)).all():
         first = int(np.flatnonzero(~usable)[0])
         raise UserError(
             f"Trace {path} holds NaN, infinity or a huge number at sample {first}; repair the file."
         )
-    source = file_rate or rate or settings.file_rate
-    ratio = Fraction(settings.sampling_rate / source).limit_denominator(10_000)
+    return trace, file_rate or rate or settings.file_rate
+
+
+def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
+    """Bring samples (axes, samples) from the rate ``source`` to the rate ``target`` in Hz.
+
+    Raises:
+        UserError: If the rates are too far apart, beginning with ``name``.
+    """
+    ratio = Fraction(target / source).limit_denominator(10_000)
     if not 0.001 < ratio < 1000:
         raise UserError(
-            f"Trace {path} has a sampling rate of {source:g} Hz, too far from "
-            f"{settings.sampling_rate:g} Hz; correct data.file_rate or data.sampling_rate."
+            f"{name} has a sampling rate of {source:g} Hz, too far from "
+            f"{target:g} Hz; correct data.file_rate or data.sampling_rate."
         )
     if ratio != 1:
         trace = resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
@@ -110,12 +129,23 @@ def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) ->
         raise UserError(f"Image {path} is too large ({error}); scale it down.") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise UserError(f"Image {path} is damaged ({error}); replace the file.") from error
+    return (
+        photo if halved and settings.resize is None else to_size(photo, settings, f"Image {path}")
+    )
+
+
+def to_size(photo: Photo, settings: DecodeSettings, name: str) -> Photo:
+    """Halve or resize a photo (height, width, 3) as the settings say.
+
+    Raises:
+        UserError: If there is too little to be halved, beginning with ``name``.
+    """
     if settings.resize is not None:
         return _resized(photo, settings.resize)
-    if halved or not settings.half_scale:
+    if not settings.half_scale:
         return photo
     if min(photo.shape[:2]) < 2:
-        raise UserError(f"Image {path} is too thin to be halved; set data.half_scale=false.")
+        raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
     return halve(photo)
 
 

@@ -65,7 +65,10 @@ def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
             return samples, float(rate)
         if suffix == ".npy":
-            return _numeric(np.load(path, allow_pickle=False)), None
+            array = np.load(path, allow_pickle=False)
+            if not isinstance(array, np.ndarray):
+                raise ValueError("it is an .npz archive; save one array with np.save")
+            return _numeric(array), None
         if suffix in (".txt", ".csv"):
             return _read_text(path), None
     except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:

@@ -111,7 +111,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     pooled = {
         **summarise(outcomes),
-        **believed(outcomes, workspace.classes, workspace.config),
+        **believed(outcomes, workspace.classes, workspace.config.decision.reject_below),
         **pool_sequential(directories, name, workspace.directory, workspace.config.decision),
         **pool_unknown(directories, name, outcomes, workspace.directory),
         "parameters": first["parameters"],

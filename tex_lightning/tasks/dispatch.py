@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -15,7 +16,7 @@ from tex_lightning.distributed.worker import follow
 from tex_lightning.errors import UserError
 from tex_lightning.memory import kept_memory
 from tex_lightning.report.sweep import NO_SWEEP
-from tex_lightning.runfolder import claim_folder
+from tex_lightning.runfolder import claim_folder, find_checkpoint
 from tex_lightning.schema import Config
 from tex_lightning.tasks import (
     crossval,
@@ -62,6 +63,8 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_missing(composed)
     config = read_config(composed)
     check_config(config)
+    if config.checkpoint is not None:
+        config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     set_threads(config)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
     if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:

@@ -12,7 +12,7 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.devices import pick_device
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config, DataConfig
@@ -81,7 +81,7 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
     unknown = [label for label in rows.classes if label not in card.classes]
     if unknown:
         raise UserError(
-            f"{who} does not know the class {', '.join(unknown)}; leave it out of the "
+            f"{who} does not know the class {listed(unknown)}; leave it out of the "
             "data, name it in data.hold_out or train on it."
         )
     return _tested(rows, data, card, who)

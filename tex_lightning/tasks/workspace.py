@@ -5,15 +5,16 @@ from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.baselines.registry import make_baseline
-from tex_lightning.card import Card
+from tex_lightning.card import DECISION, Card
 from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
 from tex_lightning.data.datamodule import load_trace
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
+from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.parts import UNIMODAL
@@ -80,7 +81,7 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
     if len(recordings.classes) < 2:
         raise UserError(
             f"The data has {' or '.join(NEEDS[kind])} recordings of "
-            f"{' '.join(recordings.classes) or 'no class'} for a {kind} network, and telling "
+            f"{listed(recordings.classes) or 'no class'} for a {kind} network, and telling "
             "classes apart takes two; choose another model or add recordings."
         )
     store.fill(needed)
@@ -97,8 +98,8 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     absent = sorted(set(classes or ()) - set(recordings.classes))
     if absent:
         raise UserError(
-            f"data.hold_out names {', '.join(absent)}, and the data has no such class; choose from "
-            f"{', '.join(recordings.classes)}."
+            f"data.hold_out names {listed(absent)}, and the data has no such class; choose from "
+            f"{listed(recordings.classes)}."
         )
     known = [label for label in recordings.classes if label not in (classes or ())]
     return recordings.in_classes(known), recordings.in_classes(classes or [])
@@ -176,7 +177,9 @@ def decode_settings(data: DataConfig) -> DecodeSettings:
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
     """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
     config, parts = workspace.config, workspace.parts()
-    card = configured_card(config, kind, workspace.classes)
+    rows = [row for row in parts.train if row.modality in NEEDS[kind]]
+    ranges = training_ranges(rows, workspace.store)
+    card = replace(configured_card(config, kind, workspace.classes), input_ranges=ranges)
     if kind != "fusion":
         source = None if card.baseline else config.weights_of(kind)
         return replace(card, trained_on=trained_on(card, parts, config.data, source))
@@ -199,7 +202,7 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
         kind=kind,
         classes=classes,
         decode=decode_settings(config.data).to_dict(),
-        decision={key: getattr(config.decision, key) for key in ("pairs", "rule", "seed")},
+        decision={key: getattr(config.decision, key) for key in DECISION},
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
         haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
         visual_network=_network(model.visual, *VISUAL_KEYS) if network and kind == "visual" else {},

@@ -44,7 +44,6 @@ def check_task(config: Config) -> Iterator[str]:
     yield from _profile(config)
     yield from _pretrain(config)
     yield from _stability(config)
-    yield from _stream(config)
     if config.weights is not None and not on_recordings:
         yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
     fusion = config.model.fusion
@@ -89,7 +88,10 @@ def _frontier(config: Config) -> Iterator[str]:
 def check_decision(config: Config) -> Iterator[str]:
     """What cannot be meant of ``decision``."""
     decision = config.decision
-    if decision.name == "sequential" and decision.rule != "vote":
+    for key in ("pairs", "rule", "seed"):
+        if getattr(decision, key) is None and config.task not in NEED_CHECKPOINTS:
+            yield f"decision.{key} is null, but task={config.task} has no checkpoint with one"
+    if decision.name == "sequential" and decision.rule not in ("vote", None):
         yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
     if decision.name == "sequential" and config.model.baseline is not None:
         yield (
@@ -100,15 +102,6 @@ def check_decision(config: Config) -> Iterator[str]:
         yield f"decision=sequential is not read by task={config.task}: leave it out"
     if config.data.hold_out and config.task not in ("fit", "crossval", "evaluate"):
         yield f"data.hold_out is not read by task={config.task}: leave it out"
-
-
-def _stream(config: Config) -> Iterator[str]:
-    reject, wait = config.decision.reject_below, config.stream.wait
-    if wait > 0 and config.task == "stream" and reject is not None:
-        yield (
-            "decision.reject_below needs the probability after every chunk, and with stream.wait "
-            "it is left behind: set stream.wait=0"
-        )
 
 
 def _profile(config: Config) -> Iterator[str]:
