@@ -36,5 +36,6 @@ class DataConfig:
     val_fold: int | None = None
     inverted: bool = MISSING
     hold_out: list[str] | None = None
+    skip_bad: bool = MISSING
     cache_dir: str | None = None
     num_workers: int = MISSING
