@@ -102,7 +102,11 @@ def _names(
 
 
 def _cells(line: str, delimiter: str | None, count: int) -> list[str] | None:
-    for mark in (delimiter or "\t", ";", ",", "\t", None):
+    """The cells of a line if there are ``count``; names may be divided otherwise than numbers."""
+    marks: list[str | None] = [
+        mark for mark in (delimiter, "\t", ";", ",") if mark and mark in line
+    ]
+    for mark in marks or [None]:
         cells = [cell.strip() for cell in line.split(mark)]
         if len(cells) == count:
             return cells

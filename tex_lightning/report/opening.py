@@ -85,9 +85,9 @@ def opening_lines(
             entries.append((TITLES[modality], _sense(rows, store), 2))
     if traces := recordings.of("haptic"):
         entries.append(("Rates", describe_rates(traces, store), 2))
-    entries.append(("Folds", _folds(config, recordings), 1))
+    entries.append(("Folds", _folds(config, recordings), 2))
     if left_out := _left_out(recordings, skipped):
-        entries.append(("Skipped", left_out, 1))
+        entries.append(("Skipped", left_out, 2))
     entries.append(_work(config))
     return [line for entry in entries for line in _wrapped(*entry)]
 
@@ -138,9 +138,9 @@ def _folds(config: Config, recordings: Recordings) -> str:
         spread([len(getattr(part, name)) for part in parts], "", "d")
         for name in ("train", "val", "test")
     )
-    which = f"fold {tested[0]} tested" if len(tested) == 1 else f"{len(tested)} folds in turn"
-    watched = f", {val} validation (fold {data.val_fold})" if data.val_fold is not None else ""
-    return f"{train} recordings training{watched}, {test} test; {which} of {data.folds}"
+    which = f"fold {tested[0]}" if len(tested) == 1 else f"each of {len(tested)} folds"
+    watched = f", {val} for validation (fold {data.val_fold})" if data.val_fold is not None else ""
+    return f"{train} recordings to train{watched}, {test} to test ({which} of {data.folds})"
 
 
 def _left_out(recordings: Recordings, skipped: Sequence[Unusable]) -> str:
@@ -149,9 +149,8 @@ def _left_out(recordings: Recordings, skipped: Sequence[Unusable]) -> str:
         counts[note.what] += note.count
     if skipped:
         counts["unusable file"] = len(skipped)
-    return ", ".join(f"{count} x {what}" for what, count in counts.items()) + (
-        "; why: see the warnings above" if counts else ""
-    )
+    listed = ", ".join(f"{count} x {what}" for what, count in counts.items())
+    return f"{listed} (why: see above)" if counts else ""
 
 
 def _work(config: Config) -> tuple[str, str, int]:

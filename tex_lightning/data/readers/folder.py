@@ -86,10 +86,8 @@ def _passed_over(
                 yield Note("folder", 1, f"Folder {folder} is skipped: {_why(folder)}.")
     stray = [file for suffixes in SUFFIXES.values() for file in _files(directory, suffixes)]
     if folders and stray:
-        text = (
-            f"{directory} has folders, so {len(stray)} recordings beside them are not read, "
-            f"{stray[0].name} among them."
-        )
+        listed = _listed([file.name for file in stray])
+        text = f"{directory} has folders for its senses, so {listed} beside them is not read."
         yield Note("stray file", len(stray), text)
 
 
@@ -98,8 +96,11 @@ def _why(folder: Path) -> str:
     names = [path.name for path in sorted(folder.iterdir())]
     if not names:
         return "it is empty"
-    listed = ", ".join([*names[:SHOWN], *(["…"] if len(names) > SHOWN else [])])
-    return f"there is nothing that can be read ({listed}), in it or in its haptic and image"
+    return f"there is no trace and no photo in it or in its haptic and image ({_listed(names)})"
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join([*names[:SHOWN], *(["…"] if len(names) > SHOWN else [])])
 
 
 def _sense_folders(directory: Path) -> dict[Modality, Path]:
@@ -123,7 +124,7 @@ def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
         path
         for path in sorted(directory.iterdir())
         if path.suffix.lower() in suffixes
-        and path.is_file()
+        and not path.is_dir()
         and not path.name.startswith(".")
         and path.name.casefold() != RATES_TABLE
         and path == axis_paths(path)[0]
