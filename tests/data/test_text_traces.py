@@ -119,6 +119,14 @@ def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
         (timed(TIMES, name="time,seconds,y,z"), "2 columns of time"),
         ("t,x,y\n" + lines(np.vstack([TIMES, AXES[:2]])), "2 columns beside its time"),
         (lines(np.vstack([TIMES, AXES[:2]])), "three columns, of which the first rises evenly"),
+        (
+            "X_Value,a,b\n" + lines(np.vstack([TIMES, AXES[:2]])),
+            "three columns, of which the first",
+        ),
+        (
+            "X_Value,a\n" + lines(np.vstack([TIMES, AXES[0]])),
+            "column of time .* must be called time",
+        ),
         ("time\n" + lines(TIMES), "0 columns beside its time"),
         (lines(AXES, ";") + "\n1,5;2,5;3,5", "both decimal points and commas"),
         ("1.234,5;1\n2,5;1", "both decimal points and commas"),

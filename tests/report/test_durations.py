@@ -56,7 +56,7 @@ def test_few_of_many_classes_are_named(make, store):
 def test_rates_are_counted_by_who_says_so(make, store):
     rows = Recordings((make(100), make(200), make(100, 2500.0), make(100, 5000.0)))
     assert describe_rates(rows, store) == (
-        "2 x 2,500 to 5,000 Hz as stated beside them; 2 x 10,000 Hz assumed (data.file_rate)"
+        "2 x 2,500 to 5,000 Hz stated for them; 2 x 10,000 Hz assumed (data.file_rate)"
     )
 
 

@@ -80,14 +80,14 @@ def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
     assert max(map(len, lines)) <= 80
     assert entry(outcome.err, "Data").endswith(str(mixed)[-40:])
     assert entry(outcome.err, "Classes") == "3: alpha, beta, gamma"
-    assert entry(outcome.err, "Traces") == "12, 4 of a class; median 2.4 s (2.4 to 8)"
-    assert entry(outcome.err, "Photos") == "12, 4 of a class; 0.058 megapixels as decoded"
+    assert entry(outcome.err, "Traces") == "12; median 2.4 s (2.4 to 8); 4 of a class"
+    assert entry(outcome.err, "Photos") == "12; 0.058 megapixels; 4 of a class"
     assert entry(outcome.err, "Rates") == (
-        "4 x 2,500 Hz by a column of time; 4 x 2,500 Hz as stated beside them; "
+        "4 x 2,500 Hz by a column of time; 4 x 2,500 Hz stated for them; "
         "4 x 10,000 Hz assumed (data.file_rate)"
     )
     assert entry(outcome.err, "Folds") == (
-        "12 recordings to train, 6 for validation (fold 1), 6 to test (fold 0 of 4)"
+        "12 recordings train, 6 validate (fold 1), 6 test (fold 0 of 4)"
     )
     assert entry(outcome.err, "Skipped") == "1 x stray file, 1 x class folder (why: see above)"
     assert entry(outcome.err, "Trains") == "fusion: HapticNet, VisualNet, FusionNet"
@@ -168,7 +168,7 @@ def test_every_task_can_go_on_without_bad_files(cli, bad, tmp_path):
     assert fitted.status == 0, fitted.err
     assert "Going on without 3 files:" in fitted.err
     assert entry(fitted.err, "Skipped") == "3 x unusable file (why: see above)"
-    assert entry(fitted.err, "Traces").startswith("10, 3 to 4 of a class (fewest: alpha)")
+    assert entry(fitted.err, "Traces").endswith("3 to 4 of a class (fewest: alpha)")
     assert_skipped(results(tmp_path)["skipped"], bad, *NAMES)
     tested = (tmp_path / "run" / "predictions" / "haptic.csv").read_text()
     assert "alpha/Haptic/0.npy" in tested  # group 0 is still fold 0 ...
@@ -197,7 +197,7 @@ def test_folds_and_families_can_go_on_without_bad_files(cli, bad, tmp_path):
     skip, only = "data.skip_bad=true", "crossval.only=[0,1]"
     crossed = cli("task=crossval", "model=haptic", skip, only, *options(bad, tmp_path))
     assert crossed.status == 0, crossed.err
-    assert entry(crossed.err, "Folds").endswith("2 to 3 to test (each of 2 folds of 4)")
+    assert entry(crossed.err, "Folds").endswith(" 2 to 3 test (each of 2 folds of 4)")
     assert_skipped(results(tmp_path)["skipped"], bad, NAMES[0], NAMES[2])
     assert results(tmp_path)["networks"]["haptic"]["test_samples"] == 5
     family = cli(

@@ -54,8 +54,8 @@ def separate_time(
             are not one or three axes.
     """
     found = _named_time(path, names, units) if names is not None else None
-    if found is None and (names is None or not names[0]):
-        found = _unnamed_time(path, columns)
+    if found is None:
+        found = _unnamed_time(path, columns, names[0] if names else "")
     if found is None:
         return Timed(columns[:, 0] if columns.shape[1] == 1 else columns)
     index, unit = found
@@ -103,20 +103,20 @@ def _words(name: str) -> list[str]:
     return [word for word in re.findall(r"[^\W\d_]+", name.casefold()) if word != "in"]
 
 
-def _unnamed_time(path: Path, columns: Array) -> tuple[int, None] | None:
-    """The first column, if it rises evenly and stands before one or three others."""
+def _unnamed_time(path: Path, columns: Array, name: str) -> tuple[int, None] | None:
+    """The first column, if it has no name, rises evenly and stands before one or three others."""
     count = columns.shape[1]
     if count not in (2, 3, 4) or len(columns) < MIN_SAMPLES:
         return None
     steps = np.diff(columns[:, 0])
     if not (steps > 0).all() or steps.max() > GAP * np.median(steps):
         return None
-    if count == 3:
+    if count == 3:  # whatever its name: no axis of a trace does that
         raise UserError(
             f"Trace {path} has three columns, of which the first rises evenly as time does; a "
             "trace has one or three axes beside a column of time."
         )
-    return 0, None
+    return None if name else (0, None)
 
 
 def _step(path: Path, times: Array, unit: float | None) -> tuple[float, bool]:

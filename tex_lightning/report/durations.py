@@ -13,7 +13,7 @@ SHOWN = 3  # classes in the warning
 SAID_BY: dict[RateSource, str] = {
     "header": "by their header",
     "time column": "by a column of time",
-    "stated": "as stated beside them",
+    "stated": "stated for them",
     "assumed": "assumed (data.file_rate)",
 }
 

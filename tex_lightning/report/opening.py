@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tex_lightning.data.folds import split
-from tex_lightning.data.recordings import MODALITIES, Modality, Recordings
+from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.progress import console
@@ -27,10 +27,11 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class _Run:
-    """A running task and the senses that it has announced."""
+    """A running task, and the senses and left-out files that it has announced."""
 
     config: Config
     announced: set[Modality] = field(default_factory=set)
+    skipped: set[Recording] = field(default_factory=set)
 
 
 _running: ContextVar[_Run | None] = ContextVar("running", default=None)
@@ -58,17 +59,17 @@ def announce(
         skipped: Files that are left out.
     """
     run = _running.get() or _Run(config)
-    senses = {row.modality for row in recordings}
+    skipped = [each for each in skipped if each.recording not in run.skipped]
+    run.skipped |= {each.recording for each in skipped}
+    fresh = recordings.without(row for row in recordings if row.modality in run.announced)
     if not run.announced:
         for note in recordings.notes:
             log.warning("%s", note.text)
-    if senses <= run.announced and senses:
-        return
-    fresh = recordings.without(row for row in recordings if row.modality in run.announced)
-    skipped = [each for each in skipped if each.recording.modality not in run.announced]
-    run.announced |= senses
     if skipped:
         log.warning("Going on without %d files:\n%s", len(skipped), list_files(skipped))
+    if run.announced and not len(fresh):
+        return
+    run.announced |= {row.modality for row in recordings}
     if odd := unlike_the_others(fresh.of("haptic"), store):
         log.warning("%s", odd)
     for line in opening_lines(run.config, fresh, store, skipped):
@@ -82,10 +83,10 @@ def opening_lines(
     entries = [("Data", _source(config), 1), ("Classes", _classes(recordings), 2)]
     for modality in MODALITIES:
         if rows := recordings.of(modality):
-            entries.append((TITLES[modality], _sense(rows, store), 2))
+            entries.append((TITLES[modality], _sense(rows, store), 1))
     if traces := recordings.of("haptic"):
         entries.append(("Rates", describe_rates(traces, store), 2))
-    entries.append(("Folds", _folds(config, recordings), 2))
+    entries.append(("Folds", _folds(config, recordings), 1))
     if left_out := _left_out(recordings, skipped):
         entries.append(("Skipped", left_out, 2))
     entries.append(_work(config))
@@ -112,17 +113,19 @@ def _classes(recordings: Recordings) -> str:
 
 
 def _sense(rows: Recordings, store: Store) -> str:
-    """How many there are of each class, and how long or large they are."""
-    counts = Counter(row.label for row in rows)
-    each = f"{len(rows)}, {spread(list(counts.values()), '', 'd')} of a class"
-    if len(counts) > 1 and len(set(counts.values())) > 1:
-        each += f" (fewest: {min(counts, key=lambda label: counts[label])})"
+    """How many there are, how long or large they are once decoded, and how many of each class."""
     if rows.rows[0].modality == "haptic":
         seconds = list(durations(rows, store).values())
-        return f"{each}; {spread(seconds, 's', '.3g', median=True)}"
-    shapes = [store.image(row).shape for row in rows]
-    pixels = [height * width / 1e6 for height, width, _ in shapes]
-    return f"{each}; {spread(pixels, 'megapixels', '.2g', median=True)} as decoded"
+        size = spread(seconds, "s", ".3g", median=True)
+    else:
+        shapes = [store.image(row).shape for row in rows]
+        pixels = [height * width / 1e6 for height, width, _ in shapes]
+        size = spread(pixels, "megapixels", ".2g", median=True)
+    counts = Counter(row.label for row in rows)
+    each = f"{len(rows)}; {size}; {spread(list(counts.values()), '', 'd')} of a class"
+    if len(set(counts.values())) == 1:
+        return each
+    return f"{each} (fewest: {min(counts, key=lambda label: counts[label])})"
 
 
 def _folds(config: Config, recordings: Recordings) -> str:
@@ -139,8 +142,8 @@ def _folds(config: Config, recordings: Recordings) -> str:
         for name in ("train", "val", "test")
     )
     which = f"fold {tested[0]}" if len(tested) == 1 else f"each of {len(tested)} folds"
-    watched = f", {val} for validation (fold {data.val_fold})" if data.val_fold is not None else ""
-    return f"{train} recordings to train{watched}, {test} to test ({which} of {data.folds})"
+    watched = f", {val} validate (fold {data.val_fold})" if data.val_fold is not None else ""
+    return f"{train} recordings train{watched}, {test} test ({which} of {data.folds})"
 
 
 def _left_out(recordings: Recordings, skipped: Sequence[Unusable]) -> str:
