@@ -182,7 +182,8 @@ class Predictor:
         rate = self.config.data.file_rate if rate is None else rate
         if isinstance(given, str | Path):
             path = Path(given).expanduser()
-            raw, source = read_trace(path, self.card.settings_for(rate))
+            raw, found = read_trace(path, self.card.settings_for(rate))
+            source = found.hz
             name = f"Trace {path}"
         else:
             raw, source, name = as_trace(given), target if rate is None else rate, "haptic"

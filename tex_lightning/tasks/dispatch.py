@@ -15,6 +15,7 @@ from tex_lightning.distributed.place import follows
 from tex_lightning.distributed.worker import follow
 from tex_lightning.errors import UserError
 from tex_lightning.memory import kept_memory
+from tex_lightning.report.opening import announced_once
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder, find_checkpoint
 from tex_lightning.schema import Config
@@ -72,7 +73,7 @@ def run_task(composed: DictConfig, directory: Path) -> int:
     check_shares(config, processes)
     if processes > 1 and follows():
         return follow(config.trainer.accelerator)
-    with kept_memory(), leading(processes, config.trainer):
+    with kept_memory(), announced_once(config), leading(processes, config.trainer):
         claim_folder(composed, config, directory.resolve())
         if config.model.name == AUTO:
             config = resolve_auto(config, directory.resolve())

@@ -12,6 +12,7 @@ AUTO = "auto"
 PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
 NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
+READ_RECORDINGS = ("fit", "crossval", "evaluate", "stability", "frontier")
 
 
 def check_task(config: Config) -> Iterator[str]:
@@ -44,6 +45,7 @@ def check_task(config: Config) -> Iterator[str]:
     yield from _profile(config)
     yield from _pretrain(config)
     yield from _stability(config)
+    yield from _skip_bad(config)
     if config.weights is not None and not on_recordings:
         yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
     fusion = config.model.fusion
@@ -102,6 +104,11 @@ def check_decision(config: Config) -> Iterator[str]:
         yield f"decision=sequential is not read by task={config.task}: leave it out"
     if config.data.hold_out and config.task not in ("fit", "crossval", "evaluate"):
         yield f"data.hold_out is not read by task={config.task}: leave it out"
+
+
+def _skip_bad(config: Config) -> Iterator[str]:
+    if config.data.skip_bad and config.task not in READ_RECORDINGS:
+        yield f"data.skip_bad is not read by task={config.task}: leave it out"
 
 
 def _profile(config: Config) -> Iterator[str]:
