@@ -13,6 +13,9 @@ from hypothesis import settings
 from PIL import Image
 
 from tex_lightning.__main__ import main
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.decode import DecodeSettings
 
 # The same examples every time, and no deadline: machines that run tests are often busy.
 # 50 examples of each property: twice as many took a minute more, and the suite has ten
@@ -114,3 +117,29 @@ def run_once(cache, tmp_path_factory) -> Callable[..., Path]:
         return directory
 
     return run
+
+
+@pytest.fixture(scope="session")
+def untrained(tmp_path_factory) -> Path:
+    """A run folder with a small FusionNet and its parts, of random weights."""
+    folder = tmp_path_factory.mktemp("untrained")
+    (folder / "checkpoints").mkdir()
+    network = {"width": 0.1, "norm": "batch", "dropout": 0.5}
+    torch.manual_seed(0)
+    for kind in ("haptic", "visual", "fusion"):
+        card = Card(
+            kind=kind,
+            classes=["a", "b", "c"],
+            decode=DecodeSettings(half_scale=False).to_dict(),
+            decision={"pairs": 50, "seed": 0, "rule": "vote", "reject_below": None},
+            haptic_features={} if kind == "visual" else {"axes": "frame", "scale": "mel"},
+            haptic_network={} if kind == "visual" else network,
+            visual_network={} if kind == "haptic" else {**network, "trunk": "alexnet_caffe"},
+            fusion={"level": "fc2"} if kind == "fusion" else {},
+        )
+        model = SurfaceClassifier(card)
+        state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
+        content = {"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}
+        torch.save(content, folder / "checkpoints" / f"{kind}.ckpt")
+    (folder / "settings.json").write_text('{"model.kind": "fusion"}')
+    return folder

@@ -11,12 +11,17 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+import tex_lightning
 from tex_lightning.__main__ import CONF
-from tex_lightning.mistakes import config_groups
+from tex_lightning.mistakes import compose_config, config_groups
 from tex_lightning.perturbations.augment import trainable
-from tex_lightning.schema import register
+from tex_lightning.schema import READS, flatten, register
+from tex_lightning.schema.keys import Key
+from tex_lightning.schema.reading import keys_read
+from tex_lightning.tasks.dispatch import TASKS
 
 REPOSITORY = CONF.parent
+LONG = "a" * 100_000
 
 
 def python(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -31,12 +36,60 @@ def python(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_help_is_for_people_and_works_from_anywhere(tmp_path):
+def test_help_fits_a_screen_and_works_from_anywhere(tmp_path):
     finished = python("--help", cwd=tmp_path)
     assert finished.returncode == 0
-    assert "python -m tex_lightning model=fusion" in finished.stdout
-    assert "fusion_squeezenet" in finished.stdout
+    lines = finished.stdout.splitlines()
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 80
+    assert "  python -m tex_lightning model=fusion" in lines
+    for task in TASKS:
+        (line,) = [line for line in lines if line.startswith(f"  {task} ")]
+        assert len(line) > 25
     assert not list(tmp_path.iterdir())
+
+
+def test_help_needs_no_torch():
+    code = (
+        "import sys; from tex_lightning.__main__ import main; sys.argv[1:] = ['--help=all']; "
+        "main(); assert not {'torch', 'lightning'} & {*sys.modules}"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+
+
+def test_version_is_that_of_the_package(cli):
+    assert cli("--version").out == f"tex_lightning {tex_lightning.__version__}\n"
+
+
+@pytest.mark.parametrize("asked", [["task=fit", "--help"], ["help=fit"], ["--help=fit"]])
+def test_help_of_a_task_lists_the_keys_that_it_reads_with_the_values_now(cli, asked):
+    outcome = cli("model=visual", "model.visual.width=0.25", *asked)
+    assert outcome.status == 0
+    lines = outcome.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    place = lines.index("model.visual.width=0.25")
+    assert "1 is the published size [more than 0 and at" in lines[place + 1]
+    assert "data.sampling_rate=10000" in lines
+    assert "    half that data=lmt108 reads [training | testing]" in lines
+    names = {line.partition("=")[0] for line in lines}
+    assert "model.visual.fit.epochs" in names
+    assert not any(name.startswith(("model.haptic.", "stream.", "profile.")) for name in names)
+
+
+def test_every_key_has_a_meaning_and_a_task_that_reads_it():
+    assert set(READS) == set(TASKS)
+    config = compose_config(CONF, ["model=fusion"])
+    listed: dict[str, Key] = {}
+    for task in READS:
+        listed |= keys_read(OmegaConf.merge(config, {"task": task}))
+    sections = OmegaConf.to_container(config)
+    leaves = {
+        name
+        for name in flatten(sections)
+        if not name.startswith(("hydra.", "frontier.systems.", "model.settings"))
+    }
+    assert leaves <= set(listed)
+    assert all(len(key.meaning) > 8 for key in listed.values())
 
 
 EVERY_MODEL = [(model, "folder") for model in config_groups(CONF)["model"]]
@@ -122,6 +175,33 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["engine=fast"], "engine=fast does not exist"),
         (["engine.precision=fp16"], "engine.precision is fp16"),
         (["engine.tile=1000"], "engine.tile is 1000: choose from 100000 to"),
+        (
+            ["model.haptic.width=1e30"],
+            "width is 1e+30: choose more than 0 and at most 8",
+        ),
+        (["model.haptic.width=nan"], "model.haptic.width is nan: choose more than 0"),
+        (["model.haptic.width=" + "9" * 1000], "has too many digits; give a smaller number"),
+        (["seed=" + "9" * 5000], "has too many digits; give a smaller number"),
+        (["model=visual", "model.visual.fc1_kernel=-5"], "fc1_kernel is -5: choose from 1 to 64"),
+        (["model=visual", "model.visual.fit.patch=-1"], "patch is -1: choose from 1 to 2048"),
+        (["model=visual", "model.visual.fit.patch=50"], "patch is 50, and this network needs"),
+        (["data=folder", f"data.root={LONG}"], "is too long; give a shorter one"),
+        ([f"{LONG}=3"], "There is no key aaa"),
+        ([f"model={LONG}"], "99800 more characters"),
+        ([f"model.haptic.norm={LONG}"], "99800 more characters"),
+        ([f"data.test_fold={LONG}"], "is not of the right type; give a whole number"),
+        (["epochs=3"], "no key epochs (did you mean model.haptic.fit.epochs?)"),
+        (
+            ["model=fusion", "epochs=3"],
+            "model.haptic.fit.epochs or model.visual.fit.epochs or model.fusion.fit.epochs?)",
+        ),
+        (["model=visual", "batch_size=8"], "(did you mean model.visual.fit.batch_size or model.v"),
+        (["model=fusion", "width=1"], "(did you mean model.haptic.width or model.visual.width?)"),
+        (["task=profile", "width=300"], "(did you mean model.haptic.width or profile.width?)"),
+        (["root=DIR"], "no key root (did you mean data.root?)"),
+        (["lr=0.1"], "no key lr (did you mean model.haptic.fit.learning_rate?)"),
+        (["help=fitt"], "help=fitt does not exist (did you mean fit?)"),
+        (["task=fit", "modle=haptic", "--help"], "There is no key modle (did you mean model?)"),
         (["data.classes=1"], "data.classes is 1: choose 2 or more"),
         (["model=visual", "model.visual.head=[300]"], "model.visual.head"),
         (["weights=x.npz"], "HapticNet starts from a checkpoint"),
@@ -137,6 +217,7 @@ def test_mistakes_end_in_one_sentence_and_status_2(cli, tmp_path, monkeypatch, a
     outcome = cli(*arguments)
     (complaint,) = [line for line in outcome.err.splitlines() if line.startswith("Error: ")]
     assert message in complaint
+    assert len(complaint) < 1000
     assert outcome.status == 2
     assert outcome.out == ""
     assert "Traceback" not in outcome.err

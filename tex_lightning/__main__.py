@@ -1,5 +1,6 @@
 """``python -m tex_lightning``: compose the configuration, check it, run one task."""
 
+import errno
 import logging
 import os
 import sys
@@ -12,7 +13,8 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.errors import UserError
+from tex_lightning.arguments import quote_files
+from tex_lightning.errors import UserError, shorten
 from tex_lightning.mistakes import explain
 from tex_lightning.ranks import is_rank_zero, join_quietly
 from tex_lightning.schema import register
@@ -45,15 +47,22 @@ def run_job(composed: DictConfig) -> None:
     (directory / FAILURE).unlink(missing_ok=True)
     try:
         run_task(composed, directory)
-    except UserError as error:
-        if not sweeping:
-            raise SystemExit(complain(error)) from error
-        note_failure(directory, str(error))
     except Exception as error:
+        mistake = _mistake(error)
         if not sweeping:
-            raise
-        log.exception("This job of the sweep failed.")
-        note_failure(directory, f"{type(error).__name__}: {error}")
+            if mistake is None:
+                raise
+            raise SystemExit(complain(mistake)) from error
+        if mistake is None:
+            log.exception("This job of the sweep failed.")
+        note_failure(directory, str(mistake or f"{type(error).__name__}: {error}"))
+
+
+def _mistake(error: Exception) -> UserError | None:
+    """What of an error is the user's to mend; None if it is a fault of the program."""
+    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        return UserError(f"The path {shorten(error.filename)} is too long; give a shorter one.")
+    return error if isinstance(error, UserError) else None
 
 
 def complain(error: Exception) -> int:
@@ -82,7 +91,7 @@ def _answer(arguments: list[str]) -> int:
         print(answer(arguments, CONF), flush=True)
     except UserError as error:
         return complain(error)
-    except (*MISTAKES, ValueError) as error:
+    except (*MISTAKES, ValueError, OverflowError) as error:
         return complain(explain(error, [item for item in arguments if not asks([item])], CONF))
     except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -91,19 +100,24 @@ def _answer(arguments: list[str]) -> int:
 
 def _run() -> int:
     """Run the command line and return its exit status."""
+    sys.argv[1:] = quote_files(sys.argv[1:])
     register()
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
         entry()
-    except (*MISTAKES, ValueError) as error:  # that of a group set to null, before a run begins
+    except (*MISTAKES, ValueError, OverflowError) as error:  # also of a group set to null
         if STARTED and not isinstance(error, MISTAKES):
             raise
         return complain(explain(error, sys.argv[1:], CONF))
     except OSError as error:
         if STARTED:
             raise
+        if "conf" in Path(error.filename).parts:  # of an option that Hydra looks for
+            return complain(explain(error, sys.argv[1:], CONF))
         return complain(
-            UserError(f"The run folder cannot be made ({error}); choose another hydra.run.dir.")
+            UserError(
+                f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
+            )
         )
     except KeyboardInterrupt:
         from tex_lightning.runfolder import holds_work

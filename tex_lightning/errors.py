@@ -1,6 +1,9 @@
 """The one exception that is the user's to mend, and how it repeats what the user gave."""
 
+from collections.abc import Sequence
+
 SHOWN = 200  # characters of a value that a message repeats
+MAX_NAMES = 20  # names that it lists
 
 
 class UserError(Exception):
@@ -18,3 +21,9 @@ def shorten(value: object) -> str:
         return text
     half = SHOWN // 2
     return f"{text[:half]}[{len(text) - 2 * half} more characters]{text[-half:]}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as a message quotes them: shortened, and no more than can be read."""
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(shorten(name) for name in names[:MAX_NAMES]) + more

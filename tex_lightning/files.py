@@ -3,6 +3,7 @@
 import os
 import tempfile
 from collections.abc import Callable
+from glob import glob
 from pathlib import Path
 
 from tex_lightning.errors import UserError
@@ -14,6 +15,11 @@ def require_file(path: Path) -> None:
         raise UserError(f"File {path} does not exist; check the path.")
     if path.stat().st_size == 0:
         raise UserError(f"File {path} is empty; record or copy it again.")
+
+
+def matches(pattern: str) -> list[Path]:
+    """Paths that match a pattern such as ``DIR/*.wav``; ``**`` stands for any folders."""
+    return [Path(name) for name in glob(pattern, recursive=True)]  # noqa: PTH207  (may be absolute)
 
 
 def write_text(target: Path, text: str) -> None:

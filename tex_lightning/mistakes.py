@@ -16,6 +16,7 @@ from tex_lightning.schema.reading import keys_read
 
 OVERRIDE = re.compile(r"^(?P<prefix>[+~]{0,2})(?P<key>[\w./@-]+)(?:=(?P<value>.*))?$", re.DOTALL)
 MERGING = "Error merging override "
+DIGITS = "integer string conversion"  # what Python says of thousands of digits
 # What OmegaConf says of a value of the wrong type, and what to give instead.
 TYPES = {
     "could not be converted to Integer": "a whole number",
@@ -45,6 +46,9 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
     overrides = [argument for argument in arguments if not argument.startswith("-")]
+    if isinstance(error, OverflowError) or DIGITS in str(error):
+        longest = shorten(max(overrides, key=len, default=""))
+        return UserError(f"{longest} has too many digits; give a smaller number.")
     try:
         groups = config_groups(conf)
         config = compose_config(conf, _chosen(overrides, groups))
@@ -160,7 +164,7 @@ def _near_keys(word: str, config: DictConfig) -> list[str]:
 
 
 def _close(word: str, candidates: Sequence[str]) -> list[str]:
-    return difflib.get_close_matches(word, candidates, n=3)
+    return list(dict.fromkeys(difflib.get_close_matches(word, candidates, n=3)))
 
 
 def _did_you_mean(near: Sequence[str]) -> str:

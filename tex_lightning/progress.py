@@ -1,5 +1,6 @@
 """Progress bars and messages, all on standard error: standard output belongs to results."""
 
+import os
 from collections.abc import Iterable, Iterator, Sized
 from typing import TypeVar
 
@@ -11,8 +12,9 @@ from tex_lightning.ranks import is_rank_zero
 Item = TypeVar("Item")
 
 console = Console(stderr=True, quiet=not is_rank_zero())
-if not console.is_terminal:
-    console = Console(stderr=True, width=120, quiet=console.quiet)  # a file has room for tables
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    # a log file has room for long names
+    console = Console(stderr=True, width=120, quiet=console.quiet)
 
 
 def track(items: Iterable[Item], title: str) -> Iterator[Item]:

@@ -65,7 +65,7 @@ def _read(note: Path) -> dict[str, Any]:
     try:
         settings: dict[str, Any] = json.loads(note.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise UserError(f"{note} is damaged; choose another hydra.run.dir.") from error
+        raise UserError(f"{note} is damaged; choose another folder.") from error
     return settings
 
 
@@ -73,3 +73,34 @@ def _binding_settings(config: Config) -> dict[str, Any]:
     """Dotted keys and values of everything that a continued run must keep."""
     values = flatten({**asdict(config), "trainer": vars(config.trainer)})
     return {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
+
+
+def find_checkpoint(given: str | Path) -> Path:
+    """The checkpoint file that is meant: the file itself, or a run folder's own network.
+
+    Raises:
+        UserError: If the folder holds none, or several of which none is the model's.
+    """
+    path = Path(given).expanduser()
+    if not path.is_dir():
+        return path
+    found = {file.stem: file for file in sorted(path.glob("checkpoints/*.ckpt"))}
+    if len(folds := sorted(path.glob("folds/*/checkpoints/*.ckpt"))) and not found:
+        raise UserError(
+            f"{path} holds the networks of a cross-validation, one for each fold; give the file of "
+            f"one, such as {folds[0]}."
+        )
+    if not found:
+        raise UserError(
+            f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt); give a checkpoint or "
+            "the folder of a finished run."
+        )
+    note = path / SETTINGS
+    own = _read(note).get("model.kind") if note.is_file() else None
+    if own is None and len(found) == 1:
+        own = next(iter(found))
+    if own not in found:
+        files = " or ".join(map(str, found.values()))
+        why = f"no finished {own}.ckpt" if own else "several checkpoints and no settings.json"
+        raise UserError(f"{path} holds {why}; give {files}.")
+    return found[own]

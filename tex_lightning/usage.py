@@ -41,7 +41,7 @@ Tasks:
 {tasks}
 
 More to read:
-  task=NAME --help   keys of a task with meaning, range and value; add model=NAME
+  task=NAME --help   keys that a task reads: meaning, range, value
   --help=all         all groups with their options, and all keys
   --cfg job          the configuration that a command line composes
   --hydra-help       flags of Hydra; --version is that of tex_lightning

@@ -47,14 +47,40 @@ def test_a_manifest_survives_a_round_trip(tmp_path):
     elsewhere = tmp_path / "copy.csv"
     write_manifest(table, elsewhere)
     assert read_manifest(elsewhere) == table
-    assert "haptic,a.wav,3" in elsewhere.read_text()
+    assert elsewhere.read_text().splitlines() == [
+        "label,modality,path,group,rate",
+        "wood,haptic,a.wav,3,",
+    ]
 
 
 def test_rates_byte_order_marks_and_extra_columns_are_read(tmp_path):
-    path = manifest(
-        tmp_path, "\ufefflabel,modality,path,group,sampling_rate,note\nw,haptic,a.wav,0,2500,x\n"
-    )
-    assert read_manifest(path).rows[0].sampling_rate == 2500
+    for name in ("rate", "sampling_rate"):
+        lines = f"\ufefflabel,modality,path,group,{name},note\nw,haptic,a.wav,0,2500,x\n"
+        assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500
+    both = "label,modality,path,group,rate,sampling_rate\nw,haptic,a.wav,0,2500,10000\n"
+    with pytest.raises(UserError, match="line 2: rate is 10000 and 2500; write one number"):
+        read_manifest(manifest(tmp_path, both))
+
+
+def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):
+    lines = "label;modality;path;group;rate\r\nw;haptic;a.wav;0;2500,5\r\n"
+    assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500.5
+
+
+def test_columns_that_nothing_reads_are_named_with_what_may_be_meant(tmp_path):
+    lines = "label,modality,path,group,sample_rate,fs,operator\nw,haptic,a.wav,0,1,2,x\n"
+    (note,) = read_manifest(manifest(tmp_path, lines)).notes
+    assert note.count == 3
+    meant = "sample_rate (did you mean rate?), fs (did you mean rate?), operator."
+    assert note.text.endswith(meant)
+    known = manifest(tmp_path, HEADER + "w,haptic,a.wav,0\n")
+    assert read_manifest(known).notes == ()
+
+
+def test_rows_are_left_out_without_a_change_of_groups():
+    rows = tuple(Recording("w", "haptic", Path(f"{i}.wav"), i) for i in range(3))
+    left = Recordings(rows).without([rows[1]])
+    assert [row.group for row in left] == [0, 2]
 
 
 @pytest.mark.parametrize(
@@ -66,6 +92,8 @@ def test_rates_byte_order_marks_and_extra_columns_are_read(tmp_path):
         (HEADER + "w,haptic,b.wav,0\n", "b.wav does not exist"),
         (HEADER + "w,haptic,a.wav,x\n", "not a number"),
         (HEADER + "w,haptic,a.wav,-1\n", "0 or more"),
+        ("label,modality,path,group,rate\nw,haptic,a.wav,0,fast\n", "rate is fast; write one"),
+        ("label,modality,path,group,rate\nw,haptic,a.wav,0,-2\n", "rate is -2; write one"),
         (HEADER + ",haptic,a.wav,1\n", "label or path is empty"),
         (HEADER + "w,haptic\n", "label or path is empty"),
         (HEADER + "w,haptic,a.wav,0\nv,haptic,a.wav,1\n", "in record 1 and in record 2"),

@@ -1,5 +1,6 @@
 import os
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -8,8 +9,11 @@ import pytest
 
 from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace
 from tex_lightning.data.readers.folder import read_folder
+from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, cache_root, fingerprint
 from tex_lightning.errors import UserError
+
+BARE = ("bare.txt", "timed.csv")
 
 
 @pytest.fixture
@@ -32,13 +36,13 @@ def test_gives_what_decoding_gives_from_a_read_only_map(store, surfaces):
 
 def test_decodes_each_file_once(store, surfaces, monkeypatch):
     rows = read_folder(surfaces)
-    store.fill(rows)
+    assert store.fill(rows) == []
     assert len(entries(store)) == len(rows)
 
     def forbidden(*args):
         raise AssertionError("decoded twice")
 
-    monkeypatch.setattr("tex_lightning.data.store.decode_trace", forbidden)
+    monkeypatch.setattr("tex_lightning.data.store.decode_trace_and_rate", forbidden)
     monkeypatch.setattr("tex_lightning.data.store.decode_image", forbidden)
     store.fill(rows)
     store.trace(rows.of("haptic").rows[0])
@@ -82,6 +86,27 @@ def test_a_damaged_entry_is_replaced(store, surfaces):
         np.testing.assert_array_equal(store.trace(row), whole)
 
 
+def test_an_entry_knows_the_rate_of_its_file(store, surfaces, tmp_path):
+    header = read_folder(surfaces).of("haptic").rows[0]
+    np.savetxt(tmp_path / "bare.txt", np.ones(100))
+    times = np.arange(100) / 2500 + np.tile([0, 2e-5], 50)
+    np.savetxt(tmp_path / "timed.csv", np.stack([times, np.ones(100)]).T, header="time,x")
+    bare, timed = (Recording("a", "haptic", tmp_path / name, 0) for name in BARE)
+    stated = replace(bare, sampling_rate=5000.0)
+    rows = [header, bare, stated, timed]
+    assert store.fill(rows) == []
+    for again in (store, Store(store.root.parent, store.settings)):
+        rates = [again.rate(row) for row in rows]
+        assert [rate.source for rate in rates] == ["header", "assumed", "stated", "time column"]
+        assert [rate.hz for rate in rates[:3]] == [10_000, 10_000, 5000]
+        assert rates[3].hz == pytest.approx(2500, rel=1e-3)
+        assert [rate.interpolated for rate in rates] == [False, False, False, True]
+    assert len(entries(store)) == 4  # another rate, another entry
+    entry = store._entry(bare)
+    entry.write_bytes(entry.read_bytes()[:-8])
+    assert store.rate(bare).source == "assumed"
+
+
 def _fill(root: str, surfaces: str) -> int:
     rows = read_folder(Path(surfaces))
     store = Store(Path(root), DecodeSettings())
@@ -101,8 +126,9 @@ def test_two_processes_may_fill_it_at_once(tmp_path, surfaces):
 def test_a_missing_file_and_an_unwritable_cache_are_said(store, surfaces, tmp_path):
     row = read_folder(surfaces).rows[0]
     gone = type(row)("a", "haptic", tmp_path / "gone.wav", 0)
-    with pytest.raises(UserError, match=r"gone\.wav does not exist"):
-        store.fill([gone])
+    (missing,) = store.fill([gone])
+    assert missing.recording == gone
+    assert "gone.wav does not exist" in missing.reason
     (tmp_path / "file").write_text("x")
     with pytest.raises(UserError, match=r"data\.cache_dir"):
         cache_root(str(tmp_path / "file"))

@@ -67,3 +67,13 @@ def test_mean_vote_follows_the_sure_fragments():
     vote = mean_vote(logits)
     assert vote.label == 1
     torch.testing.assert_close(vote.probabilities.float(), torch.tensor([1.21, 1.79]) / 3)
+
+
+def test_doubt_spreads_votes_and_probabilities_and_keeps_the_label():
+    vote = max_vote(torch.tensor([[9.0, 9.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
+    half = vote.doubted(0.5)
+    assert half.label == vote.label == 0
+    assert half.shares.tolist() == [0.625, 0.125, 0.125, 0.125]
+    assert float(half.probabilities.sum()) == pytest.approx(1)
+    assert vote.doubted(1.0).probability == pytest.approx(0.25)
+    assert torch.equal(vote.doubted(0.0).shares, vote.shares)

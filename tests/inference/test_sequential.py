@@ -117,6 +117,31 @@ def test_the_rest_of_a_trace_is_neither_transformed_nor_run(monkeypatch):
     assert vote.evidence < 0.25
 
 
+@pytest.mark.parametrize("kind", ["haptic", "fusion"])
+def test_a_short_trace_is_taken_whole_at_once(kind, monkeypatch):
+    model = classifier(kind)
+    sequential = SequentialClassifier(model, CONFIG)
+    pushed = []
+    monkeypatch.setattr(sequential.stream, "push", pushed.append)
+    short = {"trace": trace(0, 3.0), **({"photo": photo(0)} if kind == "fusion" else {})}
+    vote = sequential.classify(**short)
+    assert pushed == []
+    assert vote.label == model.classify(**short).label
+    if kind == "haptic":
+        assert vote.evidence == 1.0
+
+
+def test_an_undecided_trace_costs_few_pushes_and_one_pass(monkeypatch):
+    model = classifier("haptic")
+    sequential = SequentialClassifier(model, CONFIG)
+    pushes, push = [], sequential.stream.push
+    monkeypatch.setattr(sequential.stream, "push", lambda x: pushes.append(x.shape[1]) or push(x))
+    vote = sequential.classify(trace(0, 20.0))
+    assert len(vote.fragments) == len(model.classify(trace(0, 20.0)).fragments) == 114
+    assert 1 <= len(pushes) <= 6
+    assert 1 < vote.evidence < 1.5
+
+
 def count_positions(monkeypatch, network: nn.Module) -> list[int]:
     """Rows of batches that pass the network's trunk."""
     rows: list[int] = []

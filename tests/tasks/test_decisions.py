@@ -80,7 +80,7 @@ def test_predictions_say_what_they_looked_at(cli, sequential, surfaces):
     line = json.loads(quick.out)
     assert 0 < line["evidence"] < 1
     assert line["fragments"] < 10
-    assert "rejected" not in line
+    assert line["rejected"] is (line["probability"] < 0.5)  # the threshold of the training
     whole = json.loads(cli("task=predict", *files, "decision.reject_below=1").out)
     assert whole["evidence"] == 1
     assert whole["fragments"] == 50  # pairs of debug=tiny
@@ -89,6 +89,34 @@ def test_predictions_say_what_they_looked_at(cli, sequential, surfaces):
     kept = json.loads(cli("task=predict", *files, "decision.reject_below=0").out)
     assert kept["rejected"] is False
     assert kept["label"] in ("alpha", "beta", "gamma")
+
+
+def test_the_threshold_of_rejection_travels_with_the_checkpoint(
+    cli, sequential, surfaces, tmp_path
+):
+    run = ["task=evaluate", f"checkpoint={sequential}/checkpoints/haptic.ckpt", "data=folder"]
+    run += [f"data.root={surfaces}", "logger=csv", "decision=max_vote"]
+    selective = {}
+    for threshold in (None, 0.25):
+        given = [] if threshold is None else [f"decision.reject_below={threshold}"]
+        outcome = cli(*run, *given, f"hydra.run.dir={tmp_path}/{threshold}")
+        assert outcome.status == 0, outcome.err
+        selective[threshold] = networks(tmp_path / str(threshold))["haptic"]["selective"]
+    assert selective[None]["reject_below"] == 0.5
+    assert selective[0.25]["reject_below"] == 0.25
+
+
+def test_rule_and_pairs_are_the_checkpoints_unless_others_are_given(cli, sequential, surfaces):
+    files = [
+        f"checkpoint={sequential}",  # the folder's fusion
+        f"haptic={surfaces}/alpha/haptic/alpha_0.wav",
+        f"image={surfaces}/alpha/image/alpha_0.png",
+    ]
+    assert json.loads(cli("task=predict", *files).out)["fragments"] == 50
+    assert json.loads(cli("task=predict", *files, "decision.pairs=7").out)["fragments"] == 7
+    refused = cli("task=predict", *files, "decision=sequential", "decision.rule=mean")
+    assert "decision.rule=mean does not: choose one" in refused.err
+    assert "decision.seed is null" in cli("decision.seed=null").err
 
 
 def test_held_out_classes_are_tested_and_never_trained_on(cli, surfaces, tmp_path):

@@ -88,7 +88,9 @@ def test_what_a_prediction_holds(cli, surfaces, trained, tmp_path, monkeypatch):
     )
     assert json.loads(fast.out)["label"] == prediction["label"]
     contract = {"haptic", "label", "confidence", "top_k", "fragments", "latency_ms"}
-    assert set(prediction) == contract | {"probability", "evidence"}
+    assert set(prediction) == contract | {"probability", "evidence", "warnings"}
+    assert list(prediction).index("probability") < list(prediction).index("confidence")
+    assert prediction["warnings"] == []
     assert 0 < prediction["probability"] <= 1
     assert prediction["evidence"] == 1
     assert len(prediction["top_k"]) == 2
@@ -97,6 +99,37 @@ def test_what_a_prediction_holds(cli, surfaces, trained, tmp_path, monkeypatch):
         "share": prediction["confidence"],
     }
     assert prediction["fragments"] == 4  # 2.4 s are 236 frames
+
+
+def test_what_lies_far_outside_of_the_training_is_said(cli, surfaces, trained, tmp_path):
+    trace, rate = soundfile.read(surfaces / "beta" / "haptic" / "beta_0.wav")
+    files = {
+        "level": (trace / 100, rate),  # volts in place of g, say
+        "rate": (np.repeat(trace, 2)[::8], rate // 4),
+        "nothing was measured": (np.full(len(trace) * 4, 0.3), 4 * rate),
+        "clipped": (np.clip(2 * trace, -0.3, 0.3), rate),
+    }
+    for said, (samples, its_rate) in files.items():
+        soundfile.write(tmp_path / f"{said}.wav", samples, its_rate, subtype="FLOAT")
+        given = checkpoint(trained, "haptic"), f"haptic={tmp_path / said}.wav"
+        line = json.loads(cli("task=predict", *given).out)
+        (warning,) = line["warnings"]
+        assert said in warning
+        assert line["confidence"] <= 2 / 3  # half of three classes' votes is spread
+        assert line["probability"] <= 2 / 3
+        assert line["top_k"][0] == {"label": line["label"], "share": line["confidence"]}
+        if "nothing" in said:
+            assert line["probability"] == pytest.approx(1 / 3)
+            assert line["confidence"] == pytest.approx(1 / 3)
+
+
+def test_a_covered_lens_is_said(cli, trained, tmp_path):
+    Image.fromarray(np.zeros((240, 240, 3), np.uint8)).save(tmp_path / "dark.png")
+    line = json.loads(
+        cli("task=predict", checkpoint(trained, "visual"), f"image={tmp_path}/dark.png").out
+    )
+    assert line["warnings"] == ["The photo is uniform, so it shows nothing; check the camera."]
+    assert line["probability"] == pytest.approx(1 / 3)
 
 
 def test_photos_may_be_halved_by_the_jpeg_decoder(cli, surfaces, trained, tmp_path, monkeypatch):

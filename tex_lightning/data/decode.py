@@ -3,6 +3,7 @@
 A checkpoint carries the settings used here, so prediction decodes as training did.
 """
 
+import logging
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -14,9 +15,12 @@ import torch
 from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.signal import resample_poly
 
+from tex_lightning.data.rates import SourceRate, source_rate
 from tex_lightning.data.trace_files import read_axes
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
+
+log = logging.getLogger(__name__)
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
@@ -55,26 +59,58 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
         path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a line;
             one of three files with an axis each stands for all (:func:`.trace_files.axis_files`).
         settings: Target rate and the rate of files that carry none.
-        rate: Rate of this file in Hz if it is known and the file carries none.
+        rate: Rate of this file in Hz if the manifest or the reader knows it; see :mod:`.rates`.
 
     Returns:
         float32 array of shape (axes, samples), axes 1 or 3, in the file's unit.
 
     Raises:
-        UserError: If the file is missing, empty, damaged, of another shape, or holds NaN.
+        UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
+            its rate is told differently in two places.
     """
-    trace, file_rate = read_axes(path)
+    trace, source = decode_trace_and_rate(path, settings, rate)
+    if source.interpolated:
+        log.info("Trace %s has uneven times; it is interpolated to %.6g Hz.", path, source.hz)
+    return trace
+
+
+def decode_trace_and_rate(
+    path: Path, settings: DecodeSettings, rate: float | None = None
+) -> tuple[Trace, SourceRate]:
+    """The same as :func:`decode_trace`, and at which rate the file was sampled."""
+    samples, source = read_trace(path, settings, rate)
+    said = f"Trace {path}" if source.source != "assumed" else f"Trace {path}, by assumption,"
+    return to_rate(samples, source.hz, settings.sampling_rate, said), source
+
+
+def read_trace(
+    path: Path, settings: DecodeSettings, rate: float | None = None
+) -> tuple[npt.NDArray[np.floating], SourceRate]:
+    """Read a trace as it stands in its file: samples (axes, samples) and their rate.
+
+    Arguments and errors are those of :func:`decode_trace`.
+    """
+    raw = read_axes(path)
+    trace = raw.samples
     if not (usable := usable_samples(trace)).all():
         first = int(np.flatnonzero(~usable)[0])
         raise UserError(
             f"Trace {path} holds NaN, infinity or a huge number at sample {first}; repair the file."
         )
-    source = file_rate or rate or settings.file_rate
-    ratio = Fraction(settings.sampling_rate / source).limit_denominator(10_000)
+    return trace, source_rate(path, raw, rate, settings.file_rate)
+
+
+def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
+    """Bring samples (axes, samples) from the rate ``source`` to the rate ``target`` in Hz.
+
+    Raises:
+        UserError: If the rates are too far apart, beginning with ``name``.
+    """
+    ratio = Fraction(target / source).limit_denominator(10_000)
     if not 0.001 < ratio < 1000:
         raise UserError(
-            f"Trace {path} has a sampling rate of {source:g} Hz, too far from "
-            f"{settings.sampling_rate:g} Hz; correct data.file_rate or data.sampling_rate."
+            f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz; correct "
+            "that rate (data.file_rate where it is assumed) or data.sampling_rate."
         )
     if ratio != 1:
         trace = resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
@@ -110,12 +146,23 @@ def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) ->
         raise UserError(f"Image {path} is too large ({error}); scale it down.") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise UserError(f"Image {path} is damaged ({error}); replace the file.") from error
+    return (
+        photo if halved and settings.resize is None else to_size(photo, settings, f"Image {path}")
+    )
+
+
+def to_size(photo: Photo, settings: DecodeSettings, name: str) -> Photo:
+    """Halve or resize a photo (height, width, 3) as the settings say.
+
+    Raises:
+        UserError: If there is too little to be halved, beginning with ``name``.
+    """
     if settings.resize is not None:
         return _resized(photo, settings.resize)
-    if halved or not settings.half_scale:
+    if not settings.half_scale:
         return photo
     if min(photo.shape[:2]) < 2:
-        raise UserError(f"Image {path} is too thin to be halved; set data.half_scale=false.")
+        raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
     return halve(photo)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tex_lightning.data.recordings import Modality, Recording, Recordings
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed
 
 Kind = Literal["haptic", "visual", "fusion"]
 NEEDS: dict[Kind, tuple[Modality, ...]] = {
@@ -96,7 +96,7 @@ def check_split(parts: Split, classes: list[str], kind: Kind, test_fold: int) ->
         if absent:
             what = "traces" if modality == "haptic" else "photos"
             raise UserError(
-                f"There are no {what} to train on for {', '.join(absent)}; add recordings, "
+                f"There are no {what} to train on for {listed(absent)}; add recordings, "
                 "leave the class out, or choose a model that does without them."
             )
     if not make_samples(parts.test, kind):

@@ -1,17 +1,21 @@
 """The one table that every reader makes and everything after it uses."""
 
 import csv
+import difflib
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from tex_lightning.data.rates import names_rate, positive_number
+from tex_lightning.data.tables import read_table
 from tex_lightning.errors import UserError
 
 Modality = Literal["haptic", "image"]
 MODALITIES: tuple[Modality, ...] = get_args(Modality)
 COLUMNS = ("label", "modality", "path", "group")
+RATE, OLD_RATE = "rate", "sampling_rate"
 
 
 @dataclass(frozen=True)
@@ -36,9 +40,15 @@ class Recording:
 
 @dataclass(frozen=True)
 class Recordings:
-    """An immutable table of recordings."""
+    """An immutable table of recordings.
+
+    Attributes:
+        rows: The recordings.
+        notes: What was passed over when they were read; no part of the table itself.
+    """
 
     rows: tuple[Recording, ...]
+    notes: tuple["Note", ...] = field(default=(), compare=False)
 
     def __iter__(self) -> Iterator[Recording]:
         return iter(self.rows)
@@ -53,12 +63,35 @@ class Recordings:
 
     def of(self, modality: Modality) -> "Recordings":
         """The rows of one modality."""
-        return Recordings(tuple(row for row in self.rows if row.modality == modality))
+        return self._where(lambda row: row.modality == modality)
 
     def in_classes(self, classes: Iterable[str]) -> "Recordings":
         """The rows whose label is one of ``classes``."""
         wanted = set(classes)
-        return Recordings(tuple(row for row in self.rows if row.label in wanted))
+        return self._where(lambda row: row.label in wanted)
+
+    def without(self, rows: Iterable[Recording]) -> "Recordings":
+        """The other rows; no group number changes."""
+        left_out = set(rows)
+        return self._where(lambda row: row not in left_out)
+
+    def _where(self, keep: Callable[[Recording], bool]) -> "Recordings":
+        return replace(self, rows=tuple(row for row in self.rows if keep(row)))
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something in the data that was not read.
+
+    Attributes:
+        what: Its name in the singular, to count by, such as ``stray file``.
+        count: How many there are.
+        text: A sentence for a warning.
+    """
+
+    what: str
+    count: int
+    text: str
 
 
 def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
@@ -84,27 +117,20 @@ def number_files(
 def read_manifest(path: Path) -> Recordings:
     """Read a table from CSV with the columns ``label,modality,path,group``.
 
-    Relative paths are relative to the manifest; an optional column ``sampling_rate`` (Hz) gives
-    the rate of traces whose format carries none.
+    Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
+    of traces whose format carries none. Earlier versions called it ``sampling_rate``.
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
     """
     if not path.is_file():
         raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            _check_columns(path, reader.fieldnames)
-            rows = [_read_line(path, reader.line_num, line) for line in reader]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UserError(
-            f"Manifest {path} is not a UTF-8 CSV file ({error}); save it as CSV."
-        ) from error
+    lines = read_table(path, "Manifest", COLUMNS)
+    rows = [_read_line(path, number, line) for number, line in lines]
     _check_distinct(path, rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
-    return Recordings(tuple(rows))
+    return Recordings(tuple(rows), _unknown_columns(path, lines[0][1]))
 
 
 def write_manifest(recordings: Recordings, path: Path) -> None:
@@ -115,7 +141,7 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
     folder = path.resolve().parent
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*COLUMNS, "sampling_rate"])
+        writer.writerow([*COLUMNS, RATE])
         for row in recordings:
             rate = "" if row.sampling_rate is None else row.sampling_rate
             file = row.path.resolve()
@@ -124,13 +150,19 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
             writer.writerow([row.label, row.modality, file, row.group, rate])
 
 
-def _check_columns(path: Path, names: Iterable[str] | None) -> None:
-    missing = [column for column in COLUMNS if column not in (names or ())]
-    if missing:
-        raise UserError(
-            f"Manifest {path} lacks the column {', '.join(missing)}; "
-            f"its first line must name {','.join(COLUMNS)}."
-        )
+def _unknown_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
+    """Name columns that nothing reads, and which one may have been meant."""
+    known = (*COLUMNS, RATE, OLD_RATE)
+    unknown = [name for name in names if name and name not in known]
+    if not unknown:
+        return ()
+    hints = []
+    for name in unknown:
+        near = difflib.get_close_matches(name.lower(), known, n=1)
+        meant = RATE if names_rate(name) or near == [OLD_RATE] else next(iter(near), None)
+        hints.append(f"{name} (did you mean {meant}?)" if meant else name)
+    text = f"Manifest {path} has columns that are not read: {', '.join(hints)}."
+    return (Note("column of the manifest", len(unknown), text),)
 
 
 def _check_distinct(path: Path, rows: list[Recording]) -> None:
@@ -154,12 +186,23 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
         raise UserError(f"{where}: modality is {modality!r}; write haptic or image.")
     try:
         group = int(line["group"])
-        rate = float(line["sampling_rate"]) if line.get("sampling_rate") else None
     except (TypeError, ValueError) as error:
-        raise UserError(f"{where}: group or sampling_rate is not a number ({error}).") from error
-    if group < 0 or (rate is not None and not rate > 0):
-        raise UserError(f"{where}: group must be 0 or more and sampling_rate positive.")
+        raise UserError(f"{where}: group is not a number ({error}); write 0 or more.") from error
+    if group < 0:
+        raise UserError(f"{where}: group is {group}; write 0 or more.")
+    rate = _read_rate(where, line)
     target = (path.parent / file).resolve()
     if not target.is_file():
         raise UserError(f"{where}: file {target} does not exist; correct the path.")
     return Recording(label, modality, target, group, rate)
+
+
+def _read_rate(where: str, line: dict[str, str]) -> float | None:
+    given = {line[name] for name in (RATE, OLD_RATE) if line.get(name)}
+    if not given:
+        return None
+    rates = {positive_number(value) for value in given}
+    rate = rates.pop()
+    if rates or rate is None:
+        raise UserError(f"{where}: rate is {' and '.join(sorted(given))}; write one number of Hz.")
+    return rate

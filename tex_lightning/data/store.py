@@ -18,14 +18,24 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
-from tex_lightning.data.decode import DecodeSettings, Photo, Trace, decode_image, decode_trace
+from tex_lightning.data.decode import (
+    DecodeSettings,
+    Photo,
+    Trace,
+    decode_image,
+    decode_trace_and_rate,
+)
+from tex_lightning.data.rates import SOURCES, SourceRate
 from tex_lightning.data.recordings import Recording
-from tex_lightning.data.trace_files import axis_files
+from tex_lightning.data.trace_files import axis_files, axis_paths
+from tex_lightning.data.unusable import Unusable
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
 from tex_lightning.progress import track
 
 FINGERPRINT_BYTES = 65_536
+LAYOUT = 2  # of an entry: what an earlier version decoded otherwise is decoded anew
+RATE_BYTES = 152  # of three numbers as .npy, which end the entry of a trace
 
 
 def cache_root(configured: str | None) -> Path:
@@ -53,7 +63,7 @@ def fingerprint(path: Path) -> str:
         path: Its file, or that of any axis if they lie apart.
     """
     digest = hashlib.sha256()
-    for file in axis_files(path):
+    for file in axis_paths(path):
         size = file.stat().st_size
         digest.update(str(size).encode())
         with file.open("rb") as stream:
@@ -83,19 +93,40 @@ class Store:
         """The photo as a read-only (height, width, 3) uint8 map."""
         return self._get(recording)
 
-    def fill(self, recordings: Iterable[Recording]) -> None:
-        """Decode what is not in the cache yet, several files at a time."""
-        missing = [row for row in recordings if not self._entry(row).is_file()]
-        if not missing:
-            return
+    def rate(self, recording: Recording) -> SourceRate:
+        """At which rate the file of a trace was sampled, and who says so."""
+        entry = self._entry(recording)
+        try:
+            return _load_rate(entry)
+        except (OSError, ValueError, EOFError):
+            self._write(recording)
+            return _load_rate(entry)
+
+    def fill(self, recordings: Iterable[Recording]) -> list[Unusable]:
+        """Decode what is not in the cache yet, several files at a time.
+
+        Returns:
+            The files that cannot be decoded, and why.
+        """
+        rows = list(recordings)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            jobs = [pool.submit(self._write, row) for row in missing]
+            jobs = [pool.submit(self._try, row) for row in rows]
             try:
-                for job in track(jobs, "Decoding"):
-                    job.result()
+                return [found for job in track(jobs, "Decoding") if (found := job.result())]
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
+
+    def _try(self, recording: Recording) -> Unusable | None:
+        """Decode a file unless the cache has it; a full disk is no fault of the file."""
+        try:
+            if self._entry(recording).is_file():
+                return None
+            decoded = self._decode(recording)
+        except UserError as error:
+            return Unusable(recording, str(error))
+        self._save(recording, *decoded)
+        return None
 
     def _get(self, recording: Recording) -> npt.NDArray[Any]:
         entry = self._entry(recording)
@@ -118,20 +149,35 @@ class Store:
             "changed": [entry.st_mtime_ns for entry in status],
             "modality": recording.modality,
             "rate": recording.sampling_rate,
+            "layout": LAYOUT,
             **self.settings.to_dict(),
         }
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
 
     def _write(self, recording: Recording) -> None:
-        array: npt.NDArray[Any]
+        self._save(recording, *self._decode(recording))
+
+    def _decode(self, recording: Recording) -> tuple[npt.NDArray[Any], SourceRate | None]:
         if recording.modality == "haptic":
-            array = decode_trace(recording.path, self.settings, recording.sampling_rate)
-        else:
-            array = decode_image(recording.path, self.settings)
-        write_atomically(self._entry(recording), lambda path: _save(path, array))
+            return decode_trace_and_rate(recording.path, self.settings, recording.sampling_rate)
+        return decode_image(recording.path, self.settings), None
+
+    def _save(self, recording: Recording, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
+        write_atomically(self._entry(recording), lambda path: _save(path, array, rate))
 
 
-def _save(path: Path, array: npt.NDArray[Any]) -> None:
+def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
+    """Write the array and behind it, in the same file, the rate of a trace."""
     with path.open("wb") as stream:
         np.save(stream, array, allow_pickle=False)
+        if rate is not None:
+            numbers = [rate.hz, SOURCES.index(rate.source), rate.interpolated]
+            np.save(stream, np.array(numbers, np.float64), allow_pickle=False)
+
+
+def _load_rate(path: Path) -> SourceRate:
+    with path.open("rb") as stream:
+        stream.seek(-RATE_BYTES, os.SEEK_END)
+        hz, source, interpolated = np.load(stream, allow_pickle=False).tolist()
+    return SourceRate(hz, SOURCES[int(source)], bool(interpolated))

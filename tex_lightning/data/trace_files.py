@@ -1,73 +1,125 @@
 """Samples of a trace as they stand in its file, or in three with an axis each."""
 
+import math
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import soundfile
 
+from tex_lightning.data.text_traces import read_text_trace
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
 
 TRACE_SUFFIXES = (".wav", ".npy", ".txt", ".csv")
+RATE_TOLERANCE = 0.01
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
+
+
+@dataclass(frozen=True)
+class RawTrace:
+    """A trace as it stands in its file or files.
+
+    Attributes:
+        samples: (axes, samples).
+        rate: In Hz if the file carries it, else None.
+        timed: Whether a column of time gave the rate, and not a header.
+        interpolated: Whether the times were uneven, so that samples were interpolated.
+    """
+
+    samples: npt.NDArray[np.floating]
+    rate: float | None = None
+    timed: bool = False
+    interpolated: bool = False
+
+
+def axis_paths(path: Path) -> tuple[Path, ...]:
+    """The files of one recording that are there, in the order of their axes.
+
+    Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
+    last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all.
+    """
+    found = tuple(file for file in _axis_names(path) if file.is_file())
+    return found if len(found) > 1 else (path,)
 
 
 def axis_files(path: Path) -> tuple[Path, ...]:
     """The files of one recording: three if its axes lie apart, as in LMT-108, else the file alone.
 
-    Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
-    last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all.
-
     Raises:
         UserError: If two of the three are there.
     """
+    files = axis_paths(path)
+    if len(files) == 2:
+        (missing,) = set(_axis_names(path)) - set(files)
+        raise UserError(
+            f"Trace {path} is one axis of three, but {missing} does not exist; add it "
+            "or, if it is no axis, rename the file."
+        )
+    return files
+
+
+def _axis_names(path: Path) -> tuple[Path, ...]:
     match = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name)
     if match is None or path.suffix.lower() not in TRACE_SUFFIXES:
         return (path,)
-    files = tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
-    missing = [file for file in files if not file.is_file()]
-    if len(missing) == 1:
-        raise UserError(
-            f"Trace {path} is one axis of three, but {missing[0]} does not exist; add it "
-            "or, if it is no axis, rename the file."
-        )
-    return (path,) if missing else files
+    return tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
 
 
-def read_axes(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
-    """Samples (axes, samples) out of one file or three, and the rate if the file carries one.
+def read_axes(path: Path) -> RawTrace:
+    """Read the samples out of one file or three.
 
     Raises:
-        UserError: If a file is missing, empty, damaged or of another shape.
+        UserError: If a file is missing, empty, damaged or of another shape, or its column of time
+            cannot be used.
     """
     axes = []
-    for file in (files := axis_files(path)):
+    for file in axis_files(path):
         require_file(file)
-        samples, rate = _read_samples(file)
-        axes.append(_as_axes(file, samples))
-    if len(files) > 1 and {axis.shape for axis in axes} != {(1, axes[0].shape[1])}:
-        shapes = ", ".join(f"{len(axis)} x {axis.shape[1]}" for axis in axes)
+        axes.append(_read_file(file))
+    if len(axes) == 1:
+        return axes[0]
+    if {axis.samples.shape for axis in axes} != {(1, axes[0].samples.shape[1])}:
+        shapes = ", ".join(" x ".join(map(str, axis.samples.shape)) for axis in axes)
         raise UserError(
             f"The axes X, Y, Z of trace {path} have {shapes} samples; they must be single and of "
             "one length."
         )
-    return np.concatenate(axes), rate
+    rates = [axis.rate or 0.0 for axis in axes]
+    if not all(same_rate(rate, rates[0]) for rate in rates):
+        told = ", ".join(f"{rate:,.6g} Hz" if rate else "none" for rate in rates)
+        raise UserError(f"The axes X, Y, Z of trace {path} have the rates {told}; make them equal.")
+    return RawTrace(
+        np.concatenate([axis.samples for axis in axes]),
+        axes[0].rate,
+        axes[0].timed,
+        any(axis.interpolated for axis in axes),
+    )
 
 
-def _read_samples(path: Path) -> tuple[npt.NDArray[np.floating], float | None]:
-    """Samples as (samples,) or 2-D, and the rate if the file carries one."""
+def same_rate(one: float, other: float) -> bool:
+    """Whether two rates in Hz may be told of one file; a column of time is never exact."""
+    return math.isclose(one, other, rel_tol=RATE_TOLERANCE)
+
+
+def _read_file(path: Path) -> RawTrace:
     suffix = path.suffix.lower()
     try:
         if suffix == ".wav":
             _check_wav_length(path)
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
-            return samples, float(rate)
+            return RawTrace(_as_axes(path, samples), float(rate))
         if suffix == ".npy":
-            return _numeric(np.load(path, allow_pickle=False)), None
+            array = np.load(path, allow_pickle=False)
+            if not isinstance(array, np.ndarray):
+                raise ValueError("it is an .npz archive; save one array with np.save")
+            return RawTrace(_as_axes(path, _numeric(array)))
         if suffix in (".txt", ".csv"):
-            return _read_text(path), None
+            text = read_text_trace(path)
+            samples = _as_axes(path, text.samples)
+            return RawTrace(samples, text.rate, text.rate is not None, text.interpolated)
     except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
         raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
@@ -96,28 +148,6 @@ def _numeric(array: npt.NDArray[np.generic]) -> npt.NDArray[np.floating]:
     return array.astype(np.float64)
 
 
-def _read_text(path: Path) -> npt.NDArray[np.floating]:
-    """One sample a line; columns apart by comma, semicolon or white space; header optional."""
-    with path.open(encoding="utf-8-sig") as stream:
-        first = stream.readline()
-    delimiter = next((mark for mark in ",;" if mark in first), None)
-    fields = [field.strip() for field in first.split(delimiter)]
-    skip = int(not all(_is_number(field) for field in fields if field))
-    with path.open(encoding="utf-8-sig") as stream:
-        lines = [line for line in stream if line.strip()][skip:]
-    if not lines:
-        raise ValueError("no numbers")
-    return np.loadtxt(lines, delimiter=delimiter, ndmin=1)
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return True
-
-
 def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
     """Bring samples to (axes, samples)."""
     trace = samples[None] if samples.ndim == 1 else samples
@@ -125,7 +155,8 @@ def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.fl
         trace = trace.T
     if trace.ndim != 2 or trace.shape[0] not in (1, 3):
         raise UserError(
-            f"Trace {path} has shape {samples.shape}; a trace has one or three axes (columns)."
+            f"Trace {path} has shape {samples.shape}; a trace has one or three axes (columns), "
+            "and a column of time beside them must be called time."
         )
     if trace.shape[1] == 0:
         raise UserError(f"Trace {path} holds no samples; record or copy it again.")

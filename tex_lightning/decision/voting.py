@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -35,13 +34,14 @@ class Vote:
         """The same fragments, decided by the largest mean probability."""
         return replace(self, label=int(self.probabilities.argmax()))
 
-    def named(self, classes: list[str], least: float | None) -> dict[str, Any]:
-        """``label`` by name; with ``least`` also ``rejected``, and no label below it."""
-        label = classes[self.label]
-        if least is None:
-            return {"label": label}
-        rejected = self.probability < least
-        return {"label": None if rejected else label, "rejected": rejected}
+    def doubted(self, share: float) -> "Vote":
+        """The same label, with a ``share`` of votes and probabilities spread over all classes."""
+        even = share / len(self.shares)
+        return replace(
+            self,
+            shares=self.shares * (1 - share) + even,
+            probabilities=self.probabilities * (1 - share) + even,
+        )
 
 
 def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:

@@ -1,7 +1,8 @@
 """Decisions that look at no more than the label needs, and compute no more than they look at.
 
-- A long trace is taken from its beginning, one fragment more at a time, until the rest cannot
-  change the vote or the mean probability is enough.
+- A long trace is taken from its beginning, each time twice as many fragments, until the rest
+  cannot change the vote or the mean probability is enough. Where beginnings would take longer than
+  the full pass, that is done instead: on traces of a few seconds at once.
 - A large photo is taken window by window in random order (:class:`StoppingRule`). A single window
   sees zeros beyond its edge where the dense pass sees the photo, so its score is not exactly the
   dense one; it is what the network was trained on. Where the windows would cost more than the dense
@@ -9,7 +10,9 @@
 - Of two modalities the cheaper one comes first, and the other one if that is not sure enough.
 """
 
+import logging
 from collections.abc import Callable
+from functools import cache
 from typing import cast
 
 import torch
@@ -27,6 +30,8 @@ from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import window_size
 from tex_lightning.schema import Config, DecisionConfig
+
+log = logging.getLogger(__name__)
 
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
 BATCH = 16  # windows computed at once
@@ -51,15 +56,17 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         )
     if classifier.card.rule != "vote":
         raise UserError(
-            "decision=sequential counts votes, and this checkpoint was trained with "
-            "decision.rule=mean, which does not; use decision=max_vote."
+            "decision=sequential counts votes, and this checkpoint decides by decision.rule=mean, "
+            "which does not; use decision=max_vote or decision.rule=vote."
         )
     return SequentialClassifier(classifier, config)
 
 
 def prepare(classifier: SurfaceClassifier, config: Config) -> SurfaceClassifier:
     """A classifier as testing and prediction run it: accelerated, and deciding as configured."""
-    return decide(accelerate(classifier, config.engine), config.decision)
+    fast = accelerate(classifier, config.engine)
+    fast.card = fast.card.deciding(config.decision)
+    return decide(fast, config.decision)
 
 
 class SequentialClassifier(SurfaceClassifier):
@@ -107,10 +114,13 @@ class SequentialClassifier(SurfaceClassifier):
         if self.stream is None:
             return self.full.classify(trace)
         frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
-        for vote in beginnings(trace, frames, self.stream):
+        full = self.costs.haptic(frames)
+        for vote in beginnings(trace, frames, self.stream, self.costs):
             if sure_enough(vote.probability, self.enough) or self.stream.certain(frames):
-                break
-        return _spent(vote, self.stream.macs, self.costs.haptic(frames))
+                return _spent(vote, self.stream.macs, full)
+        if not self.stream.macs:
+            _say_nothing_saved()
+        return _spent(self.full.classify(trace), self.stream.macs + full, full)
 
     def _photo(self, photo: Tensor) -> Vote:
         """Vote over the positions of VisualNet in random order."""
@@ -151,13 +161,14 @@ class SequentialClassifier(SurfaceClassifier):
         if self.stream is None:
             scores = self._haptic_summand(trace)
             return scores, max_vote(scores), self.costs.haptic(frames)
-        for vote in beginnings(trace, frames, self.stream):
+        for vote in beginnings(trace, frames, self.stream, self.costs):
             if sure_enough(vote.probability, self.enough):
-                break
-        scores, network = self.stream.scores, cast(FusionNet, self.full.network)
-        if network.level == "fc3":
-            scores = network.project_haptic(scores[None])[0]
-        return scores, vote, self.stream.macs
+                scores, network = self.stream.scores, cast(FusionNet, self.full.network)
+                if network.level == "fc3":
+                    scores = network.project_haptic(scores[None])[0]
+                return scores, vote, self.stream.macs
+        scores = self._haptic_summand(trace)
+        return scores, max_vote(scores), self.stream.macs + self.costs.haptic(frames)
 
     def _haptic_summand(self, trace: Tensor) -> Tensor:
         network = cast(FusionNet, self.full.network)
@@ -240,6 +251,12 @@ class SequentialClassifier(SurfaceClassifier):
             ],
             dim=1,
         )
+
+
+@cache
+def _say_nothing_saved() -> None:
+    """Once, however many traces there are."""
+    log.info("decision=sequential saves nothing on traces as short as this: all is computed.")
 
 
 def _spent(vote: Vote, macs: int, full: int) -> Vote:

@@ -1,6 +1,7 @@
 """``report.md``: tables, confusion matrices and telling pairs of one run or of a whole sweep."""
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,16 +12,17 @@ from tex_lightning.files import write_text
 from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure
 from tex_lightning.report.fragments import confused_pairs, fragment_counts
 from tex_lightning.report.pairs import pairs_figure
-from tex_lightning.report.systems import System, read_systems
-from tex_lightning.report.tables import accuracy_tables, profiling_table
+from tex_lightning.report.systems import System, read_systems, run_data
+from tex_lightning.report.table import TINY, is_tiny, run_overrides
+from tex_lightning.report.tables import accuracy_tables, profiling_table, seeds_table
 
 NOTES = """\
-Every fold was tested once by systems fitted on the others. Votes are decisions on whole samples,
-fragments those at single positions. Intervals are Wilson's. p is the exact McNemar test of the row
-against the best one in bold on the same samples, with the samples that only the best row and only
-this row had right; a dash where the samples are not the same. Milliseconds run from decoded
-recordings to the label on this machine. Columns headed "paper" are the paper's figures on its own
-data, all others were measured here."""
+Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
+p is the exact McNemar test of the row against the best one in bold on the same samples, with the
+samples that only the best row and only this row had right; a dash where the samples are not the
+same. Milliseconds run from decoded recordings to the label on this machine; fit s is the time of
+training of all folds of a row. Columns headed "paper" are the paper's figures on its own data, all
+others were measured here."""
 CHOICES = """\
 The paper leaves open: magnitude or power of the spectrogram (magnitude here), normalisation of each
 trace or of the data set (each trace in the paper's settings), the range of rotation (180 degrees),
@@ -32,18 +34,23 @@ invariant local binary patterns with 8 neighbours stand in for it. What the sour
 rows leave unknown is said in their file in `conf/model`."""
 
 
-def write_report(directory: Path, runs: Sequence[Path]) -> None:
+def write_report(directory: Path, runs: Sequence[Path], command: str) -> None:
     """Write ``report.md`` and its figures; nothing where no run tested anything.
 
     Args:
         directory: Where they go.
         runs: Finished run folders.
+        command: What repeats them.
     """
     systems = read_systems(runs)
     if not systems:
         return
     complete = len({system.model for system in systems if not system.inside}) > 1
-    parts = ["# Which material is it?", NOTES]
+    parts = ["# Which material is it?"]
+    if any(is_tiny(run_overrides(run)) for run in runs):
+        parts.append(f"> **{TINY}**")
+    parts += ["This command repeats the report:", f"```bash\n{command}\n```"]
+    parts += [_tested(systems), NOTES, seeds_table(systems)]
     parts.append(accuracy_tables(systems, complete=complete))
     profiles = _profiles(runs)
     if profiles:
@@ -51,6 +58,44 @@ def write_report(directory: Path, runs: Sequence[Path]) -> None:
     parts += [_confusions(directory, systems), _pairs(directory, systems)]
     parts += ["### Where the paper leaves a choice", CHOICES]
     write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
+
+
+def _tested(systems: Sequence[System]) -> str:
+    """How many folds and samples each row tested, and how often; alike rows are told together."""
+    rows: dict[str, list[str]] = {}
+    for system in systems:
+        times = Counter(Counter(outcome.sample for outcome in system.outcomes).values())
+        counts = " and ".join(
+            f"{number} samples {_times(often)}" for often, number in sorted(times.items())
+        )
+        name = f"{system.model} in {system.inside}" if system.inside else system.model
+        rows.setdefault(f"{_folds(system)}: {counts}", []).append(name)
+    lines = []
+    for what, names in rows.items():
+        who = "Every row" if len(rows) == 1 else ", ".join(dict.fromkeys(names))
+        lines.append(f"- {who} tested {what}.")
+    return "\n".join(["Test samples, and how often each was tested in a row:", "", *lines])
+
+
+def _times(often: int) -> str:
+    return {1: "once", 2: "twice"}.get(often, f"{often} times")
+
+
+def _folds(system: System) -> str:
+    """Which folds a system's runs tested."""
+    tested: Counter[int | None] = Counter()
+    for run, entry in zip(system.directories, system.entries, strict=True):
+        data = run_data(run)
+        own = [data.get("test_fold")]
+        tested.update([fold["fold"] for fold in entry["folds"]] if "folds" in entry else own)
+    if None in tested:
+        return "all recordings"
+    every = run_data(system.directories[0]).get("folds")
+    total = f" of {every}" if every is not None else ""
+    names = ", ".join(map(str, sorted(tested)))  # type: ignore[type-var]  # None is not there
+    often = {_times(number) for number in tested.values()}
+    runs = "" if often == {"once"} else f" ({' or '.join(sorted(often))})"
+    return f"fold{'s' * (len(tested) > 1)} {names}{total}{runs}"
 
 
 def _profiles(runs: Sequence[Path]) -> dict[str, dict[str, Any]]:

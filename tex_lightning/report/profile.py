@@ -9,9 +9,9 @@ from typing import Any
 from rich.table import Table
 
 from tex_lightning.profiling.growth import Point
-from tex_lightning.progress import console
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.results import RANDOM
+from tex_lightning.report.table import make_table, print_tables
 
 Network = dict[str, Any]
 
@@ -50,10 +50,6 @@ def _memory(network: Network) -> str:
     return "" if peak is None else f"{peak:,.0f} MiB"
 
 
-def _nothing(_: Network) -> str:
-    return ""
-
-
 SPEEDUP = "speedup over windows one by one"
 DENSE_LABELS = "labels as in the dense pass"
 
@@ -76,31 +72,32 @@ FACTS: dict[str, Callable[[Network], str]] = {
 
 
 def print_profile(results: dict[str, Any], directory: Path) -> None:
-    """Print our figures beside the paper's, then the layers that take longest."""
-    networks, paper = results["networks"], paper_table("profiling")
-    for name in networks:
-        paper[name]["speedup"] = paper[name]["sliding_window_ms"] / paper[name]["fcn_ms"]
-    caption = f"ms: median (p95), {results['environment']['threads']} threads; paper: its average "
-    caption += f"on a {paper['device']}"
-    table = Table(title=f"profile · {results['model']} · {results['weights']}", caption=caption)
-    table.add_column("")
-    for name in networks:
-        table.add_column(name, justify="right")
-        table.add_column("paper", justify="right", style="dim")
-    for key, title in WAYS.items():
-        if any(f"{key}_ms" in network for network in networks.values()):
-            cells = ((_time(networks[name], key), _time(paper[name], key)) for name in networks)
-            table.add_row(title, *(cell for pair in cells for cell in pair))
-    for title, fact in FACTS.items():
-        if title == DENSE_LABELS and results["weights"] == RANDOM:
+    """Print each network's figures beside the paper's, then the layers that take longest."""
+    tables = []
+    for name, network in results["networks"].items():
+        tables += [_comparison(name, network, results), _layers(name, network)]
+    print_tables(directory, *tables)
+
+
+def _comparison(name: str, network: Network, results: dict[str, Any]) -> Table:
+    """One network's ways of classifying beside the paper's."""
+    paper = paper_table("profiling")
+    theirs = paper[name]
+    theirs["speedup"] = theirs["sliding_window_ms"] / theirs["fcn_ms"]
+    title = f"profile · {results['model']} · {results['weights']}"
+    table = make_table(title, [""], [name, "paper"])
+    table.caption = (
+        f"ms: median (p95), {results['environment']['threads']} threads; paper: its average on a "
+        f"{paper['device']}"
+    )
+    for key, way in WAYS.items():
+        if f"{key}_ms" in network:
+            table.add_row(way, _time(network, key), _time(theirs, key))
+    for key, fact in FACTS.items():
+        if key == DENSE_LABELS and results["weights"] == RANDOM:
             continue  # random weights say nearly the same everywhere: chance decides
-        paper_fact = fact if title == SPEEDUP else _nothing
-        cells = ((fact(networks[name]), paper_fact(paper[name])) for name in networks)
-        table.add_row(title, *(cell for pair in cells for cell in pair))
-    console.print(table)
-    for name, network in networks.items():
-        _print_layers(name, network)
-    console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
+        table.add_row(key, fact(network), fact(theirs) if key == SPEEDUP else "")
+    return table
 
 
 def _time(network: Network, key: str) -> str:
@@ -110,12 +107,10 @@ def _time(network: Network, key: str) -> str:
     return f"{network[f'{key}_ms']:,.1f}{p95}"
 
 
-def _print_layers(name: str, network: Network) -> None:
-    table = Table(title=f"{name}: the {SHOWN_LAYERS} layers that take longest")
-    for heading in ("layer", "kind"):
-        table.add_column(heading)
-    for heading in ("ms", "MMAC", "GFLOP/s", "share of matrix products"):
-        table.add_column(heading, justify="right")
+def _layers(name: str, network: Network) -> Table:
+    title = f"{name}: the {SHOWN_LAYERS} layers that take longest"
+    table = make_table(title, ["layer", "kind"], ["ms", "MMAC", "GFLOP/s", "share"])
+    table.caption = "share: of the rate of matrix products"
     for layer in sorted(network["layers"], key=lambda layer: -layer["ms"])[:SHOWN_LAYERS]:
         table.add_row(
             layer["name"],
@@ -125,7 +120,7 @@ def _print_layers(name: str, network: Network) -> None:
             f"{layer['gflops']:.0f}",
             f"{layer['roofline_fraction']:.0%}",
         )
-    console.print(table)
+    return table
 
 
 def write_growth(points: Sequence[Point], path: Path) -> None:

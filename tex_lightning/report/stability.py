@@ -5,11 +5,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from tex_lightning.perturbations.table import Perturbation
-from tex_lightning.progress import console
 from tex_lightning.report.results import wilson_interval
+from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import BreakingPoint, Trial
 
@@ -87,25 +85,24 @@ def _write(path: Path, columns: Sequence[str], lines: Iterable[Sequence[Any]]) -
 
 
 def print_stability(results: dict[str, Any], directory: Path) -> None:
-    """Print one line per system: clean and mean error, what harms it most, where it breaks."""
-    table = Table(title=f"stability · {results['data']} · errors against {results['reference']}")
-    headings = ("system", "clean votes", "mean error", "mCE", "flips", "breaks", "worst", "class")
-    for heading in headings:
-        table.add_column(heading)
+    """Print clean and mean error of each system and where it breaks, then what harms it most."""
+    title = f"stability · {results['data']} · errors against {results['reference']}"
+    figures = make_table(title, ["system"], ["clean votes", "mean error", "mCE", "flips", "breaks"])
+    worst = make_table("what harms most", ["system", "perturbation"], ["error"])
+    worst.add_column("class that suffers most", overflow="fold")
     for name, entry in results["systems"].items():
         if "clean" not in entry:
-            table.add_row(name, "no perturbation that it meets")
+            figures.add_row(name, "meets none")
             continue
-        clean, ratio, worst = entry["clean"], entry["corruption_error"], entry["worst_perturbation"]
-        table.add_row(
+        clean, ratio, harm = entry["clean"], entry["corruption_error"], entry["worst_perturbation"]
+        figures.add_row(
             name,
             f"{clean['vote_accuracy']:.1%} ({clean['correct']}/{clean['test_samples']})",
             f"{entry['mean_error']:.1%}",
             "" if ratio is None else f"{ratio['mean']:.2f}",
             f"{entry['mean_flip_rate']:.1%}",
             f"{entry['breaks']} of {entry['perturbations']}",
-            f"{worst['name']} {worst['mean_error']:.0%}",
-            entry["worst_class"]["name"],
         )
-    console.print(table)
-    console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
+        error = f"{harm['mean_error']:.0%}"
+        worst.add_row(name, harm["name"], error, entry["worst_class"]["name"])
+    print_tables(directory, figures, worst)

@@ -1,35 +1,38 @@
-"""Summary of a sweep: one line per job, whatever became of it, and the pooled folds."""
+"""Summary of a sweep: a line per job, whatever became of it, pooled folds, means over seeds."""
 
 import csv
 import json
 import logging
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from statistics import mean, stdev
 from typing import Any, ClassVar
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
-from rich.table import Table
 
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.files import write_text
 from tex_lightning.progress import console
 from tex_lightning.report.results import wilson_interval
-from tex_lightning.report.systems import FOLD_KEYS
+from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
+from tex_lightning.report.table import TINY, is_tiny, make_table, python_command, seconds
 
 Row = dict[str, Any]
 
 log = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
+OWN_KEYS = ("hydra.mode=", "hydra.sweep.dir=")
 NO_SWEEP = (
     "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
     "trainer.num_nodes, or run without -m."
 )
 COLUMNS = (
-    "job", "overrides", "status", "network", "vote_accuracy", "ci_low", "ci_high", "correct",
-    "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
+    "job", "overrides", "status", "network", "vote_accuracy", "vote_accuracy_sd", "ci_low",
+    "ci_high", "correct", "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
 )  # fmt: skip
 
 
@@ -73,7 +76,15 @@ class SweepSummary(Callback):
         _print(rows, directory)
         from tex_lightning.report.document import write_report  # heavy, and only now needed
 
-        write_report(directory, jobs)
+        write_report(directory, jobs, rerun_command(config, directory))
+
+
+def rerun_command(config: DictConfig, directory: Path) -> str:
+    """The command that repeats a sweep, or goes on with it, in its folder."""
+    overrides = OmegaConf.select(config, "hydra.overrides", default={})
+    given = [*overrides.get("hydra", []), *overrides.get("task", [])]
+    kept = [str(item) for item in given if not str(item).startswith(OWN_KEYS)]
+    return python_command("-m", *kept, f"hydra.sweep.dir={directory}")
 
 
 def _rows(job: Path, root: Path) -> list[Row]:
@@ -109,60 +120,90 @@ def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:
 
 
 def _pooled(rows: list[Row]) -> list[Row]:
-    """Counts over jobs that differ in nothing but the tested fold."""
+    """Counts over jobs that differ in the tested fold alone, then means over seeds."""
+    tested = [row for row in rows if "vote_accuracy" in row]
+    folds = [_over_folds(*group) for group in _alike(tested, FOLD_KEYS)]
+    whole = [row for row in tested if not _has(row, FOLD_KEYS)]
+    return folds + [_over_seeds(*group) for group in _alike(whole + folds, SEED_KEYS)]
+
+
+def _alike(rows: list[Row], keys: tuple[str, ...]) -> Iterator[tuple[list[str], list[Row]]]:
+    """Rows of one network that differ in ``keys`` alone, with the overrides that they share."""
     groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
     for row in rows:
-        if "vote_accuracy" in row:
-            kept = tuple(item for item in row["overrides"] if not item.startswith(FOLD_KEYS))
-            if len(kept) < len(row["overrides"]):
-                groups.setdefault((kept, row["network"]), []).append(row)
-    pooled = []
-    for (overrides, network), members in groups.items():
-        if len(members) < 2:
-            continue
-        correct = sum(row["correct"] for row in members)
-        count = sum(row["test_samples"] for row in members)
-        low, high = wilson_interval(correct, count)
-        pooled.append(
-            {
-                "job": f"{len(members)} folds",
-                "overrides": list(overrides),
-                "status": "done",
-                "network": network,
-                "vote_accuracy": correct / count,
-                "ci_low": low,
-                "ci_high": high,
-                "correct": correct,
-                "test_samples": count,
-                "fit_seconds": sum(row["fit_seconds"] for row in members),
-            }
-        )
-    return pooled
+        if _has(row, keys):
+            kept = tuple(item for item in row["overrides"] if not item.startswith(keys))
+            groups.setdefault((kept, row["network"]), []).append(row)
+    for (overrides, _), members in groups.items():
+        if len(members) > 1:
+            yield list(overrides), members
 
 
-def _varying(row: Row, rows: list[Row]) -> str:
+def _has(row: Row, keys: tuple[str, ...]) -> bool:
+    return any(item.startswith(keys) for item in row["overrides"])
+
+
+def _over_folds(overrides: list[str], members: list[Row]) -> Row:
+    correct = sum(row["correct"] for row in members)
+    count = sum(row["test_samples"] for row in members)
+    low, high = wilson_interval(correct, count)
+    return {
+        "job": f"{len(members)} folds",
+        "overrides": overrides,
+        "status": "done",
+        "network": members[0]["network"],
+        "vote_accuracy": correct / count,
+        "ci_low": low,
+        "ci_high": high,
+        "correct": correct,
+        "test_samples": count,
+        "fit_seconds": sum(row["fit_seconds"] for row in members),
+    }
+
+
+def _over_seeds(overrides: list[str], members: list[Row]) -> Row:
+    """Mean and sample standard deviation; the runs test the same samples, so no count is pooled."""
+    accuracies = [row["vote_accuracy"] for row in members]
+    return {
+        "job": f"{len(members)} seeds",
+        "overrides": overrides,
+        "status": "done",
+        "network": members[0]["network"],
+        "vote_accuracy": mean(accuracies),
+        "vote_accuracy_sd": stdev(accuracies),
+        "fit_seconds": sum(row["fit_seconds"] for row in members),
+    }
+
+
+def _varying(row: Row, rows: list[Row]) -> list[str]:
     """What distinguishes a job's overrides from those that all jobs share."""
-    every = [{*other["overrides"]} for other in rows if not other["job"].endswith(" folds")]
+    every = [{*other["overrides"]} for other in rows if " " not in other["job"]]
     shared = set.intersection(*every) if len(every) > 1 else set()
-    return " ".join(item for item in row["overrides"] if item not in shared)
+    return [item for item in row["overrides"] if item not in shared]
 
 
 def _print(rows: list[Row], directory: Path) -> None:
-    table = Table(title="sweep")
-    for heading in ("job", "overrides", "network", "votes", "95 % interval", "fit s"):
-        table.add_column(heading)
+    table = make_table("sweep", ["job", "overrides", "network"], ["votes", "95 % CI", "fit s"])
     for row in rows:
-        if "vote_accuracy" not in row:
-            name, status = row.get("network", ""), row["status"]
-            table.add_row(row["job"], _varying(row, rows), name, status)
-            continue
-        table.add_row(
-            row["job"],
-            _varying(row, rows),
-            row["network"],
-            f"{row['vote_accuracy']:.1%} ({row['correct']}/{row['test_samples']})",
-            f"{row['ci_low']:.1%} to {row['ci_high']:.1%}",
-            f"{row['fit_seconds']:.0f}",
-        )
+        pooled = " " in row["job"]
+        job = "" if pooled else row["job"]
+        said = "\n".join([*_varying(row, rows), *([row["job"]] if pooled else [])])
+        table.add_row(job, said, row.get("network", ""), *_figures(row))
     console.print(table)
+    for row in rows:
+        if row["status"] != "done":
+            console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True, highlight=False)
+    if any(is_tiny(row["overrides"]) for row in rows):
+        console.print(TINY, style="bold yellow", highlight=False)
     console.print(f"Summary in {directory / 'sweep.csv'}", soft_wrap=True, highlight=False)
+
+
+def _figures(row: Row) -> tuple[str, ...]:
+    """Votes, interval and time of a row, as far as it has them."""
+    if "vote_accuracy" not in row:
+        return ("done" if row["status"] == "done" else "failed",)
+    accuracy, fit = f"{row['vote_accuracy']:.1%}", seconds(row["fit_seconds"])
+    if "vote_accuracy_sd" in row:
+        return f"{accuracy} ± {row['vote_accuracy_sd']:.1%}", "", fit
+    counts = f"({row['correct']}/{row['test_samples']})"
+    return f"{accuracy} {counts}", f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}", fit

@@ -10,8 +10,10 @@ from omegaconf import OmegaConf
 
 from tex_lightning.learning.start import SUFFIX
 from tex_lightning.report.results import Outcome, read_outcomes
+from tex_lightning.report.table import run_overrides
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")
+SEED_KEYS = ("seed=",)
 SHARED_KEYS = (
     "model=", "data=", "data.", "hydra", "experiment=", "task=", "debug=", "crossval.", "weights=",
 )  # fmt: skip
@@ -42,6 +44,18 @@ class System:
     entries: list[dict[str, Any]]
     outcomes: list[Outcome]
     directories: list[Path]
+
+    @property
+    def seed(self) -> str:
+        """The seed, if it was asked for and runs differ in it; else empty."""
+        items = [item for item in self.variant.split(", ") if item.startswith(SEED_KEYS)]
+        return items[0].partition("=")[2] if items else ""
+
+    @property
+    def but_seed(self) -> str:
+        """The variant without the seed."""
+        items = self.variant.split(", ")
+        return ", ".join(item for item in items if not item.startswith(SEED_KEYS))
 
     @property
     def successes(self) -> dict[str, bool]:
@@ -106,11 +120,19 @@ def _results(run: Path) -> dict[str, Any]:
     return results
 
 
+def run_data(run: Path) -> dict[str, Any]:
+    """The section ``data`` of a run's configuration; empty where it is not kept."""
+    path = run / ".hydra" / "config.yaml"
+    if not path.is_file():
+        return {}
+    data: dict[str, Any] = OmegaConf.to_container(OmegaConf.load(path).data)  # type: ignore[assignment]
+    return data
+
+
 def _asked(run: Path) -> list[str]:
     """Overrides that change the system, not the data, the folds or where the run lands."""
-    path = run / ".hydra" / "overrides.yaml"
-    items = [str(item) for item in OmegaConf.load(path)] if path.is_file() else []
-    return [item for item in items if not item.startswith((*SHARED_KEYS, *FOLD_KEYS))]
+    kept = (*SHARED_KEYS, *FOLD_KEYS)
+    return [item for item in run_overrides(run) if not item.startswith(kept)]
 
 
 def _pool(key: tuple[str, ...], members: list[tuple[Path, dict[str, Any]]]) -> System:

@@ -1,34 +1,85 @@
 """The closing table of a run."""
 
+import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from omegaconf import OmegaConf
+from rich import box
 from rich.table import Table
 
 from tex_lightning.progress import console
 
+TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
+
+Network = dict[str, Any]
+
+FACTS: dict[str, Callable[[Network], str]] = {
+    "votes": lambda network: f"{network['vote_accuracy']:.1%}",
+    "correct": lambda network: f"{network['correct']}/{network['test_samples']}",
+    "95 % interval": lambda network: "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
+    "fragments": lambda network: f"{network['fragment_accuracy']:.1%}",
+    "ms/sample": lambda network: f"{network['latency_ms']['median']:.1f}",
+    "fit s": lambda network: seconds(network["fit_seconds"]),
+    "parameters": lambda network: f"{network['parameters']:,}",
+    "MMAC/sample": lambda network: _millions(network["macs_per_sample"]),
+}
+
 
 def print_results(results: dict[str, Any], directory: Path) -> None:
-    """Print one line per network: accuracy with interval and counts, cost beside it."""
-    table = Table(title=f"{results['task']} · {results['model']} · {results['data']}")
-    for heading in ("network", "votes", "95 % interval", "fragments"):
-        table.add_column(heading)
-    for heading in ("ms/sample", "fit s", "parameters", "MMAC"):
-        table.add_column(heading, justify="right")
-    for name, network in results["networks"].items():
-        low, high = network["vote_ci95"]
-        table.add_row(
-            name,
-            f"{network['vote_accuracy']:.1%} ({network['correct']}/{network['test_samples']})",
-            f"{low:.1%} to {high:.1%}",
-            f"{network['fragment_accuracy']:.1%}",
-            f"{network['latency_ms']['median']:.1f}",
-            f"{network['fit_seconds']:.0f}",
-            f"{network['parameters']:,}",
-            _millions(network["macs_per_sample"]),
-        )
-    console.print(table)
+    """Print a column per network: accuracy with interval and counts, then its cost."""
+    title = f"{results['task']} · {results['model']} · {results['data']}"
+    table = make_table(title, [""], list(results["networks"]))
+    for name, fact in FACTS.items():
+        table.add_row(name, *(fact(network) for network in results["networks"].values()))
+    print_tables(directory, table)
+
+
+def make_table(title: str, names: list[str], figures: list[str]) -> Table:
+    """A table with as little ink as fits 80 columns; long names go on in the next line.
+
+    Args:
+        title: Above it.
+        names: Headings of columns of text.
+        figures: Headings of columns of figures, after those.
+    """
+    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in names:
+        table.add_column(heading, overflow="fold")
+    for heading in figures:
+        table.add_column(heading, overflow="fold", justify="right")
+    return table
+
+
+def print_tables(directory: Path, *tables: Table) -> None:
+    """Print tables, where the results are, and whether they mean anything."""
+    for table in tables:
+        console.print(table)
+    if is_tiny(run_overrides(directory)):
+        console.print(TINY, style="bold yellow", highlight=False)
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
+
+
+def run_overrides(directory: Path) -> list[str]:
+    """What was asked for in a run folder; nothing if it does not say."""
+    path = directory / ".hydra" / "overrides.yaml"
+    return [str(item) for item in OmegaConf.load(path)] if path.is_file() else []
+
+
+def is_tiny(overrides: list[str]) -> bool:
+    """Whether a run was there to try the plumbing only."""
+    return "debug=tiny" in [item.lstrip("+") for item in overrides]
+
+
+def python_command(*arguments: str) -> str:
+    """What one types to run this package with some arguments."""
+    return shlex.join(["python", "-m", "tex_lightning", *arguments])
+
+
+def seconds(value: float) -> str:
+    """A time as every table has it."""
+    return f"{value:.1f}"
 
 
 def _millions(macs: int | None) -> str:

@@ -1,12 +1,14 @@
 """The paper's tables with our figures beside its own, as Markdown."""
 
 from collections.abc import Sequence
+from statistics import mean, stdev
 from typing import Any
 
 from tex_lightning.report.paired import mcnemar
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.results import summarise
 from tex_lightning.report.systems import System
+from tex_lightning.report.table import seconds
 
 KIND_TABLES = ("haptic", "visual", "fusion")
 DATA_TABLES = ("kylberg", "kth_tips2b")
@@ -70,9 +72,36 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
             f"Ours: {', '.join(data)}, {classes} classes, {count} test samples. "
             f"The paper's: {paper['data']}.",
             "",
-            *_markdown(HEADINGS, lines),
+            *markdown(HEADINGS, lines),
         ]
     )
+
+
+def seeds_table(systems: Sequence[System]) -> str:
+    """Mean and sample standard deviation of systems that differ in the seed alone."""
+    groups: dict[tuple[str, ...], list[System]] = {}
+    for system in systems:
+        if system.seed:
+            key = (system.model, system.kind, system.inside, system.data, system.but_seed)
+            groups.setdefault(key, []).append(system)
+    lines = [_seeds_line(members) for members in groups.values() if len(members) > 1]
+    if not lines:
+        return ""
+    headings = ("system", "seeds", "votes of each", "mean", "standard deviation")
+    return "\n".join(["### Over seeds", "", *markdown(headings, lines)])
+
+
+def _seeds_line(members: list[System]) -> list[str]:
+    runs = [summarise(system.outcomes) for system in members]
+    accuracies = [run["vote_accuracy"] for run in runs]
+    first = members[0]
+    return [
+        _label(first) + (f" ({first.but_seed})" if first.but_seed else ""),
+        ", ".join(system.seed for system in members),
+        ", ".join(f"{run['correct']}/{run['test_samples']}" for run in runs),
+        f"{mean(accuracies):.1%}",
+        f"{stdev(accuracies):.1%}",
+    ]
 
 
 def _label(system: System) -> str:
@@ -95,13 +124,9 @@ def _line(row: dict[str, Any], system: System, best: System) -> list[str]:
         _percent(row.get("fragment")),
         f"{ours['fragment_accuracy']:.1%}",
         f"{ours['latency_ms']['median']:.1f}",
-        f"{sum(entry['fit_seconds'] for entry in entries) / _folds(entries):.1f}",
+        seconds(sum(entry["fit_seconds"] for entry in entries)),
         f"{entries[0]['parameters']:,}",
     ]
-
-
-def _folds(entries: list[dict[str, Any]]) -> int:
-    return sum(len(entry.get("folds", [None])) for entry in entries)
 
 
 def _missing(row: dict[str, Any]) -> list[str]:
@@ -121,7 +146,8 @@ def _against(best: System, system: System) -> str:
     return NONE if test is None else f"{test[2]:.2g} ({test[0]}:{test[1]})"
 
 
-def _markdown(headings: Sequence[str], lines: list[list[str]]) -> list[str]:
+def markdown(headings: Sequence[str], lines: list[list[str]]) -> list[str]:
+    """The lines of a table in Markdown."""
     return [
         f"| {' | '.join(headings)} |",
         f"|{'---|' * len(headings)}",
@@ -156,6 +182,6 @@ def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
             "",
             f"The paper's: {paper['device']}. Ratios compare across machines, milliseconds do not.",
             "",
-            *_markdown(headings, lines),
+            *markdown(headings, lines),
         ]
     )

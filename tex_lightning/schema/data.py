@@ -63,6 +63,7 @@ class DataConfig:
         "classes never trained on; how far their confidence lies below the others' is tested",
         default=None,
     )
+    skip_bad: bool = key("go on without files that cannot be used, said and counted")
     cache_dir: str | None = key(
         "folder of decoded files; null is the user's cache folder", default=None
     )

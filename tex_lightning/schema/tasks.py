@@ -21,15 +21,21 @@ class DecisionConfig:
         "max_vote counts every fragment, sequential as few as the label needs",
         choices=("max_vote", "sequential"),
     )
-    pairs: int = key("K, the pairs that FusionNet votes over", least=1, most=1_000_000)
-    rule: str = key(
-        "count the fragments' votes, or average their class probabilities; a checkpoint keeps "
-        "the rule it was trained with",
+    pairs: int | None = key(
+        "K, the pairs that FusionNet votes over; null takes the checkpoint's",
+        least=1, most=1_000_000,
+    )  # fmt: skip
+    rule: str | None = key(
+        "count the fragments' votes, or average their class probabilities; null takes the "
+        "checkpoint's",
         choices=("vote", "mean"),
     )
-    seed: int = key("of the pairs and of the order of windows", least=0, most=SEED)
+    seed: int | None = key(
+        "of the pairs and of the order of windows; null takes the checkpoint's", least=0, most=SEED
+    )
     reject_below: float | None = key(
-        "mean class probability below which no label is given; null always gives one",
+        "mean class probability below which no label is given; 0 always gives one, null takes "
+        "the checkpoint's",
         default=None, **SHARE,
     )  # fmt: skip
     alpha: float = key(

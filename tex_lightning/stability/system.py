@@ -1,11 +1,12 @@
 """A system under test: a classifier for each fold, with that fold's test samples."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tex_lightning.data.folds import NEEDS, Kind, Sample
 from tex_lightning.data.recordings import Recording
+from tex_lightning.data.unusable import Unusable
 from tex_lightning.perturbations.table import Perturbation
 from tex_lightning.stability.judge import Decision, Judge, Percept
 from tex_lightning.stability.laboratory import Laboratory
@@ -22,12 +23,14 @@ class Member:
         judge: The classifier.
         samples: Those it has not trained on.
         laboratory: Where their recordings are.
+        skipped: Files of its test that cannot be used and were left out.
     """
 
     checkpoint: Path
     judge: Judge
     samples: list[Sample]
     laboratory: Laboratory
+    skipped: Sequence[Unusable] = ()
     _clean: dict[Recording, Percept | None] = field(default_factory=dict)
 
     def clean(self) -> list[Decision]:

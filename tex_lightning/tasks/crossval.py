@@ -21,7 +21,7 @@ from tex_lightning.report.results import (
     write_outcomes,
     write_results,
 )
-from tex_lightning.report.table import print_results
+from tex_lightning.report.table import print_results, python_command, run_overrides
 from tex_lightning.schema import Config
 from tex_lightning.tasks import profile
 from tex_lightning.tasks.fit import fit_fold, results_frame
@@ -49,7 +49,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     if config.model.name in config.crossval.profile:
         _profile(config, networks[workspace.kind]["checkpoint"], directory / "profile")
     write_results(directory / "results.json", results)
-    write_report(directory, [directory])
+    command = python_command(*run_overrides(directory), f"hydra.run.dir={directory}")
+    write_report(directory, [directory], command)
     print_results(results, directory)
     return results
 
@@ -116,7 +117,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     pooled = {
         **summarise(outcomes),
-        **believed(outcomes, workspace.classes, workspace.config),
+        **believed(outcomes, workspace.classes, workspace.config.decision.reject_below),
         **pool_sequential(directories, name, workspace.directory, workspace.config.decision),
         **pool_unknown(directories, name, outcomes, workspace.directory),
         "parameters": first["parameters"],

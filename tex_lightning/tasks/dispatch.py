@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -13,8 +14,9 @@ from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
+from tex_lightning.report.opening import announced_once
 from tex_lightning.report.sweep import NO_SWEEP
-from tex_lightning.runfolder import claim_folder
+from tex_lightning.runfolder import claim_folder, find_checkpoint
 from tex_lightning.schema import Config
 from tex_lightning.tasks import (
     crossval,
@@ -60,6 +62,8 @@ def run_task(composed: DictConfig, directory: Path) -> None:
     check_missing(composed)
     config = read_config(composed)
     check_config(config)
+    if config.checkpoint is not None:
+        config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     set_threads(config)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
     if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:
@@ -69,7 +73,7 @@ def run_task(composed: DictConfig, directory: Path) -> None:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
-    with kept_memory():
+    with kept_memory(), announced_once(config):
         if is_rank_zero():
             claim_folder(composed, config, directory.resolve())
         if config.model.name == AUTO:

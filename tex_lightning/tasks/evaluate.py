@@ -1,6 +1,7 @@
 """Test a checkpoint on a fold of any data set, or on the whole of it."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,14 +12,17 @@ from tex_lightning.data.folds import NEEDS, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
+from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed
+from tex_lightning.report.opening import announce
 from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config, DataConfig
 from tex_lightning.tasks.seen import refuse_leak
 from tex_lightning.tasks.testing import draw_figures, report_network
-from tex_lightning.tasks.workspace import check_sizes, hold_out
+from tex_lightning.tasks.usable import find_unusable
+from tex_lightning.tasks.workspace import hold_out
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
@@ -37,17 +41,20 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     unknown = _held_out(config.data, classifier)
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
-    both = Recordings(test.rows + unknown.rows)
-    store.fill(both)
-    check_sizes(both, store, classifier.haptic_features, classifier.least_side)
-    samples = make_samples(test, kind)
+    both = replace(test, rows=test.rows + unknown.rows)
+    features, least_side = classifier.haptic_features, classifier.least_side
+    skipped = find_unusable(both, store, features, least_side, skip_bad=config.data.skip_bad)
+    bad = [each.recording for each in skipped]
+    announce(config, both.without(bad), store, skipped)
+    samples = make_samples(test.without(bad), kind)
+    unknown_samples = make_samples(unknown.without(bad), kind)
     if not samples:
         raise UserError(
             f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
             "data.test_fold=null for everything."
         )
     network, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, make_samples(unknown, kind)
+        classifier, checkpoint, samples, store, directory, config, unknown_samples
     )
     draw_figures(outcomes, classes, kind, directory)
     results = {
@@ -57,6 +64,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
         "classes": classes,
         "seed": config.seed,
         "wall_seconds": time.perf_counter() - begin,
+        "skipped": skipped_entry(skipped),
         "environment": environment(device),
         "networks": {kind: network},
     }
@@ -81,7 +89,7 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
     unknown = [label for label in rows.classes if label not in card.classes]
     if unknown:
         raise UserError(
-            f"{who} does not know the class {', '.join(unknown)}; leave it out of the "
+            f"{who} does not know the class {listed(unknown)}; leave it out of the "
             "data, name it in data.hold_out or train on it."
         )
     return _tested(rows, data, card, who)
@@ -98,7 +106,7 @@ def _held_out(data: DataConfig, classifier: SurfaceClassifier) -> Recordings:
 
 
 def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
-    wanted = Recordings(tuple(row for row in rows if row.modality in NEEDS[card.kind]))
+    wanted = rows.without(row for row in rows if row.modality not in NEEDS[card.kind])
     test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
     refuse_leak(test, card, who)
-    return test
+    return replace(test, notes=rows.notes)

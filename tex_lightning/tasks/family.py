@@ -16,6 +16,7 @@ from hydra.core.hydra_config import HydraConfig
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.errors import UserError
 from tex_lightning.inference.sequential import prepare
 from tex_lightning.report.results import Outcome, read_outcomes, write_outcomes, write_results
@@ -120,7 +121,8 @@ def _measure_fold(workspace: Workspace, fold: int, directory: Path) -> None:
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, directory / "validation.csv")
     seconds = sum(network["fit_seconds"] for network in networks.values())
-    write_results(directory / DONE, {**entry, "fit_seconds": seconds})
+    skipped = skipped_entry(workspace.skipped)
+    write_results(directory / DONE, {**entry, "fit_seconds": seconds, "skipped": skipped})
 
 
 def with_system(given: Sequence[str], overrides: Sequence[str]) -> list[str]:

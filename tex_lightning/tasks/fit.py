@@ -10,6 +10,7 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.data.folds import Kind, Split, make_samples
+from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.learning.share import train_shared
 from tex_lightning.learning.start import name_source
@@ -72,6 +73,7 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
         **haptic_trunk_weights(config),
         "seed": config.seed,
         "wall_seconds": seconds,
+        "skipped": skipped_entry(workspace.skipped),
         "environment": environment(pick_device(config.trainer.accelerator)),
         "networks": networks,
     }

@@ -69,6 +69,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
         "folds": folds,
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(pick_device(config.trainer.accelerator)),
+        "skipped": _skipped(measured),
         "chosen": chosen.system,
         "command": _command(members, chosen.system),
         "overrides": list(_member(members, chosen.system).overrides),
@@ -105,6 +106,12 @@ def _classify_next(
 ) -> object:
     """Another sample each time: what a sequential decision costs depends on the sample."""
     return classifier.classify(*next(samples))
+
+
+def _skipped(measured: list[Measured]) -> list[dict[str, str]]:
+    """Files that some system went without, each once."""
+    skipped = [each for system in measured for each in system.entry.get("skipped", [])]
+    return list({each["path"]: each for each in skipped}.values())
 
 
 def _macs(system: Measured) -> int | None:

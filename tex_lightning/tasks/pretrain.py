@@ -13,6 +13,7 @@ from tex_lightning.data.folds import NEEDS, Kind, Split
 from tex_lightning.data.readers.synthetic import spec_of
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.synthetic.stream import RenderedStore, SpecimenStream
+from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
@@ -20,10 +21,10 @@ from tex_lightning.report.results import write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.schema import Config
 from tex_lightning.tasks.fit import finished, results_frame, tested_network
+from tex_lightning.tasks.usable import find_too_small
 from tex_lightning.tasks.workspace import (
     Workspace,
     check_networks,
-    check_sizes,
     configured_card,
     decode_settings,
 )
@@ -43,7 +44,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     trained_on = {"stream": asdict(stream.spec), "seen": []}
     card = replace(configured_card(config, kind, stream.classes), trained_on=trained_on)
     features = HapticFeatures(**card.haptic_features) if kind == "haptic" else None
-    check_sizes(Recordings(test.rows[:1]), store, features, least_side)
+    if too_small := find_too_small(Recordings(test.rows[:1]), store, features, least_side):
+        raise UserError(too_small[0].reason)
     none = Recordings(())
     workspace = Workspace(config, kind, stream.classes, none, none, store, directory)
     parts = Split(none, none, test)

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations.table import Perturbation, perturbations
@@ -21,7 +22,7 @@ from tex_lightning.stability.record import RECORD, Record
 from tex_lightning.stability.summary import conflict_summary, mean_errors, summarise_system
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import Bench, Trial
-from tex_lightning.tasks.tested import load_systems
+from tex_lightning.tasks.tested import load_systems, skipped_files
 
 log = logging.getLogger(__name__)
 
@@ -56,6 +57,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
         "bound": config.stability.bound,
         "reference": systems[0].name,
         "perturbations": {each.name: asdict(each) for each in chosen},
+        "skipped": skipped_entry(skipped_files(systems)),
         "systems": _entries(bench, trials, breaks),
     }
     write_results(directory / "results.json", results)

@@ -1,27 +1,27 @@
 """Classify while a recording goes on: one JSON object per chunk on standard output."""
 
-import json
 import sys
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
-import torch
-from torch import Tensor
+import numpy.typing as npt
 
-from tex_lightning.classifier import SurfaceClassifier, check_frames
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.data.decode import decode_trace, usable_samples
-from tex_lightning.decision.voting import Vote
-from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
-from tex_lightning.inference.engine import accelerate
+from tex_lightning.prediction import Prediction
+from tex_lightning.predictor import Predictor
 from tex_lightning.schema import Config
-from tex_lightning.streaming.classifier import StreamingClassifier
+from tex_lightning.streaming.live import LiveStream
+from tex_lightning.tasks.lines import print_line
 
 SAMPLE = np.dtype("<f4")  # of standard input
+KEYS = ("label", "rejected", "probability", "confidence", "fragments", "warnings", "latency_ms")
+
+Chunk = npt.NDArray[np.float32]
 
 
 def run(config: Config, directory: Path) -> None:
@@ -33,55 +33,38 @@ def run(config: Config, directory: Path) -> None:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
             before there is one fragment.
     """
-    classifier = SurfaceClassifier.from_checkpoint(cast(str, config.checkpoint))
-    device = pick_device(config.trainer.accelerator)
-    engine = accelerate(classifier.to(device), config.engine)
-    stream = StreamingClassifier(engine, wait=config.stream.wait)
-    rate = stream.features.sampling_rate
-    size = max(1, round(config.stream.chunk * rate))
-    if config.haptic == "-":
-        chunks = _from_standard_input(config, rate, size)
-    else:
-        if not isinstance(config.haptic, str):
-            raise UserError(f"haptic={config.haptic} is several; give one file, or - for a pipe.")
-        path = Path(config.haptic).expanduser()
-        trace = decode_trace(path, classifier.card.settings_for(config.data.file_rate))
-        chunks = iter(torch.split(torch.from_numpy(trace), size, dim=1))
+    predictor = Predictor(load_classifier(cast(str, config.checkpoint)), config)
+    stream = predictor.stream()
     samples = 0
 
-    def say(push: Callable[[], Vote | None]) -> None:
-        begin = time.perf_counter()
-        vote = push()
-        synchronise(device)
-        latency = (time.perf_counter() - begin) * 1000
-        line = {
-            "time": round(samples / rate, 6),
-            **_report(vote, classifier.card.classes, config.decision.reject_below),
-            "latency_ms": round(latency, 3),
-        }
-        print(json.dumps(line), flush=True)
+    def say(push: Callable[[], Prediction]) -> None:
+        found = push().to_dict()
+        time = round(samples / stream.rate, 6)
+        print_line({"time": time, **{key: found[key] for key in KEYS if key in found}})
 
-    for chunk in chunks:
+    for chunk in _chunks(config, predictor, stream):
         samples += chunk.shape[1]
         say(partial(stream.push, chunk))
-    if stream.waiting is not None:
+    if stream.waiting:
         say(stream.finish)
-    check_frames(stream.frames, stream.features)
+    stream.check()
 
 
-def _report(vote: Vote | None, classes: list[str], least: float | None) -> dict[str, Any]:
-    """Of a line; there is no label before the first fragment."""
-    if vote is None:
-        rejected = {} if least is None else {"rejected": False}
-        return {"label": None, **rejected, "confidence": None, "fragments": 0}
-    return {
-        **vote.named(classes, least),
-        "confidence": float(vote.shares[vote.label]),
-        "fragments": len(vote.fragments),
-    }
+def _chunks(config: Config, predictor: Predictor, stream: LiveStream) -> Iterator[Chunk]:
+    """Chunks (axes, samples) of the file, or of standard input."""
+    size = max(1, round(config.stream.chunk * stream.rate))
+    if config.haptic == "-":
+        yield from _from_standard_input(config, stream.rate, size)
+        return
+    if isinstance(config.haptic, list | dict):
+        raise UserError(f"haptic={config.haptic} is several; give one file, or - for a pipe.")
+    path = Path(str(config.haptic)).expanduser()
+    trace = decode_trace(path, predictor.card.settings_for(config.data.file_rate))
+    for start in range(0, trace.shape[1], size):
+        yield trace[:, start : start + size]
 
 
-def _from_standard_input(config: Config, rate: float, size: int) -> Iterator[Tensor]:
+def _from_standard_input(config: Config, rate: float, size: int) -> Iterator[Chunk]:
     """Chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
     if config.data.file_rate not in (None, rate):
         raise UserError(
@@ -103,4 +86,4 @@ def _from_standard_input(config: Config, rate: float, size: int) -> Iterator[Ten
                 "little-endian float32 numbers."
             )
         place += len(samples)
-        yield torch.from_numpy(samples.T.astype(np.float32))
+        yield samples.T.astype(np.float32)

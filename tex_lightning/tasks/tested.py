@@ -10,17 +10,21 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import Kind, Sample, make_samples
+from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
+from tex_lightning.data.unusable import Unusable
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.report.opening import announce
 from tex_lightning.runfolder import SETTINGS
 from tex_lightning.schema import Config, DataConfig
 from tex_lightning.stability.judge import Judge
 from tex_lightning.stability.laboratory import Laboratory
 from tex_lightning.stability.system import Member, System
 from tex_lightning.tasks.evaluate import recordings_to_test
-from tex_lightning.tasks.workspace import check_sizes
+from tex_lightning.tasks.usable import find_unusable
 
 Found = tuple[Path, int | None]  # a checkpoint and its test fold, None for the configured one
 
@@ -41,7 +45,17 @@ def load_systems(config: Config) -> list[System]:
             classifier = members[0].judge.classifier
             name = _name(path, kind, classifier)
             systems.append(System(name, classifier.card.kind, members))
+    notes = read_recordings(config.data).notes
+    for each in laboratories.values():
+        tested = Recordings(tuple(each.rows.values()), notes)
+        announce(config, tested, each.store, skipped_files(systems))
     return _named_apart(systems)
+
+
+def skipped_files(systems: list[System]) -> list[Unusable]:
+    """Files that some system is not tested on, each once."""
+    found = [each for system in systems for member in system.members for each in member.skipped]
+    return list(dict.fromkeys(found))
 
 
 def _checkpoints(path: Path, config: Config) -> dict[str, list[Found]]:
@@ -78,14 +92,17 @@ def _member(
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     laboratory = laboratories.setdefault(settings, Laboratory(store, config.seed, data.folds))
-    laboratory.store.fill(rows)
-    check_sizes(rows, laboratory.store, classifier.haptic_features, classifier.least_side)
+    features, least_side = classifier.haptic_features, classifier.least_side
+    skipped = find_unusable(
+        rows, laboratory.store, features, least_side, skip_bad=config.data.skip_bad
+    )
+    rows = rows.without(each.recording for each in skipped)
     samples = _limited(make_samples(rows, classifier.card.kind), config.stability.limit)
     if not samples:
         raise UserError(f"There is nothing to test {path} on in {_place(data)}; choose another.")
     laboratory.add(row for each in samples for row in (each.haptic, each.image) if row is not None)
     engine = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
-    return Member(path, Judge(engine.eval()), samples, laboratory)
+    return Member(path, Judge(engine.eval()), samples, laboratory, skipped)
 
 
 def _place(data: DataConfig) -> str:

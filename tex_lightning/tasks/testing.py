@@ -60,7 +60,7 @@ def report_network(
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     entry = {
         **summarise(outcomes),
-        **believed(outcomes, classes, config),
+        **believed(outcomes, classes, decider.card.reject_below),
         **network_facts(classifier, samples[0], store),
         "fit_seconds": stored["fit_seconds"],
         "checkpoint": str(checkpoint.resolve()),
@@ -71,11 +71,13 @@ def report_network(
     return entry, outcomes
 
 
-def believed(outcomes: Sequence[Outcome], classes: list[str], config: Config) -> dict[str, Any]:
+def believed(
+    outcomes: Sequence[Outcome], classes: list[str], reject_below: float | None
+) -> dict[str, Any]:
     """What ``results.json`` says of the probabilities, and of the samples left without a label."""
     entry: dict[str, Any] = {"calibration": calibration(outcomes, classes)}
-    if config.decision.reject_below is not None:
-        entry["selective"] = selective(outcomes, config.decision.reject_below)
+    if reject_below is not None:
+        entry["selective"] = selective(outcomes, reject_below)
     return entry
 
 

@@ -5,20 +5,23 @@ from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.baselines.registry import make_baseline
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
-from tex_lightning.data.datamodule import load_trace
+from tex_lightning.card import DECISION, Card
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
+from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
-from tex_lightning.errors import UserError
+from tex_lightning.data.unusable import Unusable
+from tex_lightning.errors import UserError, listed
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.parts import UNIMODAL
+from tex_lightning.report.opening import announce
 from tex_lightning.schema import Config, DataConfig, ModelConfig
 from tex_lightning.tasks.seen import refuse_leak, trained_on, trained_on_parts
+from tex_lightning.tasks.usable import find_unusable
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
 VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head", "fragment")
@@ -36,6 +39,7 @@ class Workspace:
         unknown: The same of the classes held out of everything but a test of their own.
         store: Decoded files.
         directory: The run folder.
+        skipped: Files that were left out since they cannot be used (``data.skip_bad``).
     """
 
     config: Config
@@ -45,6 +49,7 @@ class Workspace:
     unknown: Recordings
     store: Store
     directory: Path
+    skipped: tuple[Unusable, ...] = ()
 
     def on_fold(self, fold: int, directory: Path) -> "Workspace":
         """The same with another test fold and run folder."""
@@ -74,18 +79,29 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
     kind = cast(Kind, config.model.kind)
     least_side = check_networks(config)
     rows = read_recordings(config.data)
-    needed = Recordings(tuple(row for row in rows if row.modality in NEEDS[kind]))
+    needed = rows.without(row for row in rows if row.modality not in NEEDS[kind])
     recordings, unknown = hold_out(needed, config.data.hold_out)
     store = Store(cache_root(config.data.cache_dir), decode_settings(config.data))
     if len(recordings.classes) < 2:
         raise UserError(
             f"The data has {' or '.join(NEEDS[kind])} recordings of "
-            f"{' '.join(recordings.classes) or 'no class'} for a {kind} network, and telling "
+            f"{listed(recordings.classes) or 'no class'} for a {kind} network, and telling "
             "classes apart takes two; choose another model or add recordings."
         )
-    store.fill(needed)
-    check_sizes(needed, store, HapticFeatures(**_haptic_features(config)), least_side)
-    return Workspace(config, kind, recordings.classes, recordings, unknown, store, directory)
+    features = HapticFeatures(**_haptic_features(config))
+    skipped = find_unusable(needed, store, features, least_side, skip_bad=config.data.skip_bad)
+    bad = [each.recording for each in skipped]
+    announce(config, needed.without(bad), store, skipped)
+    return Workspace(
+        config,
+        kind,
+        recordings.classes,
+        recordings.without(bad),
+        unknown.without(bad),
+        store,
+        directory,
+        tuple(skipped),
+    )
 
 
 def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordings, Recordings]:
@@ -97,30 +113,11 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     absent = sorted(set(classes or ()) - set(recordings.classes))
     if absent:
         raise UserError(
-            f"data.hold_out names {', '.join(absent)}, and the data has no such class; choose from "
-            f"{', '.join(recordings.classes)}."
+            f"data.hold_out names {listed(absent)}, and the data has no such class; choose from "
+            f"{listed(recordings.classes)}."
         )
     known = [label for label in recordings.classes if label not in (classes or ())]
     return recordings.in_classes(known), recordings.in_classes(classes or [])
-
-
-def check_sizes(
-    recordings: Recordings, store: Store, features: HapticFeatures | None, least_side: int
-) -> None:
-    """Make sure that every recording gives a fragment, before time is spent on training.
-
-    Raises:
-        UserError: Naming the first file that is too short or too small.
-    """
-    for row in recordings:
-        try:
-            if row.modality == "image":
-                height, width, _ = store.image(row).shape
-                check_side(height, width, least_side)
-            elif features is not None:
-                check_frames(features.count_frames(load_trace(row, store)), features)
-        except UserError as error:
-            raise UserError(f"{row.path}: {error}") from error
 
 
 def check_networks(config: Config) -> int:
@@ -147,7 +144,14 @@ def check_networks(config: Config) -> int:
         starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
         if source is not None:
             start_trunk(starts[kind], source)
-    return starts["visual"].least_side if "visual" in starts else 0
+    least_side = starts["visual"].least_side if "visual" in starts else 0
+    patch = model.visual.fit.patch
+    if "visual" in starts and "visual" not in given and patch < least_side:
+        raise UserError(
+            f"model.visual.fit.patch is {patch}, and this network needs {least_side} pixels for a "
+            f"prediction; choose {least_side} or more."
+        )
+    return least_side
 
 
 def given_checkpoints(config: Config) -> dict[Kind, Path]:
@@ -169,7 +173,9 @@ def decode_settings(data: DataConfig) -> DecodeSettings:
 def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
     """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
     config, parts = workspace.config, workspace.parts()
-    card = configured_card(config, kind, workspace.classes)
+    rows = [row for row in parts.train if row.modality in NEEDS[kind]]
+    ranges = training_ranges(rows, workspace.store)
+    card = replace(configured_card(config, kind, workspace.classes), input_ranges=ranges)
     if kind != "fusion":
         source = None if card.baseline else config.weights_of(kind)
         return replace(card, trained_on=trained_on(card, parts, config.data, source))
@@ -192,7 +198,7 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
         kind=kind,
         classes=classes,
         decode=decode_settings(config.data).to_dict(),
-        decision={key: getattr(config.decision, key) for key in ("pairs", "rule", "seed")},
+        decision={key: getattr(config.decision, key) for key in DECISION},
         haptic_features=_haptic_features(config) if kind == "haptic" else {},
         haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
         visual_network=_network(model.visual, *VISUAL_KEYS) if network and kind == "visual" else {},

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from tex_lightning.errors import shorten
 from tex_lightning.schema import DataConfig
 from tex_lightning.validation.ranges import choice
 
@@ -40,6 +41,6 @@ def check_data(data: DataConfig) -> Iterator[str]:
     for name in ("test_fold", "val_fold"):
         fold = getattr(data, name)
         if fold is not None and not 0 <= fold < data.folds:
-            yield f"data.{name} is {fold}: choose from 0 to {data.folds - 1}"
+            yield f"data.{name} is {shorten(fold)}: choose from 0 to {data.folds - 1}"
     if data.val_fold is not None and data.val_fold == data.test_fold:
         yield f"data.val_fold and data.test_fold are both {data.val_fold}: choose different folds"

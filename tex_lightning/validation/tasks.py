@@ -12,6 +12,7 @@ AUTO = "auto"
 PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
 NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
+READ_RECORDINGS = ("fit", "crossval", "evaluate", "stability", "frontier")
 
 
 def check_task(config: Config) -> Iterator[str]:
@@ -46,7 +47,7 @@ def check_task(config: Config) -> Iterator[str]:
     yield from _profile(config)
     yield from _pretrain(config)
     yield from _stability(config)
-    yield from _stream(config)
+    yield from _skip_bad(config)
     if config.weights is not None and not on_recordings:
         yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
     fusion = config.model.fusion
@@ -91,7 +92,10 @@ def _frontier(config: Config) -> Iterator[str]:
 def check_decision(config: Config) -> Iterator[str]:
     """What cannot be meant of ``decision``."""
     decision = config.decision
-    if decision.name == "sequential" and decision.rule != "vote":
+    for key in ("pairs", "rule", "seed"):
+        if getattr(decision, key) is None and config.task not in NEED_CHECKPOINTS:
+            yield f"decision.{key} is null, but task={config.task} has no checkpoint with one"
+    if decision.name == "sequential" and decision.rule not in ("vote", None):
         yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
     if decision.name == "sequential" and config.model.baseline is not None:
         yield (
@@ -104,13 +108,9 @@ def check_decision(config: Config) -> Iterator[str]:
         yield f"data.hold_out is not read by task={config.task}: leave it out"
 
 
-def _stream(config: Config) -> Iterator[str]:
-    reject, wait = config.decision.reject_below, config.stream.wait
-    if wait > 0 and config.task == "stream" and reject is not None:
-        yield (
-            "decision.reject_below needs the probability after every chunk, and with stream.wait "
-            "it is left behind: set stream.wait=0"
-        )
+def _skip_bad(config: Config) -> Iterator[str]:
+    if config.data.skip_bad and config.task not in READ_RECORDINGS:
+        yield f"data.skip_bad is not read by task={config.task}: leave it out"
 
 
 def _profile(config: Config) -> Iterator[str]:

@@ -48,6 +48,8 @@ def test_folder_finds_files_by_type_and_passes_others_over(surfaces, tmp_path):
     assert rows.classes == ["alpha", "beta", "gamma"]
     assert len(rows.of("haptic")) == len(rows.of("image")) == 30
     assert {row.group for row in rows} == set(range(10))
+    (note,) = rows.notes
+    assert note.text == f"Class folder {root}/empty is skipped: it is empty."
 
 
 def test_classes_may_have_unequal_counts(surfaces, tmp_path):

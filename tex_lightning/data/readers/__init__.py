@@ -1,7 +1,9 @@
 """Readers: each maps a data set on disk to the one table of recordings."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
+from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.readers import (
     folder,
     kth_tips2b,
@@ -43,4 +45,15 @@ def read_recordings(config: DataConfig) -> Recordings:
         raise UserError(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two."
         )
-    return recordings.in_classes(classes[: config.classes])
+    return _with_stated_rates(recordings.in_classes(classes[: config.classes]))
+
+
+def _with_stated_rates(recordings: Recordings) -> Recordings:
+    """Give traces the rates that sidecars and tables beside them state."""
+    rows = tuple(
+        replace(row, sampling_rate=stated_rate(row.path, row.sampling_rate))
+        if row.modality == "haptic"
+        else row
+        for row in recordings
+    )
+    return replace(recordings, rows=rows)

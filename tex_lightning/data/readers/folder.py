@@ -1,14 +1,28 @@
-"""Reader of ``root/CLASS/haptic/*`` and ``root/CLASS/image/*``: the layout for one's own data."""
+"""Reader of ``root/CLASS/haptic/*`` and ``root/CLASS/image/*``: the layout for one's own data.
 
+Names of folders may be in any case and in the plural (``Haptics``). A class without these folders
+is read as it lies, ``root/CLASS/*``: a file's suffix tells its sense.
+"""
+
+from collections.abc import Iterator
 from pathlib import Path
 
 from tex_lightning.data.decode import IMAGE_SUFFIXES
-from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings, number_files
-from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_files
+from tex_lightning.data.rates import RATES_TABLE
+from tex_lightning.data.recordings import (
+    MODALITIES,
+    Modality,
+    Note,
+    Recording,
+    Recordings,
+    number_files,
+)
+from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_paths
 from tex_lightning.errors import UserError
 from tex_lightning.schema import DataConfig
 
 SUFFIXES: dict[Modality, tuple[str, ...]] = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}
+SHOWN = 3  # names of a folder that nothing was read from
 
 
 def read(config: DataConfig) -> Recordings:
@@ -27,33 +41,91 @@ def own_folder(config: DataConfig) -> Path:
 
 
 def read_folder(root: Path) -> Recordings:
-    """Read a folder with one folder per class; other files and empty classes are passed over.
+    """Read a folder with one folder per class; what is passed over is in the table's notes.
 
     Raises:
-        UserError: If the folder is missing or holds no recordings.
+        UserError: If the folder is missing or holds no recordings, or a class has two folders for
+            one sense.
     """
     if not root.is_dir():
         raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")
     rows: list[Recording] = []
-    for directory in sorted(path for path in root.iterdir() if path.is_dir()):
-        for modality in MODALITIES:
-            files = _files(directory / modality, SUFFIXES[modality])
-            rows += number_files(directory.name, modality, files)
+    notes: list[Note] = []
+    for directory in sorted(root.iterdir()):
+        if directory.is_dir() and not directory.name.startswith("."):
+            found, passed_over = _read_class(directory)
+            rows += found
+            notes += passed_over
     if not rows:
         raise UserError(
             f"Folder {root} holds no recordings; put traces in {root}/CLASS/haptic "
             f"({', '.join(TRACE_SUFFIXES)}) and photos in {root}/CLASS/image (.jpg, .png, …)."
         )
-    return Recordings(tuple(rows))
+    return Recordings(tuple(rows), tuple(notes))
+
+
+def _read_class(directory: Path) -> tuple[list[Recording], list[Note]]:
+    """Recordings of one class, from its folders if it has any, and what was passed over."""
+    folders = _sense_folders(directory)
+    places = folders or dict.fromkeys(MODALITIES, directory)
+    files = {sense: _files(place, SUFFIXES[sense]) for sense, place in places.items()}
+    rows = [
+        row for sense, paths in files.items() for row in number_files(directory.name, sense, paths)
+    ]
+    return rows, list(_passed_over(directory, folders, files))
+
+
+def _passed_over(
+    directory: Path, folders: dict[Modality, Path], files: dict[Modality, list[Path]]
+) -> Iterator[Note]:
+    if not any(files.values()):
+        yield Note("class folder", 1, f"Class folder {directory} is skipped: {_why(directory)}.")
+    else:
+        for sense, folder in folders.items():
+            if not files[sense]:
+                yield Note("folder", 1, f"Folder {folder} is skipped: {_why(folder)}.")
+    stray = [file for suffixes in SUFFIXES.values() for file in _files(directory, suffixes)]
+    if folders and stray:
+        listed = _listed([file.name for file in stray])
+        text = f"{directory} has folders for its senses, so {listed} beside them is not read."
+        yield Note("stray file", len(stray), text)
+
+
+def _why(folder: Path) -> str:
+    """Why nothing was read in a folder."""
+    names = [path.name for path in sorted(folder.iterdir())]
+    if not names:
+        return "it is empty"
+    return f"there is no trace and no photo in it or in its haptic and image ({_listed(names)})"
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join([*names[:SHOWN], *(["…"] if len(names) > SHOWN else [])])
+
+
+def _sense_folders(directory: Path) -> dict[Modality, Path]:
+    found: dict[Modality, Path] = {}
+    for modality in MODALITIES:
+        names = (modality, f"{modality}s")
+        matching = [path for path in directory.iterdir() if path.name.casefold() in names]
+        folders = sorted(path for path in matching if path.is_dir())
+        if len(folders) > 1:
+            raise UserError(
+                f"{directory} has the folders {folders[0].name} and {folders[1].name} for one "
+                "sense; put their files into one."
+            )
+        if folders:
+            found[modality] = folders[0]
+    return found
 
 
 def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    if not directory.is_dir():
-        return []
     return [
         path
-        for path in directory.iterdir()
+        for path in sorted(directory.iterdir())
         if path.suffix.lower() in suffixes
+        and not path.is_dir()
         and not path.name.startswith(".")
-        and path == axis_files(path)[0]
+        and path.name.casefold() != RATES_TABLE
+        and path == axis_paths(path)[0]
     ]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tex_lightning.data.decode import DecodeSettings, halve
+from tex_lightning.data.rates import SourceRate
 from tex_lightning.data.recordings import Modality, Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.synthetic.dataset import SyntheticSpec, photograph, record
@@ -95,6 +96,10 @@ class RenderedStore(Store):
     def __init__(self, stream: SpecimenStream) -> None:
         self.settings = stream.settings
         self.stream = stream
+
+    def rate(self, recording: Recording) -> SourceRate:
+        """The rate that traces are rendered at."""
+        return SourceRate(self.settings.sampling_rate, "stated")
 
     def _get(self, recording: Recording) -> NDArray[Any]:
         return self.stream.render(recording.group, 1)[0]

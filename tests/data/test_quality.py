@@ -1,0 +1,99 @@
+"""What is wrong with a recording that can be read."""
+
+import numpy as np
+import pytest
+
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.quality import (
+    TraceMonitor,
+    photo_quality,
+    together,
+    trace_measures,
+    training_ranges,
+)
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+
+RNG = np.random.default_rng(0)
+NOISE = RNG.standard_normal((1, 20_000)).astype(np.float32)
+
+
+def quality(trace, pieces=1, **ranges):
+    monitor = TraceMonitor()
+    for piece in np.array_split(trace, pieces, axis=1):
+        monitor.update(piece)
+    return monitor.quality(ranges, level=monitor.level, rate=10_000)
+
+
+@pytest.mark.parametrize("pieces", [1, 7])
+def test_dead_and_clipped_sensors_are_told_from_live_ones(pieces):
+    three = np.concatenate([NOISE, NOISE[:, ::-1] + 9.81, NOISE * 0.1])
+    assert quality(three, pieces).warnings == ()
+    assert "silent" in quality(three * 0, pieces).warnings[0]
+    assert quality(three * 0, pieces).empty
+    assert "constant" in quality(three * 0 + 0.3, pieces).warnings[0]
+    dead = quality(three * [[1], [0], [1]] + 9.81, pieces)
+    assert dead.warnings == ("Axis 2 of the trace is constant; check the sensor.",)
+    assert not dead.empty
+    assert "clipped, 12%" in quality(NOISE.clip(-0.7, 0.7), pieces).warnings[0]
+
+
+def test_a_coarsely_digitised_trace_is_not_clipped():
+    assert quality(np.round(NOISE)).warnings == ()
+
+
+def test_level_is_the_deviation_whatever_the_offset_and_the_pieces():
+    three = np.concatenate([NOISE, NOISE[:, ::-1] * 2])
+    expected = float(np.sqrt(three.astype(np.float64).var(axis=1).sum()))
+    for pieces in (1, 13):
+        monitor = TraceMonitor()
+        for piece in np.array_split(three + 100, pieces, axis=1):
+            monitor.update(piece)
+        assert monitor.level == pytest.approx(expected, rel=1e-4)
+
+
+def test_only_what_is_far_outside_of_the_training_is_said():
+    assert quality(NOISE, level=[0.4, 2.5]).warnings == ()
+    assert quality(NOISE, level=[2.5, 9.0]).warnings == ()  # within a factor of three
+    (quiet,) = quality(NOISE / 100, level=[0.4, 2.5]).warnings
+    assert "has a level of 0.00996" in quiet
+    assert "0.4 to 2.5" in quiet
+    assert len(quality(NOISE * 100, level=[0.4, 2.5]).warnings) == 1
+    assert quality(NOISE * 100).warnings == ()  # an older checkpoint knows no ranges
+    assert len(quality(NOISE, rate=[44_100, 44_100]).warnings) == 1
+
+
+def test_a_rate_above_the_networks_own_adds_nothing():
+    assert trace_measures(NOISE, 44_100, 10_000)["rate"] == 10_000
+    assert trace_measures(NOISE, 2_500, 10_000)["rate"] == 2_500
+
+
+def test_photos_that_show_nothing_or_little():
+    photo = RNG.integers(60, 200, (300, 400, 3)).astype(np.uint8)
+    ranges = {"brightness": [90.0, 160.0], "contrast": [20.0, 50.0]}
+    assert photo_quality(photo, ranges).warnings == ()
+    for grey in (0, 128, 255):
+        uniform = photo_quality(np.full_like(photo, grey), {})
+        assert uniform.empty
+        assert "uniform" in uniform.warnings[0]
+    said = photo_quality(photo // 20, ranges).warnings
+    assert [warning.split()[4] for warning in said] == ["brightness", "contrast"]
+
+
+def test_a_sample_is_empty_if_all_of_it_is():
+    empty, fine = quality(NOISE * 0), quality(NOISE)
+    assert together([empty, empty]).empty
+    assert not together([empty, fine]).empty
+    assert together([empty, fine]).warnings == empty.warnings
+
+
+def test_ranges_leave_out_the_oddest_recordings(tmp_path):
+    rows = []
+    for number in range(300):
+        path = tmp_path / f"{number}.npy"
+        np.save(path, NOISE[:, :600] * (1e6 if number == 0 else 1 + number / 100))
+        rows.append(Recording("a", "haptic", path, number, 5000.0 if number else None))
+    ranges = training_ranges(rows, Store(tmp_path, DecodeSettings()))
+    assert 0.9 < ranges["level"][0] < 1.2
+    assert 3 < ranges["level"][1] < 5
+    assert ranges["rate"] == pytest.approx([5000, 5000])

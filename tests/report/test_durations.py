@@ -1,0 +1,65 @@
+"""Traces whose assumed rate is probably wrong, and what the opening block says of rates."""
+
+import numpy as np
+import pytest
+
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.store import Store
+from tex_lightning.report.durations import describe_rates, unlike_the_others
+from tex_lightning.report.numbers import spread
+
+
+@pytest.fixture
+def make(tmp_path):
+    def make(samples, rate=None, label="a"):
+        path = tmp_path / f"{label}_{samples}_{rate}.npy"
+        np.save(path, np.ones(samples))
+        return Recording(label, "haptic", path, 0, rate)
+
+    return make
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "cache", DecodeSettings())
+
+
+def test_assumed_durations_far_from_the_median_are_pointed_out(make, store):
+    usual = [make(20_000 + i, label="usual") for i in range(6)]
+    slow = [make(5_000 + i, label="slow") for i in range(3)]
+    warning = unlike_the_others(Recordings((*usual, *slow)), store)
+    assert warning.startswith("Is 10,000 Hz the rate of all files that name none?")
+    assert "median of 2 s: slow, 0.5 s (3 files, " in warning
+    assert str(slow[0].path) in warning
+    assert "data.file_rate" in warning
+    assert "usual" not in warning.replace(str(usual[0].path.parent), "")
+    assert unlike_the_others(Recordings(tuple(usual)), store) is None
+    assert unlike_the_others(Recordings(()), store) is None
+
+
+def test_rates_that_are_known_are_left_alone(make, store):
+    usual = [make(20_000 + i, 10_000.0) for i in range(3)]
+    known = [make(5_000 + i, 10_000.0) for i in range(2)]
+    assert unlike_the_others(Recordings((*usual, *known)), store) is None
+    assert unlike_the_others(Recordings((*usual, make(5_009))), store) is not None
+
+
+def test_few_of_many_classes_are_named(make, store):
+    rows = [make(20_000 + i) for i in range(9)] + [make(4_000, label=f"c{i}") for i in range(5)]
+    warning = unlike_the_others(Recordings(tuple(rows)), store)
+    assert "c2, " in warning
+    assert "c3, " not in warning
+    assert "; and 2 more classes" in warning
+
+
+def test_rates_are_counted_by_who_says_so(make, store):
+    rows = Recordings((make(100), make(200), make(100, 2500.0), make(100, 5000.0)))
+    assert describe_rates(rows, store) == (
+        "2 x 2,500 to 5,000 Hz stated for them; 2 x 10,000 Hz assumed (data.file_rate)"
+    )
+
+
+def test_spreads_read_alike_once():
+    assert spread([2.401, 2.404], "s", ".3g", median=True) == "2.4 s"
+    assert spread([1, 2, 6], "s", "d", median=True) == "median 2 s (1 to 6)"

@@ -1,0 +1,86 @@
+"""The opening block: once for a task, however many systems it opens, and never too long."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+from PIL import Image
+
+from tex_lightning.__main__ import CONF
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.recordings import Note, Recording, Recordings
+from tex_lightning.data.store import Store
+from tex_lightning.data.unusable import Unusable
+from tex_lightning.report.opening import announce, announced_once, opening_lines
+from tex_lightning.schema import Config, register
+
+
+@pytest.fixture(scope="module")
+def config() -> Config:
+    register()
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        composed = compose("config", overrides=["task=frontier", "data=folder", "data.root=DIR"])
+    return OmegaConf.to_object(composed)
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "cache", DecodeSettings(half_scale=False))
+
+
+@pytest.fixture
+def rows(tmp_path):
+    np.save(tmp_path / "t.npy", np.ones(30_000))
+    Image.new("RGB", (400, 300)).save(tmp_path / "p.png")
+    notes = (Note("class folder", 1, "Class folder x is skipped: it is empty."),)
+    traces = [Recording(f"class{n}", "haptic", tmp_path / "t.npy", n) for n in range(60)]
+    photos = [Recording(f"class{n}", "image", tmp_path / "p.png", n) for n in range(60)]
+    return Recordings((*traces, *photos), notes)
+
+
+def test_the_block_fits_a_terminal_whatever_it_lists(config, store, rows):
+    deep = replace(config, data=replace(config.data, root="/very/long" * 20 + "/end"))
+    many = tuple(Note(f"kind {n} of folder", n, "") for n in range(9))
+    lines = opening_lines(deep, replace(rows, notes=many), store, [])
+    assert len(lines) <= 12
+    assert max(map(len, lines)) <= 80
+    assert lines[0].startswith("Data      folder …")
+    assert lines[0].endswith("long/end")
+    text = " ".join(" ".join(line.split()) for line in lines)
+    assert "Classes 60: class0, class1" in text
+    assert "Traces 60; 3 s; 1 of a class" in text
+    assert "Photos 60; 0.12 megapixels; 1 of a class" in text
+    assert "Rates 60 x 10,000 Hz assumed (data.file_rate)" in text
+    assert "Folds 108 recordings train, 12 test (each of 10 folds of 10)" in text
+    assert f"Trains {len(config.frontier.systems)} systems: hapticnet" in text
+
+
+def test_a_family_announces_each_sense_and_each_left_out_file_once(
+    config, store, rows, caplog, capsys
+):
+    traces, photos = rows.of("haptic"), rows.of("image")
+    one, other = (
+        Unusable(row, f"{row.path} is broken") for row in (traces.rows[0], photos.rows[0])
+    )
+    with announced_once(config):
+        announce(config, traces, store, [one])
+        announce(config, traces, store, [one])
+        assert capsys.readouterr().err.count("Data ") == 1
+        announce(config, rows, store, [one, other])
+        announce(config, photos, store, [other])
+        second = capsys.readouterr().err
+        assert second.count("Photos ") == 1
+        assert "Traces " not in second
+    assert caplog.text.count("t.npy is broken") == 1
+    assert caplog.text.count("p.png is broken") == 1
+    assert caplog.text.count("Class folder x is skipped") == 1
+    announce(config, traces, store, [])  # outside of it, every call is a task of its own
+    announce(config, traces, store, [])
+    assert capsys.readouterr().err.count("Data ") == 2
+
+
+def test_nothing_usable_is_announced_as_nothing(config, store):
+    lines = opening_lines(config, Recordings(()), store, [])
+    assert lines[1] == "Classes   0:"

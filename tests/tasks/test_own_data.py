@@ -1,0 +1,231 @@
+"""Recordings as users have them, from the command line: what is said first, and what is bad."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import make_photo, make_trace
+from PIL import Image
+
+FOLDS = 4
+TINY = ("debug=tiny", "trainer.threads=1", "logger=csv", f"data.folds={FOLDS}")
+
+
+def write_timed(path: Path, trace: np.ndarray, rate: int) -> None:
+    """A spreadsheet of a German laboratory: semicolons, decimal commas, milliseconds."""
+    lines = [f"{1000 * n / rate:.3f};{value:.6f}" for n, value in enumerate(trace)]
+    text = "Zeit [ms];Beschl.\r\n" + "\r\n".join(lines).replace(".", ",")
+    path.write_text(text, encoding="utf-8-sig")
+
+
+def slower(trace: np.ndarray) -> np.ndarray:
+    """The same at 2.5 kHz; the tones of the test traces are far below half of that."""
+    return trace[::4]
+
+
+@pytest.fixture
+def mixed(tmp_path) -> Path:
+    """NPY at 10 kHz beside CSV with times and bare TXT, both at 2.5 kHz, and photos."""
+    root = tmp_path / "data"
+    for label in ("alpha", "beta", "gamma"):
+        (root / label / "Images").mkdir(parents=True)
+        (root / label / "Haptic").mkdir()
+    for n in range(FOLDS):
+        np.save(root / "alpha" / "Haptic" / f"{n}.npy", make_trace(0, n))
+        write_timed(root / "beta" / "Haptic" / f"{n}.csv", slower(make_trace(1, n)), 2500)
+        np.savetxt(root / "gamma" / "Haptic" / f"{n}.txt", slower(make_trace(2, n, 8.0)))
+        for kind, label in enumerate(("alpha", "beta", "gamma")):
+            Image.fromarray(make_photo(kind, n)).save(root / label / "Images" / f"{n}.png")
+    return root
+
+
+def options(root: Path, tmp_path: Path, name: str = "run") -> list[object]:
+    common = ["data=folder", f"data.root={root}", "data.half_scale=false", *TINY]
+    return [*common, f"hydra.run.dir={tmp_path / name}"]
+
+
+def block(err: str) -> list[str]:
+    """The lines of the opening block, which must be there once."""
+    lines = err.splitlines()
+    (first,) = (number for number, line in enumerate(lines) if line.startswith("Data      "))
+    ends = [place for place in range(first, len(lines)) if lines[place][:6] in ("Trains", "Tests ")]
+    last = ends[0] + lines[ends[0] + 1].startswith(" " * 10)
+    return lines[first : last + 1]
+
+
+def entry(err: str, title: str) -> str:
+    """One entry of the block with its continuation lines."""
+    lines = block(err)
+    place = next(number for number, line in enumerate(lines) if line.startswith(title))
+    more = [line for line in lines[place + 1 : place + 2] if line.startswith(" " * 10)]
+    return " ".join(line[10:] for line in (lines[place], *more))
+
+
+def results(tmp_path: Path, name: str = "run") -> dict:
+    return json.loads((tmp_path / name / "results.json").read_text())
+
+
+def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
+    (mixed / "rates.csv").write_text(
+        "path,rate\n" + "".join(f"gamma/Haptic/{n}.txt,2500\n" for n in range(FOLDS))
+    )
+    (mixed / "empty").mkdir()
+    (mixed / "alpha" / "stray.wav").write_text("x")
+    outcome = cli("model=fusion", "data.val_fold=1", *options(mixed, tmp_path))
+    assert outcome.status == 0, outcome.err
+    lines = block(outcome.err)
+    assert len(lines) <= 12
+    assert max(map(len, lines)) <= 80
+    assert entry(outcome.err, "Data").endswith(str(mixed)[-40:])
+    assert entry(outcome.err, "Classes") == "3: alpha, beta, gamma"
+    assert entry(outcome.err, "Traces") == "12; median 2.4 s (2.4 to 8); 4 of a class"
+    assert entry(outcome.err, "Photos") == "12; 0.058 megapixels; 4 of a class"
+    assert entry(outcome.err, "Rates") == (
+        "4 x 2,500 Hz by a column of time; 4 x 2,500 Hz stated for them; "
+        "4 x 10,000 Hz assumed (data.file_rate)"
+    )
+    assert entry(outcome.err, "Folds") == (
+        "12 recordings train, 6 validate (fold 1), 6 test (fold 0 of 4)"
+    )
+    assert entry(outcome.err, "Skipped") == "1 x stray file, 1 x class folder (why: see above)"
+    assert entry(outcome.err, "Trains") == "fusion: HapticNet, VisualNet, FusionNet"
+    assert f"Class folder {mixed}/empty is skipped" in outcome.err
+    assert "Is 10,000 Hz the rate" not in outcome.err
+    assert "Rates" not in outcome.out
+    assert results(tmp_path)["skipped"] == []
+    predicted = cli(
+        "task=predict",
+        f"checkpoint={tmp_path}/run/checkpoints/haptic.ckpt",
+        f"haptic=[{mixed}/beta/Haptic/0.csv,{mixed}/gamma/Haptic/0.txt]",
+    )
+    fragments = [json.loads(line)["fragments"] for line in predicted.out.splitlines()]
+    assert fragments[1] > 3 * fragments[0]  # 8 s and 2.4 s; at 10 kHz neither gives any
+
+
+def test_assumed_rates_that_make_odd_durations_are_pointed_out(cli, mixed, tmp_path):
+    root = tmp_path / "two"
+    for label in ("alpha", "gamma"):
+        shutil.copytree(mixed / label, root / label)
+    np.savetxt(root / "gamma" / "Haptic" / "9.txt", slower(make_trace(2, 9, 40.0)))
+    outcome = cli("model=haptic", *options(root, tmp_path))
+    assert outcome.status == 0, outcome.err
+    assert outcome.err.count("Is 10,000 Hz the rate of all files that name none?") == 1
+    assert f"gamma, 10 s (1 files, {root}/gamma/Haptic/9.txt for one)" in outcome.err
+
+
+@pytest.fixture
+def bad(mixed) -> Path:
+    """The same with a damaged trace, a short one of assumed rate, and a photo cut off."""
+    (mixed / "rates.csv").write_text(
+        "path,rate\n" + "".join(f"gamma/Haptic/{n}.txt,2500\n" for n in range(1, FOLDS))
+    )
+    np.savetxt(mixed / "gamma" / "Haptic" / "0.txt", np.ones(1200))
+    (mixed / "alpha" / "Haptic" / "2.npy").write_bytes(b"damaged")
+    photo = mixed / "beta" / "Images" / "1.png"
+    photo.write_bytes(photo.read_bytes()[:5000])
+    return mixed
+
+
+NAMES = ("alpha/Haptic/2.npy", "beta/Images/1.png", "gamma/Haptic/0.txt")
+
+
+def test_all_files_that_cannot_be_used_are_listed_at_once(cli, bad, tmp_path):
+    outcome = cli("model=fusion", *options(bad, tmp_path))
+    assert outcome.status == 2
+    assert "Error: 3 of 24 files cannot be used" in outcome.err
+    assert "data.skip_bad=true" in outcome.err
+    assert all(outcome.err.count(f"{bad}/{name}") == 1 for name in NAMES)
+    assert "The trace has 0.12 s of movement" in outcome.err
+    assert "or correct the rate: 10,000 Hz are assumed (data.file_rate" in outcome.err
+    assert not (tmp_path / "run" / "checkpoints").exists()
+
+
+def test_a_long_list_ends_with_the_number_of_the_others(cli, tmp_path):
+    for label in ("a", "b"):
+        (tmp_path / "data" / label).mkdir(parents=True)
+        for n in range(12):
+            np.save(tmp_path / "data" / label / f"{n}.npy", np.ones(100))
+    outcome = cli("model=haptic", *options(tmp_path / "data", tmp_path))
+    assert "24 of 24 files cannot be used" in outcome.err
+    assert outcome.err.count("The trace has") == 20
+    assert "… and 4 more" in outcome.err
+    skipped = cli("model=haptic", "data.skip_bad=true", *options(tmp_path / "data", tmp_path))
+    assert skipped.status == 2
+    assert "There are no traces to train on for a, b" in skipped.err
+
+
+def assert_skipped(found: list[dict], root: Path, *names: str) -> None:
+    assert {item["path"]: item["path"] in item["reason"] for item in found} == {
+        f"{root}/{name}": True for name in names
+    }
+
+
+def test_every_task_can_go_on_without_bad_files(cli, bad, tmp_path):
+    skip = "data.skip_bad=true"
+    fitted = cli("model=fusion", skip, *options(bad, tmp_path))
+    assert fitted.status == 0, fitted.err
+    assert "Going on without 3 files:" in fitted.err
+    assert entry(fitted.err, "Skipped") == "3 x unusable file (why: see above)"
+    assert entry(fitted.err, "Traces").endswith("3 to 4 of a class (fewest: alpha)")
+    assert_skipped(results(tmp_path)["skipped"], bad, *NAMES)
+    tested = (tmp_path / "run" / "predictions" / "haptic.csv").read_text()
+    assert "alpha/Haptic/0.npy" in tested  # group 0 is still fold 0 ...
+    assert "gamma/Haptic" not in tested  # ... and no other takes the place of one that is left out
+    checkpoint = f"checkpoint={tmp_path}/run/checkpoints/fusion.ckpt"
+    refused = cli("task=evaluate", checkpoint, *options(bad, tmp_path, "refused"))
+    assert refused.status == 2
+    assert "1 of 6 files cannot be used" in refused.err
+    evaluated = cli("task=evaluate", checkpoint, skip, *options(bad, tmp_path, "evaluated"))
+    assert evaluated.status == 0, evaluated.err
+    assert entry(evaluated.err, "Folds") == "5 recordings are tested"
+    assert_skipped(results(tmp_path, "evaluated")["skipped"], bad, NAMES[2])
+    stable = cli(
+        "task=stability",
+        f"stability.systems=[{tmp_path}/run]",
+        "stability.only=[white_noise]",
+        skip,
+        *options(bad, tmp_path, "stable"),
+    )
+    assert stable.status == 0, stable.err
+    assert len(block(stable.err)) <= 12
+    assert_skipped(results(tmp_path, "stable")["skipped"], bad, NAMES[2])
+
+
+def test_folds_and_families_can_go_on_without_bad_files(cli, bad, tmp_path):
+    skip, only = "data.skip_bad=true", "crossval.only=[0,1]"
+    crossed = cli("task=crossval", "model=haptic", skip, only, *options(bad, tmp_path))
+    assert crossed.status == 0, crossed.err
+    assert entry(crossed.err, "Folds").endswith(" 2 to 3 test (each of 2 folds of 4)")
+    assert_skipped(results(tmp_path)["skipped"], bad, NAMES[0], NAMES[2])
+    assert results(tmp_path)["networks"]["haptic"]["test_samples"] == 5
+    family = cli(
+        "task=frontier", "frontier=haptic", "frontier.only=[hapticnet_w0.125,hapticnet_w0.25]",
+        skip, "crossval.only=[0]", *options(bad, tmp_path, "family"),
+    )  # fmt: skip
+    assert family.status == 0, family.err
+    assert entry(family.err, "Trains") == "2 systems: hapticnet_w0.125, hapticnet_w0.25"
+    assert family.err.count("Going on without 2 files:") == 1
+    assert_skipped(results(tmp_path, "family")["skipped"], bad, NAMES[0], NAMES[2])
+
+
+def test_skipping_is_refused_where_nothing_reads_it(cli, tmp_path):
+    outcome = cli("task=generate", "data.skip_bad=true", f"hydra.run.dir={tmp_path}/g")
+    assert outcome.status == 2
+    assert "data.skip_bad is not read by task=generate" in outcome.err
+
+
+def test_a_column_of_the_manifest_that_nothing_reads_is_named_once(cli, mixed, tmp_path):
+    rows = [
+        f"{label},haptic,data/{label}/Haptic/{n}.{suffix},{n},2500"
+        for label, suffix in (("alpha", "npy"), ("gamma", "txt"))
+        for n in range(FOLDS)
+    ]
+    header = "label,modality,path,group,sample_rate"
+    (tmp_path / "m.csv").write_text("\n".join([header, *rows]))
+    given = ("model=haptic", "data=manifest", f"data.manifest={tmp_path}/m.csv", *TINY)
+    outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 0, outcome.err
+    assert outcome.err.count("columns that are not read: sample_rate (did you mean rate?)") == 1
+    assert entry(outcome.err, "Skipped") == "1 x column of the manifest (why: see above)"

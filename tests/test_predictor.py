@@ -1,0 +1,139 @@
+"""The Python door: files and arrays in, predictions out."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import soundfile
+import torch
+from conftest import RATE, make_photo, make_trace
+from PIL import Image
+
+import tex_lightning as tl
+
+TRACE, PHOTO = make_trace(0, 0), make_photo(1, 0)
+PHOTO[..., 0] //= 2  # so that the order of colours matters
+
+
+@pytest.fixture(scope="module")
+def haptic(untrained):
+    return tl.load(untrained / "checkpoints" / "haptic.ckpt")
+
+
+@pytest.fixture(scope="module")
+def fusion(untrained):
+    return tl.load(untrained, "top_k=2")
+
+
+def essence(prediction):
+    return prediction.label, prediction.probability, prediction.confidence, prediction.fragments
+
+
+def test_a_trace_is_the_same_in_every_form(haptic, tmp_path):
+    np.save(tmp_path / "a.npy", TRACE)
+    from_file = haptic.predict(haptic=tmp_path / "a.npy")
+    assert from_file.fragments == 4
+    for form in (
+        str(tmp_path / "a.npy"), TRACE, TRACE.astype(np.float64), torch.from_numpy(TRACE),
+        TRACE.tolist(), TRACE[None], TRACE[:, None],
+    ):  # fmt: skip
+        assert essence(haptic.predict(haptic=form)) == essence(from_file)
+    three = np.stack([TRACE, TRACE[::-1], TRACE * 0.5])
+    assert essence(haptic.predict(haptic=three)) == essence(haptic.predict(haptic=three.T))
+
+
+def test_the_rate_of_an_array_is_that_of_a_file(haptic, tmp_path):
+    fast = np.interp(np.arange(48_000) / 2, np.arange(24_000), TRACE).astype(np.float32)
+    soundfile.write(tmp_path / "fast.wav", fast, 2 * RATE, subtype="FLOAT")
+    from_file = haptic.predict(haptic=tmp_path / "fast.wav")
+    assert from_file.fragments == 4
+    from_array = haptic.predict(haptic=fast, rate=2 * RATE)
+    assert (from_array.label, from_array.fragments) == (from_file.label, 4)
+    assert from_array.probability == pytest.approx(from_file.probability, abs=1e-6)
+    assert haptic.predict(haptic=fast).fragments > 4
+
+
+def test_a_photo_is_the_same_in_every_form(fusion, tmp_path):
+    Image.fromarray(PHOTO).save(tmp_path / "a.png")
+    from_file = fusion.predict(haptic=TRACE, image=tmp_path / "a.png")
+    assert from_file.modalities == ("haptic", "image")
+    assert len(from_file.top_k) == 2
+    for form, colour in (
+        (PHOTO, "rgb"),
+        (torch.from_numpy(PHOTO), "rgb"),
+        (PHOTO[..., ::-1], "bgr"),
+    ):
+        found = fusion.predict(haptic=TRACE, image=form, colour=colour)
+        assert essence(found) == essence(from_file)
+    alone = fusion.predict(image=PHOTO)
+    assert alone.modalities == ("image",)
+    grey = np.ascontiguousarray(PHOTO[..., 1])
+    as_colours = np.repeat(grey[..., None], 3, axis=2)
+    assert essence(fusion.predict(image=grey)) == essence(fusion.predict(image=as_colours))
+
+
+def test_a_stream_ends_with_the_prediction_of_the_whole(haptic):
+    stream = haptic.stream()
+    first, *_, last = (stream.push(TRACE[start : start + 2500]) for start in range(0, 24_000, 2500))
+    assert (first.label, first.probability, first.fragments) == (None, None, 0)
+    whole = haptic.predict(haptic=TRACE)
+    assert last.label == whole.label
+    assert last.probability == pytest.approx(whole.probability)
+    assert last.fragments == whole.fragments
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, "nothing to classify"),
+        ({"haptic": np.zeros((2, 5, 3))}, r"shape \(2, 5, 3\)"),
+        ({"haptic": np.zeros((5, 2))}, r"shape \(5, 2\)"),
+        ({"haptic": []}, "at least one sample"),
+        ({"haptic": TRACE * np.nan}, "NaN, infinity or a number beyond 1e.09 at sample 0"),
+        ({"haptic": np.ones(9, complex)}, "complex128; give numbers"),
+        ({"haptic": ["a.wav", "b.wav"]}, "give numbers"),
+        ({"haptic": [[1, 2], [3]]}, "cannot be read as an array"),
+        ({"haptic": TRACE[:100]}, "less than one window"),
+        ({"haptic": TRACE, "rate": 0}, "rate is 0; give the sampling rate in Hz"),
+        ({"haptic": "gone.wav"}, "gone.wav does not exist"),
+        ({"image": PHOTO / 255.0}, "float64; give uint8"),
+        ({"image": PHOTO.transpose(2, 0, 1)}, "colours last"),
+        ({"image": PHOTO[:0]}, "image has the shape"),
+        ({"image": PHOTO, "colour": "hsv"}, "choose rgb or bgr"),
+        ({"image": PHOTO[:50]}, "pixels after decoding"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_sentence(fusion, given, said):
+    with pytest.raises(tl.UserError, match=said):
+        fusion.predict(**given)
+
+
+def test_what_this_network_does_not_look_at_is_said(haptic):
+    with pytest.raises(tl.UserError, match="does not look at image"):
+        haptic.predict(haptic=TRACE, image=PHOTO)
+
+
+@pytest.mark.parametrize("override", ["tpo_k=3", "top_k=0", "engine=fast", "task=fit"])
+def test_overrides_that_cannot_be_meant_are_said(untrained, override):
+    with pytest.raises(tl.UserError, match=override.partition("=")[0]):
+        tl.load(untrained, override)
+
+
+def test_overrides_are_those_of_the_command_line(untrained):
+    path = untrained / "checkpoints" / "haptic.ckpt"
+    strict = tl.load(path, "decision.reject_below=1").predict(haptic=TRACE)
+    assert (strict.label, strict.rejected) == (None, True)
+    assert strict.top_k[0]["label"] in ("a", "b", "c")
+
+
+def test_a_stream_of_a_fusion_network_is_refused(fusion):
+    with pytest.raises(tl.UserError, match="classified by HapticNet"):
+        fusion.stream()
+
+
+def test_importing_the_package_imports_no_pytorch():
+    code = "import sys, tex_lightning as t; assert 'torch' not in sys.modules; t.UserError"
+    subprocess.run([sys.executable, "-c", code], check=True)
+    with pytest.raises(AttributeError, match="no attribute 'laod'"):
+        _ = tl.laod

@@ -1,0 +1,52 @@
+"""Names of files on the command line that Hydra would read as something else."""
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+
+from tex_lightning.files import matches
+
+KEYS = ("haptic", "image", "checkpoint", "data.root", "data.manifest")  # whose values name files
+
+
+def quote_files(arguments: Sequence[str]) -> list[str]:
+    """Put quotes around values that name files and hold signs of Hydra's own grammar.
+
+    ``haptic=my file [1].wav`` then means that file, if there is one; so does a pattern that
+    matches some. Everything else stays as it is.
+    """
+    return list(_quoted(arguments))
+
+
+def _quoted(arguments: Sequence[str]) -> Iterator[str]:
+    parser = OverridesParser.create()
+    for argument in arguments:
+        key, _, value = argument.partition("=")
+        if key in KEYS and _names_files(value) and _misread(parser, argument):
+            escaped = re.sub(r'(\\*)("|$)', _escaped, value)
+            argument = f'{key}="{escaped}"'
+        yield argument
+
+
+def _escaped(match: re.Match[str]) -> str:
+    """Hydra reads backslashes literally, except before a quote."""
+    return 2 * match[1] + ('\\"' if match[2] else "")
+
+
+def _names_files(value: str) -> bool:
+    try:
+        path = Path(value).expanduser()
+        return bool(value) and (path.exists() or bool(matches(str(path))))
+    except (OSError, RuntimeError, ValueError):  # too long, no such user, a null character
+        return False
+
+
+def _misread(parser: OverridesParser, argument: str) -> bool:
+    """Whether Hydra fails to read the value as the text that it is."""
+    try:
+        return bool(parser.parse_override(argument).value() != argument.partition("=")[2])
+    except HydraException:
+        return True

@@ -1,0 +1,179 @@
+"""What can be wrong with a recording that can be read: nothing measured, clipped, unlike training.
+
+A sensor that is off and an input in another unit are classified like any other, and often with
+certainty. So the card of a checkpoint keeps the ranges of its training recordings
+(:func:`training_ranges`), and every prediction says what its input lacks.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import soundfile
+
+from tex_lightning.data.decode import DecodeSettings, Photo, Trace
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+
+Array = npt.NDArray[Any]
+Ranges = Mapping[str, list[float]]  # smallest and largest value in training, by measure
+
+QUANTILES = (0.01, 0.99)  # of the training recordings, so that a few odd ones do not count
+TOLERANCES = {"level": 3.0, "rate": 1.5, "brightness": 3.0, "contrast": 3.0}  # factors beyond them
+FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
+FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
+UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
+PHOTO_SIDE = 256  # pixels of a photo that are looked at, along each side
+
+REMEDIES = {
+    "level": "check the sensor, its unit and gain",
+    "rate": "check the rate that was given, or record as for the training",
+    "brightness": "check lens and light",
+    "contrast": "check lens and light",
+}
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What was found in an input.
+
+    Attributes:
+        warnings: One sentence each; empty if nothing is wrong.
+        empty: Whether nothing at all was measured.
+    """
+
+    warnings: tuple[str, ...] = ()
+    empty: bool = False
+
+
+class TraceMonitor:
+    """Level, constancy and clipping of a trace that may come in pieces."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def update(self, samples: Array) -> None:
+        """Take the next samples (axes, samples), at least one."""
+        x = samples.astype(np.float64)
+        low, high = x.min(axis=1), x.max(axis=1)
+        if not self.count:
+            self.offset, self.low, self.high = x[:, 0].copy(), low, high
+            self.sum, self.squares, self.flat = np.zeros((3, len(x)))
+        wider = (low < self.low) | (high > self.high)
+        self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
+        self.flat = np.where(wider, 0, self.flat) + self._count_flat(x)
+        centred = x - self.offset[:, None]  # else gravity would cost digits
+        self.sum += centred.sum(axis=1)
+        self.squares += np.square(centred).sum(axis=1)
+        self.count += x.shape[1]
+
+    def _count_flat(self, x: Array) -> Array:
+        """Count the samples of each axis that repeat its largest or smallest value so far."""
+        extreme = (x == self.low[:, None]) | (x == self.high[:, None])
+        flat: Array = (extreme[:, 1:] & (x[:, 1:] == x[:, :-1])).sum(axis=1)
+        for axis in np.flatnonzero(flat):
+            if len(np.unique(x[axis])) < FINE_VALUES:
+                flat[axis] = 0
+        return flat
+
+    @property
+    def level(self) -> float:
+        """Root of the mean square of all axes together, each without its mean."""
+        variances = self.squares / self.count - np.square(self.sum / self.count)
+        return float(np.sqrt(np.maximum(variances, 0).sum()))
+
+    def quality(self, ranges: Ranges, **measures: float) -> Quality:
+        """Say what is wrong with the trace so far.
+
+        Args:
+            ranges: Of the training; what they lack is not compared.
+            **measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
+        """
+        constant = self.low == self.high
+        if constant.all():
+            how = "silent" if not self.high.any() else "constant"
+            return Quality(
+                (f"The trace is {how}, so nothing was measured; check the sensor.",), True
+            )
+        return Quality((*self._defects(constant), *_unlike(ranges, "trace", measures)))
+
+    def _defects(self, constant: Array) -> Iterator[str]:
+        for axis in np.flatnonzero(constant):
+            yield f"Axis {axis + 1} of the trace is constant; check the sensor."
+        clipped = float(np.where(constant, 0, self.flat).max()) / self.count
+        if clipped >= FLAT_SHARE:
+            yield (
+                f"The trace is clipped, {clipped:.0%} of it at its largest or smallest value; "
+                "lower the sensor's gain."
+            )
+
+
+def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str, float]:
+    """Measure a trace.
+
+    Args:
+        trace: (axes, samples), decoded.
+        rate: That it was recorded at, in Hz.
+        sampling_rate: That it was brought to: a higher rate adds nothing.
+    """
+    monitor = TraceMonitor()
+    monitor.update(trace)
+    return {"level": monitor.level, "rate": min(rate, sampling_rate)}
+
+
+def photo_quality(photo: Photo, ranges: Ranges) -> Quality:
+    """Say what is wrong with a decoded photo (height, width, 3)."""
+    measures = _photo_measures(photo)
+    if measures["contrast"] < UNIFORM:
+        return Quality(("The photo is uniform, so it shows nothing; check the camera.",), True)
+    return Quality(tuple(_unlike(ranges, "photo", measures)))
+
+
+def together(qualities: Iterable[Quality]) -> Quality:
+    """Join what was found in all inputs of one sample."""
+    found = list(qualities)
+    warnings = tuple(warning for each in found for warning in each.warnings)
+    return Quality(warnings, all(each.empty for each in found))
+
+
+def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[float]]:
+    """Measure the training recordings: smallest and largest value of each measure, by quantiles."""
+    found: dict[str, list[float]] = {}
+    for row in rows:
+        for name, value in _measures(row, store).items():
+            found.setdefault(name, []).append(value)
+    return {name: np.quantile(values, QUANTILES).tolist() for name, values in found.items()}
+
+
+def _measures(row: Recording, store: Store) -> dict[str, float]:
+    if row.modality == "image":
+        return _photo_measures(store.image(row))
+    rate = _recorded_rate(row, store.settings)
+    return trace_measures(store.trace(row), rate, store.settings.sampling_rate)
+
+
+def _recorded_rate(row: Recording, settings: DecodeSettings) -> float:
+    """The rate in Hz of a file: its own, its reader's, or that of the settings."""
+    if row.path.suffix.lower() == ".wav":
+        return float(soundfile.info(row.path).samplerate)
+    return row.sampling_rate or settings.file_rate
+
+
+def _photo_measures(photo: Photo) -> dict[str, float]:
+    """Mean and standard deviation of the grey levels, 0 to 255, of some of the pixels."""
+    step = max(1, min(photo.shape[:2]) // PHOTO_SIDE)
+    grey = photo[::step, ::step].mean(axis=2)
+    return {"brightness": float(grey.mean()), "contrast": float(grey.std())}
+
+
+def _unlike(ranges: Ranges, what: str, measures: dict[str, float]) -> Iterator[str]:
+    """Name the measures that lie far outside those of the training."""
+    for name, value in measures.items():
+        low, high = ranges.get(name, (0.0, np.inf))
+        if not low / TOLERANCES[name] <= value <= high * TOLERANCES[name]:
+            yield (
+                f"The {what} has a {name} of {value:.5g} and the training had {low:.5g} to "
+                f"{high:.5g}; {REMEDIES[name]}."
+            )

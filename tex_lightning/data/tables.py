@@ -1,0 +1,44 @@
+"""Small CSV tables that people write by hand or export from a spreadsheet."""
+
+import csv
+from pathlib import Path
+
+from tex_lightning.errors import UserError
+
+Record = dict[str, str]
+
+
+def read_table(path: Path, what: str, needed: tuple[str, ...]) -> list[tuple[int, Record]]:
+    """Read the records of a CSV file, with commas or semicolons, by the names in its first line.
+
+    Args:
+        path: An existing file.
+        what: What to call it in messages.
+        needed: Columns that it must have.
+
+    Returns:
+        Number of the line and record, for each.
+
+    Raises:
+        UserError: If it is no UTF-8 CSV, or a column is missing.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            first = stream.readline()
+            stream.seek(0)
+            delimiter = ";" if ";" in first and "," not in first else ","
+            reader = csv.DictReader(stream, delimiter=delimiter)
+            names = [name.strip() for name in reader.fieldnames or ()]
+            reader.fieldnames = names
+            records = [(reader.line_num, record) for record in reader]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(
+            f"{what} {path} is not a UTF-8 CSV file ({error}); save it as CSV."
+        ) from error
+    missing = [column for column in needed if column not in names]
+    if missing:
+        raise UserError(
+            f"{what} {path} lacks the column {', '.join(missing)}; "
+            f"its first line must name {','.join(needed)}."
+        )
+    return records

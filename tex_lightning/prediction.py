@@ -1,0 +1,94 @@
+"""What a person is told of a classified sample."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tex_lightning.card import Card
+from tex_lightning.data.quality import Quality
+from tex_lightning.decision.voting import Vote
+
+UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A classified sample, or a recording that goes on.
+
+    Where an input has a warning, half of the votes and probabilities is spread evenly over the
+    classes, and where nothing was measured all of them: the training says nothing of such inputs.
+
+    Attributes:
+        label: Name of the class; None if it was rejected, or there is no fragment yet.
+        rejected: Whether the probability is below the threshold; None if there is no threshold.
+        probability: Mean class probability of the winner over all fragments, 0 to 1.
+        confidence: The winner's share of the votes, 0 to 1.
+        top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
+        fragments: How many voted.
+        evidence: Arithmetic that was done, as a share of what the full decision takes.
+        warnings: What is wrong with the input, one sentence each.
+        modalities: What a FusionNet looked at, ``haptic``, ``image`` or both; empty of others.
+        latency_ms: From file or array to label in milliseconds.
+    """
+
+    label: str | None
+    rejected: bool | None
+    probability: float | None
+    confidence: float | None
+    top_k: tuple[dict[str, Any], ...]
+    fragments: int
+    evidence: float
+    warnings: tuple[str, ...]
+    modalities: tuple[str, ...]
+    latency_ms: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; ``rejected`` and ``modalities`` only where they say something."""
+        values = asdict(self)
+        if self.rejected is None:
+            del values["rejected"]
+        if not self.modalities:
+            del values["modalities"]
+        return values
+
+
+def describe(
+    vote: Vote | None,
+    card: Card,
+    quality: Quality,
+    top_k: int,
+    latency: float,
+    modalities: Sequence[str] = (),
+) -> Prediction:
+    """Put a vote into words.
+
+    Args:
+        vote: None where there is no fragment yet.
+        card: Gives class names and the threshold of rejection.
+        quality: Of the input.
+        top_k: How many classes to list.
+        latency: In seconds.
+        modalities: What a FusionNet looked at.
+    """
+    least, milliseconds = card.reject_below, round(latency * 1000, 3)
+    rest = (tuple(quality.warnings), tuple(modalities), milliseconds)
+    if vote is None:
+        return Prediction(None, None if least is None else False, None, None, (), 0, 1.0, *rest)
+    evidence = round(vote.evidence, 6)
+    vote = vote.doubted(1.0 if quality.empty else UNLIKE if quality.warnings else 0.0)
+    shares, classes = vote.shares.tolist(), card.classes
+    # the label first whatever the tie, then the others by votes, then by their place
+    ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
+    rejected = None if least is None else vote.probability < least or (quality.empty and least > 0)
+    return Prediction(
+        label=None if rejected else classes[vote.label],
+        rejected=rejected,
+        probability=vote.probability,
+        confidence=shares[vote.label],
+        top_k=tuple({"label": classes[i], "share": shares[i]} for i in ranked[:top_k]),
+        fragments=len(vote.fragments),
+        evidence=evidence,
+        warnings=rest[0],
+        modalities=rest[1],
+        latency_ms=milliseconds,
+    )

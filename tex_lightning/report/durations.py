@@ -1,0 +1,69 @@
+"""How long traces are, at which rates, and which rates are probably wrong."""
+
+from collections import defaultdict
+from statistics import median
+
+from tex_lightning.data.rates import SOURCES, RateSource
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.store import Store
+from tex_lightning.report.numbers import spread
+
+FACTOR = 2  # by which a duration must differ from the others' to be pointed out
+SHOWN = 3  # classes in the warning
+SAID_BY: dict[RateSource, str] = {
+    "header": "by their header",
+    "time column": "by a column of time",
+    "stated": "stated for them",
+    "assumed": "assumed (data.file_rate)",
+}
+
+
+def durations(traces: Recordings, store: Store) -> dict[Recording, float]:
+    """Seconds of every decoded trace."""
+    rate = store.settings.sampling_rate
+    return {row: store.trace(row).shape[1] / rate for row in traces}
+
+
+def describe_rates(traces: Recordings, store: Store) -> str:
+    """How many files have which rate, by who says so."""
+    rates = [store.rate(row) for row in traces]
+    told = []
+    for source in SOURCES:
+        found = [rate for rate in rates if rate.source == source]
+        if found:
+            uneven = sum(rate.interpolated for rate in found)
+            note = f" ({uneven} uneven, interpolated)" if uneven else ""
+            hertz = spread([rate.hz for rate in found], "Hz", ",.5g")
+            told.append(f"{len(found)} x {hertz} {SAID_BY[source]}{note}")
+    return "; ".join(told)
+
+
+def unlike_the_others(traces: Recordings, store: Store) -> str | None:
+    """Warn of traces whose assumed rate makes them much longer or shorter than the rest.
+
+    Returns:
+        The warning, or None if there are no such traces.
+    """
+    seconds = durations(traces, store)
+    if not seconds:
+        return None
+    middle = median(seconds.values())
+    odd: dict[str, list[Recording]] = defaultdict(list)
+    for row, length in seconds.items():
+        differs = length >= FACTOR * middle or length <= middle / FACTOR
+        if differs and store.rate(row).source == "assumed":
+            odd[row.label].append(row)
+    if not odd:
+        return None
+    told = [
+        f"{label}, {spread([seconds[row] for row in rows], 's', '.3g')} ({len(rows)} files, "
+        f"{rows[0].path} for one)"
+        for label, rows in [*odd.items()][:SHOWN]
+    ]
+    more = f"; and {len(odd) - SHOWN} more classes" if len(odd) > SHOWN else ""
+    return (
+        f"Is {store.settings.file_rate:,.6g} Hz the rate of all files that name none? At this "
+        f"assumed rate some traces last much longer or shorter than the median of {middle:.3g} s: "
+        f"{'; '.join(told)}{more}. If not, correct data.file_rate, or give these files their rate "
+        "(a column of the manifest, a sidecar or rates.csv)."
+    )

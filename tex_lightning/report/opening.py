@@ -1,0 +1,173 @@
+"""What a task is about to work on, said once before it begins: a dozen lines on standard error."""
+
+import logging
+import textwrap
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tex_lightning.data.folds import split
+from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings
+from tex_lightning.data.store import Store
+from tex_lightning.data.unusable import Unusable, list_files
+from tex_lightning.progress import console
+from tex_lightning.report.durations import describe_rates, durations, unlike_the_others
+from tex_lightning.report.numbers import spread
+from tex_lightning.schema import Config
+
+WIDTH, INDENT = 80, 10
+TITLES: dict[Modality, str] = {"haptic": "Traces", "image": "Photos"}
+NETWORKS = {"haptic": "HapticNet", "visual": "VisualNet"}
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Run:
+    """A running task, and the senses and left-out files that it has announced."""
+
+    config: Config
+    announced: set[Modality] = field(default_factory=set)
+    skipped: set[Recording] = field(default_factory=set)
+
+
+_running: ContextVar[_Run | None] = ContextVar("running", default=None)
+
+
+@contextmanager
+def announced_once(config: Config) -> Iterator[None]:
+    """Within, no sense is announced twice, whatever systems the task of ``config`` opens."""
+    token = _running.set(_Run(config))
+    try:
+        yield
+    finally:
+        _running.reset(token)
+
+
+def announce(
+    config: Config, recordings: Recordings, store: Store, skipped: Sequence[Unusable]
+) -> None:
+    """Warn of what was passed over or looks wrong, and print the opening block.
+
+    Args:
+        config: Of the task, or of one system of a family.
+        recordings: All that will be trained or tested on, decoded.
+        store: Where they are decoded.
+        skipped: Files that are left out.
+    """
+    run = _running.get() or _Run(config)
+    skipped = [each for each in skipped if each.recording not in run.skipped]
+    run.skipped |= {each.recording for each in skipped}
+    fresh = recordings.without(row for row in recordings if row.modality in run.announced)
+    if not run.announced:
+        for note in recordings.notes:
+            log.warning("%s", note.text)
+    if skipped:
+        log.warning("Going on without %d files:\n%s", len(skipped), list_files(skipped))
+    if run.announced and not len(fresh):
+        return
+    run.announced |= {row.modality for row in recordings}
+    if odd := unlike_the_others(fresh.of("haptic"), store):
+        log.warning("%s", odd)
+    for line in opening_lines(run.config, fresh, store, skipped):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def opening_lines(
+    config: Config, recordings: Recordings, store: Store, skipped: Sequence[Unusable]
+) -> list[str]:
+    """The block as lines of at most 80 columns."""
+    entries = [("Data", _source(config), 1), ("Classes", _classes(recordings), 2)]
+    for modality in MODALITIES:
+        if rows := recordings.of(modality):
+            entries.append((TITLES[modality], _sense(rows, store), 1))
+    if traces := recordings.of("haptic"):
+        entries.append(("Rates", describe_rates(traces, store), 2))
+    entries.append(("Folds", _folds(config, recordings), 1))
+    if left_out := _left_out(recordings, skipped):
+        entries.append(("Skipped", left_out, 2))
+    entries.append(_work(config))
+    return [line for entry in entries for line in _wrapped(*entry)]
+
+
+def _wrapped(title: str, text: str, lines: int) -> list[str]:
+    wrapped = textwrap.wrap(text, WIDTH - INDENT, max_lines=lines, placeholder=" …")
+    titles = [title, *[""] * (len(wrapped) - 1)]
+    return [f"{name:<{INDENT}}{line}" for name, line in zip(titles, wrapped, strict=True)]
+
+
+def _source(config: Config) -> str:
+    data = config.data
+    where = data.manifest or data.root
+    if where is None:
+        return data.name
+    path, room = str(Path(where).expanduser()), WIDTH - INDENT - len(data.name) - 1
+    return f"{data.name} {path if len(path) <= room else '…' + path[1 - room :]}"
+
+
+def _classes(recordings: Recordings) -> str:
+    return f"{len(recordings.classes)}: {', '.join(recordings.classes)}"
+
+
+def _sense(rows: Recordings, store: Store) -> str:
+    """How many there are, how long or large they are once decoded, and how many of each class."""
+    if rows.rows[0].modality == "haptic":
+        seconds = list(durations(rows, store).values())
+        size = spread(seconds, "s", ".3g", median=True)
+    else:
+        shapes = [store.image(row).shape for row in rows]
+        pixels = [height * width / 1e6 for height, width, _ in shapes]
+        size = spread(pixels, "megapixels", ".2g", median=True)
+    counts = Counter(row.label for row in rows)
+    each = f"{len(rows)}; {size}; {spread(list(counts.values()), '', 'd')} of a class"
+    if len(set(counts.values())) == 1:
+        return each
+    return f"{each} (fewest: {min(counts, key=lambda label: counts[label])})"
+
+
+def _folds(config: Config, recordings: Recordings) -> str:
+    data = config.data
+    if config.task not in ("fit", "crossval", "frontier"):
+        return f"{len(recordings)} recordings are tested"
+    known = recordings.without(row for row in recordings if row.label in (data.hold_out or ()))
+    tested = [data.test_fold]
+    if config.task != "fit":
+        tested = list(config.crossval.only or range(data.folds))
+    parts = [split(known, data.folds, fold, data.val_fold, data.inverted) for fold in tested]
+    train, val, test = (
+        spread([len(getattr(part, name)) for part in parts], "", "d")
+        for name in ("train", "val", "test")
+    )
+    which = f"fold {tested[0]}" if len(tested) == 1 else f"each of {len(tested)} folds"
+    watched = f", {val} validate (fold {data.val_fold})" if data.val_fold is not None else ""
+    return f"{train} recordings train{watched}, {test} test ({which} of {data.folds})"
+
+
+def _left_out(recordings: Recordings, skipped: Sequence[Unusable]) -> str:
+    counts = Counter[str]()
+    for note in recordings.notes:
+        counts[note.what] += note.count
+    if skipped:
+        counts["unusable file"] = len(skipped)
+    listed = ", ".join(f"{count} x {what}" for what, count in counts.items())
+    return f"{listed} (why: see above)" if counts else ""
+
+
+def _work(config: Config) -> tuple[str, str, int]:
+    """What is trained or tested."""
+    model = config.model
+    if config.task == "frontier":
+        names = config.frontier.only or list(config.frontier.systems)
+        return "Trains", f"{len(names)} systems: {', '.join(names)}", 2
+    if config.task == "evaluate":
+        return "Tests", str(config.checkpoint), 1
+    if config.task == "stability":
+        return "Tests", ", ".join(config.stability.systems or []), 2
+    if model.baseline is not None or model.kind != "fusion":
+        return "Trains", model.name, 1
+    given = {"haptic": model.fusion.haptic_checkpoint, "visual": model.fusion.visual_checkpoint}
+    parts = [NETWORKS[kind] for kind, path in given.items() if path is None]
+    return "Trains", f"{model.name}: {', '.join([*parts, 'FusionNet'])}", 1
