@@ -10,8 +10,8 @@ from rich.table import Table
 
 import benchmarks
 from benchmarks._run import RESULTS, run_one
+from tex_lightning.config import flatten
 from tex_lightning.progress import console
-from tex_lightning.schema import flatten
 
 FOREMOST = "ratio"
 

@@ -10,8 +10,8 @@ from typing import Any
 import torch
 
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.files import write_text
-from tex_lightning.report.results import environment
 
 RESULTS = Path(__file__).parents[1] / "outputs" / "benchmarks"
 

@@ -15,16 +15,16 @@ import torch
 from omegaconf import OmegaConf
 from torch import Tensor, nn
 
-from tex_lightning.__main__ import CONF
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import CONF, EngineConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import Kind
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.macs import count_macs
 from tex_lightning.networks.blocks import Norm
-from tex_lightning.profiling.roofline import count_macs, gemm_gflops, gflops, products
+from tex_lightning.profiling.roofline import gemm_gflops, gflops, products
 from tex_lightning.profiling.timing import interleaved
-from tex_lightning.schema import EngineConfig
 
 OFF = EngineConfig(False, False, False, False, False, "fp32", False, None)
 DEFAULT = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "default.yaml")))

@@ -16,9 +16,9 @@ import numpy as np
 import torch
 
 from tex_lightning.data.decode import DecodeSettings, decode_image
-from tex_lightning.data.synthetic.dataset import SyntheticSpec, write_folder
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.profiling.timing import interleaved
+from tex_lightning.synthetic.dataset import SyntheticSpec, write_folder
 
 SECONDS = (1.0, 4.8, 20.0)
 RATE = 10_000

@@ -17,17 +17,16 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from tex_lightning.__main__ import CONF
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import CONF, Config, register
 from tex_lightning.data.decode import DecodeSettings, Trace, decode_trace
-from tex_lightning.data.synthetic import make_materials
-from tex_lightning.data.synthetic.specimen import Specimen
-from tex_lightning.data.synthetic.tool import slide_tool
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.profiling.timing import interleaved
-from tex_lightning.schema import Config, register
-from tex_lightning.tasks.workspace import configured_card
+from tex_lightning.runs.workspace import configured_card
+from tex_lightning.synthetic import make_materials
+from tex_lightning.synthetic.specimen import Specimen
+from tex_lightning.synthetic.tool import slide_tool
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "data" / "lmt16"
 SECONDS = 4.8

@@ -16,8 +16,8 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.networks.blocks import Norm
-from tex_lightning.streaming.classifier import StreamingClassifier
 
 RATE = 10_000
 SECONDS = 60

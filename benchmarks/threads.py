@@ -30,9 +30,9 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import Kind
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.memory import kept_memory
 from tex_lightning.profiling.timing import interleaved
-from tex_lightning.streaming.classifier import StreamingClassifier
 
 WAYS: dict[str, tuple[dict[str, str], int | None]] = {
     "spinning": ({"GOMP_SPINCOUNT": "300000"}, None),  # as often as if nothing were set

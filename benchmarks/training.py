@@ -31,16 +31,15 @@ from lightning import Callback, LightningModule, Trainer
 from omegaconf import OmegaConf
 from torch import Tensor, nn
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF, Config, register
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import Kind
+from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.memory import kept_memory
-from tex_lightning.report.results import environment
-from tex_lightning.schema import Config, register
-from tex_lightning.tasks.workspace import Workspace, make_card, open_workspace
+from tex_lightning.runs.workspace import Workspace, make_card, open_workspace
 
 KINDS: tuple[Kind, ...] = ("haptic", "visual", "fusion")
 CORE = ("forward", "backward", "optimiser")  # what a training step is for

@@ -3,7 +3,7 @@
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from tex_lightning.arguments import quote_files
+from tex_lightning.config.arguments import quote_files
 
 NAMES = [
     "my file [1].wav",

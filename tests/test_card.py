@@ -5,9 +5,9 @@ import torch
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import DecisionConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DecisionConfig
 
 NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
 CARD = Card(

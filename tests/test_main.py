@@ -12,13 +12,12 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 import tex_lightning
-from tex_lightning.__main__ import CONF
-from tex_lightning.mistakes import compose_config, config_groups
+from tex_lightning.config import CONF, READS, flatten, register
+from tex_lightning.config.keys import Key
+from tex_lightning.config.mistakes import compose_config, config_groups
+from tex_lightning.config.reading import keys_read
+from tex_lightning.dispatch import TASKS
 from tex_lightning.perturbations.augment import trainable
-from tex_lightning.schema import READS, flatten, register
-from tex_lightning.schema.keys import Key
-from tex_lightning.schema.reading import keys_read
-from tex_lightning.tasks.dispatch import TASKS
 
 REPOSITORY = CONF.parent
 LONG = "a" * 100_000

@@ -9,13 +9,13 @@ from torch import nn
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier, content_seed
+from tex_lightning.config import EngineConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.schema import EngineConfig
 
 ENGINE = EngineConfig(
     fold_batch_norm=True,

@@ -6,9 +6,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF, register
 from tex_lightning.report.paper import paper_table
-from tex_lightning.schema import register
 
 EXPERIMENTS = sorted(
     str(path.relative_to(CONF / "experiment").with_suffix(""))

@@ -2,7 +2,7 @@
 
 import re
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF
 
 ROOT = CONF.parent
 

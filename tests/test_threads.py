@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from tex_lightning.tasks.dispatch import set_threads
+from tex_lightning.dispatch import set_threads
 
 
 def spins(**given: str) -> str:

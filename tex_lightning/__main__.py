@@ -8,27 +8,19 @@ from pathlib import Path
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig
-from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.arguments import quote_files
+from tex_lightning.config import CONF, register
+from tex_lightning.config.arguments import quote_files
+from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.usage import answer, asks
 from tex_lightning.errors import UserError, shorten
-from tex_lightning.mistakes import explain
 from tex_lightning.ranks import is_rank_zero, join_quietly
-from tex_lightning.schema import register
-from tex_lightning.usage import answer, asks
-
-INSIDE = Path(__file__).parent / "conf"  # in an installed wheel
-BESIDE = Path(__file__).parent.parent / "conf"  # in a checkout
-CONF = INSIDE if INSIDE.is_dir() else BESIDE
 
 USER_FAULT = 2
 FAILED_SWEEP = 1
 INTERRUPTED = 130
-
-MISTAKES = (HydraException, OmegaConfBaseException)
 
 STARTED: list[Path] = []  # run folders of this process; none means that Hydra could not make one
 
@@ -38,8 +30,8 @@ log = logging.getLogger(__name__)
 def run_job(composed: DictConfig) -> None:
     """Run one composed job; a sweep goes on whatever becomes of it."""
     # Heavy imports wait until the command line is known to be right.
+    from tex_lightning.dispatch import run_task
     from tex_lightning.report.sweep import FAILURE, note_failure
-    from tex_lightning.tasks.dispatch import run_task
 
     sweeping = HydraConfig.get().mode == RunMode.MULTIRUN
     directory = Path(HydraConfig.get().runtime.output_dir)

@@ -7,13 +7,15 @@ from typing import Any, Self, get_args
 
 import torch
 
+from tex_lightning.config import DecisionConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.features.spectrogram import Axes, Normalisation, Scale
 from tex_lightning.networks.blocks import NORMS, Level
-from tex_lightning.schema import DecisionConfig
+
+SUFFIX = ".ckpt"  # of checkpoints of this package
 
 # values that cards of older checkpoints lack
 LATER: dict[str, Any] = {"baseline": {}, "calibration": {}, "input_ranges": {}}

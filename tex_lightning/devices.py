@@ -2,9 +2,9 @@
 
 import torch
 
+from tex_lightning.config import TrainerConfig
 from tex_lightning.errors import UserError
 from tex_lightning.ranks import started_processes
-from tex_lightning.schema import TrainerConfig
 
 
 def pick_device(accelerator: str) -> torch.device:

@@ -10,10 +10,13 @@ from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from torch import Tensor
 
-from tex_lightning.__main__ import CONF, MISTAKES
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import CONF, Config, register
+from tex_lightning.config.check import check_config
+from tex_lightning.config.mistakes import MISTAKES
+from tex_lightning.config.weights import read_config
 from tex_lightning.data.arrays import as_photo, as_trace
 from tex_lightning.data.decode import decode_image, read_trace, to_rate
 from tex_lightning.data.folds import NEEDS
@@ -26,15 +29,12 @@ from tex_lightning.data.quality import (
 )
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
+from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.sequential import prepare
+from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.parts import part_for
 from tex_lightning.prediction import Prediction, describe
 from tex_lightning.runfolder import find_checkpoint
-from tex_lightning.schema import Config, register
-from tex_lightning.streaming.live import LiveStream
-from tex_lightning.tasks.weights import read_config
-from tex_lightning.validation import check_config
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"
@@ -63,7 +63,7 @@ def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             composed = compose("config", overrides=[f"task={TASK}", *overrides])
     except MISTAKES as error:
-        from tex_lightning.mistakes import explain
+        from tex_lightning.config.mistakes import explain
 
         raise explain(error, overrides, CONF) from error
     finally:

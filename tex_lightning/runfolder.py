@@ -9,9 +9,9 @@ from typing import Any
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
+from tex_lightning.config import Config, flatten
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_text
-from tex_lightning.schema import Config, flatten
 
 log = logging.getLogger(__name__)
 

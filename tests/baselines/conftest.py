@@ -3,8 +3,8 @@
 import pytest
 from omegaconf import OmegaConf
 
-from tex_lightning.__main__ import CONF
 from tex_lightning.baselines.registry import make_baseline
+from tex_lightning.config import CONF
 
 
 @pytest.fixture(scope="session")

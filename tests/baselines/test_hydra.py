@@ -5,7 +5,7 @@ import torch
 from aeon.classification.convolution_based._hydra import _SparseScaler
 from aeon.transformations.collection.convolution_based import HydraTransformer
 
-from tex_lightning.baselines.hydra import Hydra, SparseScaler
+from tex_lightning.baselines.multirocket_hydra import Hydra, SparseScaler
 
 
 def test_counts_and_scaling_are_aeons():

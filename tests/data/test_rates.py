@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import soundfile
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.decode import DecodeSettings, decode_trace, decode_trace_and_rate
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig
 
 SETTINGS = DecodeSettings()
 SAMPLES = np.random.default_rng(0).uniform(-1, 1, 400).round(6)

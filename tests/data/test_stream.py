@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.utils.data import DataLoader
 
-from tex_lightning.data.stream import LANES, PhotoViews, StreamBatches, TraceViews
+from tex_lightning.data.generated_batches import LANES, PhotoViews, StreamBatches, TraceViews
 from tex_lightning.features.image import crop_side
 from tex_lightning.features.spectrogram import HapticFeatures
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.decision.choice import Candidate, one_standard_error, pareto, within_budget
+from tex_lightning.evaluation.choice import Candidate, one_standard_error, pareto, within_budget
 
 
 def candidate(name: str, cost: float, pattern: str) -> Candidate:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from tex_lightning.decision.sequential import StoppingRule, log_density, sure_enough
+from tex_lightning.decision.early_stopping import StoppingRule, log_density, sure_enough
 
 POPULATIONS = st.lists(st.integers(0, 3), min_size=1, max_size=60)
 

@@ -9,10 +9,10 @@ from torch import nn
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.schema import EngineConfig
 
 OFF = EngineConfig(
     fold_batch_norm=False,

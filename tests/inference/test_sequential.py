@@ -10,12 +10,12 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import DecisionConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.costs import Costs
-from tex_lightning.inference.sequential import SequentialClassifier, decide
+from tex_lightning.inference.early_stopping import SequentialClassifier, decide
 from tex_lightning.parts import part_for
-from tex_lightning.schema import DecisionConfig
 
 NEVER = 1.0
 CONFIG = DecisionConfig(

@@ -11,14 +11,14 @@ from torch.nn import functional
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.inference import long_conv, rewrite, winograd
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.long_conv import LongConv
+from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.inference.tiles import layer_windows
 from tex_lightning.inference.winograd import WinogradConv
-from tex_lightning.schema import EngineConfig
-from tex_lightning.streaming.classifier import StreamingClassifier
 
 FAST = EngineConfig(True, True, True, True, True, "fp32", False, None)
 

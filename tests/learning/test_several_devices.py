@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF
 
 TWO = ["trainer=ddp", "trainer.accelerator=cpu", "trainer.devices=2"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(CONF.parent), "OMP_NUM_THREADS": "1"}

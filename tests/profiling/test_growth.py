@@ -5,11 +5,11 @@ import torch
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import ProfileConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.profiling import growth, timing
 from tex_lightning.profiling.growth import Ladder, climb
 from tex_lightning.profiling.subject import Subject
-from tex_lightning.schema import ProfileConfig
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from tex_lightning.card import Card
+from tex_lightning.config import EngineConfig
 from tex_lightning.profiling.memory import forward_peak_mib
-from tex_lightning.schema import EngineConfig
 
 ENGINE = EngineConfig(
     fold_batch_norm=True,

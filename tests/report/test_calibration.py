@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import log_loss, roc_auc_score
 
-from tex_lightning.report.calibration import (
+from tex_lightning.evaluation.calibration import (
     augrc,
     calibration,
     calibration_figure,
@@ -14,8 +14,8 @@ from tex_lightning.report.calibration import (
     selective,
     unknown_auroc,
 )
+from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.results import Outcome
 
 CLASSES = ["a", "b", "c"]
 

@@ -3,8 +3,8 @@ import json
 import numpy as np
 from sklearn.metrics import confusion_matrix
 
-from tex_lightning.report.fragments import confused_pairs, fragment_counts
-from tex_lightning.report.results import Outcome
+from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
+from tex_lightning.evaluation.outcomes import Outcome
 
 CLASSES = ["a", "b", "c"]
 

@@ -8,13 +8,12 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from PIL import Image
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF, Config, register
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.recordings import Note, Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.report.opening import announce, announced_once, opening_lines
-from tex_lightning.schema import Config, register
 
 
 @pytest.fixture(scope="module")

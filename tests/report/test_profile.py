@@ -6,8 +6,8 @@ import pytest
 from tex_lightning.profiling.growth import Point
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
-from tex_lightning.report.profile import left_out, write_growth
 from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
+from tex_lightning.report.profile_table import left_out, write_growth
 
 POINTS = [
     Point("trace, s", "haptic", "label", 2.0, 4.0, 5.0),

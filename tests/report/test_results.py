@@ -7,13 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, confusion_matrix
 
-from tex_lightning.report.figures import (
-    class_accuracy_figure,
-    confusion_counts,
-    confusion_figure,
-    save_figure,
-)
-from tex_lightning.report.results import (
+from tex_lightning.evaluation.outcomes import (
     Outcome,
     environment,
     read_outcomes,
@@ -21,6 +15,12 @@ from tex_lightning.report.results import (
     wilson_interval,
     write_outcomes,
     write_results,
+)
+from tex_lightning.report.figures import (
+    class_accuracy_figure,
+    confusion_counts,
+    confusion_figure,
+    save_figure,
 )
 
 CLASSES = ["a", "b", "c"]

@@ -8,7 +8,7 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.parts import part_for
-from tex_lightning.stability.judge import REFUSED, Judge
+from tex_lightning.stability.evaluator import REFUSED, Judge
 
 NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
 

@@ -7,7 +7,7 @@ import pytest
 from sklearn.metrics import roc_auc_score
 
 from tex_lightning.perturbations.table import Perturbation
-from tex_lightning.stability.judge import REFUSED, Decision
+from tex_lightning.stability.evaluator import REFUSED, Decision
 from tex_lightning.stability.record import Record
 from tex_lightning.stability.summary import auroc, corruption_error, mean_errors
 from tex_lightning.stability.trial import Bench

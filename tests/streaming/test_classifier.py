@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.schema import EngineConfig
-from tex_lightning.streaming.classifier import StreamingClassifier
 
 RATE = 10_000
 ENGINE = EngineConfig(True, True, True, True, True, "fp32", False, None)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from scipy.stats import binomtest
 
+from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.learning import train
-from tex_lightning.report.results import read_outcomes
 
 
 def tiny(surfaces: Path) -> list[str]:

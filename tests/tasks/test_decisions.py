@@ -10,8 +10,8 @@ from scipy.stats import beta
 
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
-from tex_lightning.report.results import read_outcomes
-from tex_lightning.tasks.calibrate import independent, upper_bound
+from tex_lightning.evaluation.calibrate import independent, upper_bound
+from tex_lightning.evaluation.outcomes import read_outcomes
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ import torch
 from conftest import make_trace
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF
 from tex_lightning.learning.haptic import HapticModule
 
 NETWORK_KEYS = {

@@ -7,10 +7,9 @@ import pytest
 from hydra import initialize_config_dir
 from PIL import Image
 
-from tex_lightning.__main__ import CONF
-from tex_lightning.schema import register
+from tex_lightning.config import CONF, register
+from tex_lightning.runs.family import with_system
 from tex_lightning.tasks import frontier
-from tex_lightning.tasks.family import with_system
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",

@@ -13,7 +13,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.errors import UserError
-from tex_lightning.tasks.inputs import Files, pair_files
+from tex_lightning.inference.inputs import Files, pair_files
 
 
 @pytest.fixture(scope="module")

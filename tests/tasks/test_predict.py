@@ -13,7 +13,7 @@ from PIL import Image
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import decode_image, decode_trace
 from tex_lightning.decision.voting import max_vote
-from tex_lightning.report.results import read_outcomes
+from tex_lightning.evaluation.outcomes import read_outcomes
 
 
 def data(surfaces: Path) -> list[str]:

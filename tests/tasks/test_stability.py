@@ -12,8 +12,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import decode_image
+from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.parts import part_for
-from tex_lightning.report.results import read_outcomes
 
 ONLY = ("white_noise", "shorter_trace", "rotated_axes", "jpeg", "haptic_missing", "image_swapped")
 COLUMNS = (

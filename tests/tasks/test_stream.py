@@ -10,7 +10,7 @@ import pytest
 import soundfile
 from conftest import RATE, make_trace
 
-from tex_lightning.streaming.classifier import StreamingClassifier
+from tex_lightning.inference.streaming.classifier import StreamingClassifier
 
 
 @pytest.fixture(scope="module")

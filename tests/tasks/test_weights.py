@@ -6,10 +6,9 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF, Config, register
+from tex_lightning.config.weights import pick_weights
 from tex_lightning.errors import UserError
-from tex_lightning.schema import Config, register
-from tex_lightning.tasks.weights import pick_weights
 
 GIVEN = {"alexnet_caffe": "a.caffemodel", "squeezenet": "s.npz"}
 

@@ -7,12 +7,11 @@ import pytest
 from omegaconf import OmegaConf
 from omegaconf.errors import ValidationError
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF, Config
+from tex_lightning.config.check import check_config
+from tex_lightning.config.mistakes import compose_config
+from tex_lightning.config.weights import read_config
 from tex_lightning.errors import UserError
-from tex_lightning.mistakes import compose_config
-from tex_lightning.schema import Config
-from tex_lightning.tasks.weights import read_config
-from tex_lightning.validation import check_config
 
 HUGE = 10**30
 ABSURD: dict[type, list[Any]] = {

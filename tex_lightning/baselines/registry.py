@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
 
 if TYPE_CHECKING:
     from tex_lightning.baselines.base import Baseline
@@ -34,6 +34,8 @@ def make_baseline(name: str, settings: dict[str, Any], budget: float = 1.0) -> "
     Raises:
         UserError: If a library is missing, or a setting is unknown or of the wrong type.
     """
+    if name not in BASELINES:
+        raise UserError(f"model.baseline is {shorten(name)}: choose {', '.join(BASELINES)}.")
     module, _, title = BASELINES[name].partition(":")
     try:
         cls = getattr(importlib.import_module(f"tex_lightning.baselines.{module}"), title)

@@ -20,7 +20,7 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 
 if TYPE_CHECKING:
-    from tex_lightning.data.stream import StreamBatches
+    from tex_lightning.data.generated_batches import StreamBatches
 
 Batch = dict[str, Tensor]
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches

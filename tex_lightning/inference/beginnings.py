@@ -10,9 +10,9 @@ from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.inference.costs import Costs
+from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.parts import part_for
-from tex_lightning.streaming.classifier import StreamingClassifier
 
 STREAMED = 3.0  # time of a multiply-accumulate here over that in a full pass; measured 2.3 to 3
 

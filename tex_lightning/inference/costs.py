@@ -8,9 +8,9 @@ from torch import Tensor
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import build_network
+from tex_lightning.inference.macs import count_macs
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.profiling.roofline import count_macs
 
 
 class Costs:

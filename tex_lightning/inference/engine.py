@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier import SurfaceClassifier, check_side
+from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.inference.rewrite import (
@@ -20,7 +21,6 @@ from tex_lightning.networks.blocks import Level, Window
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.schema import EngineConfig
 
 log = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from torch import Tensor, nn
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import max_vote
-from tex_lightning.instantiation import build, call
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span

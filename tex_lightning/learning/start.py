@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 from typing import Any, cast
 
-from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import TrainingBatches
-from tex_lightning.data.stream import StreamBatches
+from tex_lightning.data.generated_batches import StreamBatches
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
@@ -23,7 +23,6 @@ from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_we
 
 log = logging.getLogger(__name__)
 
-SUFFIX = ".ckpt"
 SYNTHETIC = "synthetic"  # the name of what comes with the package
 SHIPPED = Path(__file__).parents[1] / "shipped" / "haptic.ckpt"  # of task=pretrain, rounded to fp16
 SHAPING = {

@@ -17,9 +17,9 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.banks import PhotoBank, SpectrogramBank
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches, load_trace
 from tex_lightning.data.folds import Kind, make_samples
+from tex_lightning.data.generated_batches import PhotoViews, StreamBatches, TraceViews
+from tex_lightning.data.generator import SpecimenStream
 from tex_lightning.data.recordings import Recording
-from tex_lightning.data.stream import PhotoViews, StreamBatches, TraceViews
-from tex_lightning.data.synthetic.stream import SpecimenStream
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import crop_side

@@ -14,15 +14,15 @@ from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch.callbacks import ModelCheckpoint, Timer
 
+from tex_lightning.config import TrainerConfig
+from tex_lightning.config.instantiation import build
 from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
-from tex_lightning.instantiation import build
 from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.training import Training
-from tex_lightning.report.events import open_loggers
-from tex_lightning.schema import TrainerConfig
+from tex_lightning.loggers import open_loggers
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.card import Card
+from tex_lightning.config import Config
 from tex_lightning.data.folds import Kind, Split
+from tex_lightning.data.generator import SpecimenStream
 from tex_lightning.data.store import Store
-from tex_lightning.data.synthetic.stream import SpecimenStream
-from tex_lightning.schema import Config
 
 
 @dataclass(frozen=True)

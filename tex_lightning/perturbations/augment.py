@@ -6,7 +6,6 @@ from typing import Self
 
 import numpy as np
 
-from tex_lightning.data.recordings import Modality
 from tex_lightning.perturbations.scene import Array, Scene
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation, perturbations
 
@@ -40,7 +39,7 @@ class Augmentation:
         return kind.apply(recording, severity, Scene(rng, self.rate, _alone))
 
 
-def trainable(modality: Modality) -> tuple[str, ...]:
+def trainable(modality: str) -> tuple[str, ...]:
     """Names of those that may be trained on: not held out, for a trace with any number of axes."""
     return tuple(
         name

@@ -9,14 +9,15 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig, ProfileConfig
 from tex_lightning.inference.engine import accelerate, has_bf16
+from tex_lightning.inference.macs import count_macs
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows
 from tex_lightning.profiling.labels import agreement, flips
 from tex_lightning.profiling.memory import forward_peak_mib
-from tex_lightning.profiling.roofline import count_macs, gemm_gflops, gflops, layers, products
+from tex_lightning.profiling.roofline import gemm_gflops, gflops, layers, products
 from tex_lightning.profiling.subject import Network, Subject, dense_pass, network_of
 from tex_lightning.profiling.timing import Timing, interleaved, waiting
-from tex_lightning.schema import EngineConfig, ProfileConfig
 
 BATCHES = (8, 32, 128)  # sizes that batched windows are tried in
 SLICES = 100  # a quick function gets this fraction of the budget in each round

@@ -13,12 +13,12 @@ from torch import Tensor
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig, ProfileConfig
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
 from tex_lightning.profiling.subject import Subject, like_weights, network_of
 from tex_lightning.profiling.timing import interleaved, waiting
-from tex_lightning.schema import EngineConfig, ProfileConfig
 
 SECONDS = (2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0)
 MEGAPIXELS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 48.0)

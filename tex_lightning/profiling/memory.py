@@ -15,10 +15,10 @@ import torch
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import window_size
 from tex_lightning.profiling.subject import dense_pass, like_weights, network_of
-from tex_lightning.schema import EngineConfig
 
 STATUS = Path("/proc/self/status")
 RESET = Path("/proc/self/clear_refs")

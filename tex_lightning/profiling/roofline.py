@@ -45,17 +45,6 @@ def gflops(macs: int, milliseconds: float) -> float:
     return 2 * macs / milliseconds / 1e6
 
 
-def count_macs(function: Callable[[], object]) -> int:
-    """Multiply-accumulates of the convolutions and matrix products that a function runs.
-
-    PyTorch counts two operations for each; normalisation, pooling and Fourier transforms are not
-    counted.
-    """
-    with FlopCounterMode(display=False) as counter, torch.no_grad():
-        function()
-    return int(counter.get_total_flops()) // 2
-
-
 @dataclass(frozen=True)
 class Layer:
     """Cost of one layer inside a network.

@@ -8,10 +8,10 @@ from typing import Any
 
 from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
 from tex_lightning.files import write_text
+from tex_lightning.report.confused_pairs import pairs_figure
 from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure
-from tex_lightning.report.fragments import confused_pairs, fragment_counts
-from tex_lightning.report.pairs import pairs_figure
 from tex_lightning.report.systems import System, read_systems, run_data
 from tex_lightning.report.table import TINY, is_tiny, run_overrides
 from tex_lightning.report.tables import accuracy_tables, profiling_table, seeds_table

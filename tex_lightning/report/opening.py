@@ -9,6 +9,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tex_lightning.config import Config
 from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings
 from tex_lightning.data.store import Store
@@ -16,7 +17,6 @@ from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.progress import console
 from tex_lightning.report.durations import describe_rates, durations, unlike_the_others
 from tex_lightning.report.numbers import spread
-from tex_lightning.schema import Config
 
 WIDTH, INDENT = 80, 10
 TITLES: dict[Modality, str] = {"haptic": "Traces", "image": "Photos"}

@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from tex_lightning.profiling.growth import Point
 from tex_lightning.report.paper import paper_table
-from tex_lightning.report.profile import WAYS, Network
+from tex_lightning.report.profile_table import WAYS, Network
 
 COLOURS = {"haptic": "#4477aa", "visual": "#ee6677", "fusion": "#228833"}
 PARTS = {"label": "-", "network": "-", "features": ":"}

@@ -14,9 +14,9 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.data.recordings import natural_key
+from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.files import write_text
 from tex_lightning.progress import console
-from tex_lightning.report.results import wilson_interval
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import TINY, is_tiny, make_table, python_command, seconds
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from tex_lightning.learning.start import SUFFIX
-from tex_lightning.report.results import Outcome, read_outcomes
+from tex_lightning.card import SUFFIX
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
 from tex_lightning.report.table import run_overrides
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from statistics import mean, stdev
 from typing import Any
 
-from tex_lightning.report.paired import mcnemar
+from tex_lightning.evaluation.mcnemar import mcnemar
+from tex_lightning.evaluation.outcomes import summarise
 from tex_lightning.report.paper import paper_table
-from tex_lightning.report.results import summarise
 from tex_lightning.report.systems import System
 from tex_lightning.report.table import seconds
 

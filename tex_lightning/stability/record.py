@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
 
-from tex_lightning.stability.judge import Decision
+from tex_lightning.stability.evaluator import Decision
 
 Key = tuple[str, str, float]  # system, perturbation, severity
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import mannwhitneyu
 
+from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.perturbations.table import SEVERITIES, perturbations
-from tex_lightning.report.results import wilson_interval
-from tex_lightning.stability.judge import Decision
+from tex_lightning.stability.evaluator import Decision
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import Bench, Trial
 

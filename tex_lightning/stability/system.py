@@ -8,8 +8,8 @@ from tex_lightning.data.folds import NEEDS, Kind, Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.perturbations.table import Perturbation
-from tex_lightning.stability.judge import Decision, Judge, Percept
-from tex_lightning.stability.laboratory import Laboratory
+from tex_lightning.stability.evaluator import Decision, Judge, Percept
+from tex_lightning.stability.perturbed import Laboratory
 
 See = Callable[[Recording], Percept | None]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.progress import track
-from tex_lightning.stability.judge import Decision
+from tex_lightning.stability.evaluator import Decision
 from tex_lightning.stability.record import Record
 from tex_lightning.stability.system import System
 

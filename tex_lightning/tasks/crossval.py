@@ -11,24 +11,24 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.config import Config
 from tex_lightning.errors import UserError
-from tex_lightning.ranks import is_rank_zero
-from tex_lightning.report.document import write_report
-from tex_lightning.report.events import log_test
-from tex_lightning.report.results import (
+from tex_lightning.evaluation.novelty import pool_unknown
+from tex_lightning.evaluation.outcomes import (
     read_outcomes,
     summarise,
     write_outcomes,
     write_results,
 )
+from tex_lightning.loggers import log_test
+from tex_lightning.ranks import is_rank_zero
+from tex_lightning.report.document import write_report
 from tex_lightning.report.table import print_results, python_command, run_overrides
-from tex_lightning.schema import Config
+from tex_lightning.runs.fold import fit_fold, results_frame
+from tex_lightning.runs.sequential import pool_sequential
+from tex_lightning.runs.testing import believed, draw_figures
+from tex_lightning.runs.workspace import Workspace, open_workspace
 from tex_lightning.tasks import profile
-from tex_lightning.tasks.fit import fit_fold, results_frame
-from tex_lightning.tasks.novelty import pool_unknown
-from tex_lightning.tasks.sequential import pool_sequential
-from tex_lightning.tasks.testing import believed, draw_figures
-from tex_lightning.tasks.workspace import Workspace, open_workspace
 
 log = logging.getLogger(__name__)
 

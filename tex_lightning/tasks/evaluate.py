@@ -6,23 +6,18 @@ from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.folds import NEEDS, make_samples, split
-from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recordings
+from tex_lightning.config import Config
+from tex_lightning.data.folds import make_samples
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
-from tex_lightning.errors import UserError, listed
+from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.report.opening import announce
-from tex_lightning.report.results import environment, write_results
 from tex_lightning.report.table import print_results
-from tex_lightning.schema import Config, DataConfig
-from tex_lightning.tasks.seen import refuse_leak
-from tex_lightning.tasks.testing import draw_figures, report_network
-from tex_lightning.tasks.usable import find_unusable
-from tex_lightning.tasks.workspace import hold_out
+from tex_lightning.runs.tested import held_out_to_test, recordings_to_test
+from tex_lightning.runs.testing import draw_figures, report_network
+from tex_lightning.runs.usable import find_unusable
 
 
 def run(config: Config, directory: Path) -> dict[str, Any]:
@@ -38,7 +33,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
     test = recordings_to_test(config.data, classifier, "The checkpoint")
-    unknown = _held_out(config.data, classifier)
+    unknown = held_out_to_test(config.data, classifier)
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     both = replace(test, rows=test.rows + unknown.rows)
@@ -71,42 +66,3 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     write_results(directory / "results.json", results)
     print_results(results, directory)
     return results
-
-
-def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str) -> Recordings:
-    """The recordings to test on, without the classes in ``data.hold_out``.
-
-    Args:
-        data: Where they come from and which fold.
-        classifier: What is tested.
-        who: Its name in messages.
-
-    Raises:
-        UserError: If their classes are unknown to the checkpoint, or it was trained on them.
-    """
-    card = classifier.card
-    rows, _ = hold_out(read_recordings(data), data.hold_out)
-    unknown = [label for label in rows.classes if label not in card.classes]
-    if unknown:
-        raise UserError(
-            f"{who} does not know the class {listed(unknown)}; leave it out of the "
-            "data, name it in data.hold_out or train on it."
-        )
-    return _tested(rows, data, card, who)
-
-
-def _held_out(data: DataConfig, classifier: SurfaceClassifier) -> Recordings:
-    """The recordings of the classes in ``data.hold_out`` in the test fold.
-
-    Raises:
-        UserError: If there is no such class, or the checkpoint was trained on it.
-    """
-    _, held = hold_out(read_recordings(data), data.hold_out)
-    return _tested(held, data, classifier.card, "The checkpoint")
-
-
-def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
-    wanted = rows.without(row for row in rows if row.modality not in NEEDS[card.kind])
-    test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
-    refuse_leak(test, card, who)
-    return replace(test, notes=rows.notes)

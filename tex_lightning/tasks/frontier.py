@@ -19,22 +19,21 @@ from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import Config
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import make_samples
-from tex_lightning.decision.choice import Candidate, one_standard_error, pareto, within_budget
 from tex_lightning.devices import pick_device
-from tex_lightning.inference.sequential import prepare
-from tex_lightning.profiling.timing import interleaved, waiting
-from tex_lightning.report.frontier import Point, draw_frontier, print_frontier, write_frontier
-from tex_lightning.report.results import (
+from tex_lightning.evaluation.choice import Candidate, one_standard_error, pareto, within_budget
+from tex_lightning.evaluation.outcomes import (
     environment,
     summarise,
     write_results,
 )
-from tex_lightning.schema import Config
-from tex_lightning.tasks.crossval import chosen_folds
-from tex_lightning.tasks.family import (
+from tex_lightning.inference.early_stopping import prepare
+from tex_lightning.profiling.timing import interleaved, waiting
+from tex_lightning.report.frontier_chart import Point, draw_frontier, print_frontier, write_frontier
+from tex_lightning.runs.family import (
     Measured,
     Member,
     compose_family,
@@ -42,7 +41,8 @@ from tex_lightning.tasks.family import (
     measure,
     with_system,
 )
-from tex_lightning.tasks.workspace import decode_settings, open_workspace
+from tex_lightning.runs.workspace import decode_settings, open_workspace
+from tex_lightning.tasks.crossval import chosen_folds
 
 log = logging.getLogger(__name__)
 

@@ -3,13 +3,13 @@
 import logging
 from pathlib import Path
 
+from tex_lightning.config import Config
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import spec_of
 from tex_lightning.data.readers.tum import read_tum
 from tex_lightning.data.recordings import write_manifest
-from tex_lightning.data.synthetic import write_folder, write_tum
 from tex_lightning.errors import UserError
-from tex_lightning.schema import Config
+from tex_lightning.synthetic import write_folder, write_tum
 
 log = logging.getLogger(__name__)
 

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import cast
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.config import Config
 from tex_lightning.errors import UserError
+from tex_lightning.inference.inputs import find_files, pair_files
+from tex_lightning.lines import print_line
 from tex_lightning.predictor import Predictor
-from tex_lightning.schema import Config
-from tex_lightning.tasks.inputs import find_files, pair_files
-from tex_lightning.tasks.lines import print_line
 
 MAX_FAILURES = 20  # that are printed
 

@@ -9,25 +9,26 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, cast
 
+from tex_lightning.config import Config
 from tex_lightning.data.folds import NEEDS, Kind, Split
+from tex_lightning.data.generator import RenderedStore, SpecimenStream
 from tex_lightning.data.readers.synthetic import spec_of
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.synthetic.stream import RenderedStore, SpecimenStream
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
-from tex_lightning.report.results import write_results
 from tex_lightning.report.table import print_results
-from tex_lightning.schema import Config
-from tex_lightning.tasks.fit import finished, results_frame, tested_network
-from tex_lightning.tasks.usable import find_too_small
-from tex_lightning.tasks.workspace import (
+from tex_lightning.runs.fold import results_frame, tested_network
+from tex_lightning.runs.usable import find_too_small
+from tex_lightning.runs.workspace import (
     Workspace,
     check_networks,
     configured_card,
     decode_settings,
 )
+from tex_lightning.tasks.fit import finished
 
 NOTE = "synthetic specimens rendered for this test; real surfaces are another matter"
 

@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.card import Card
+from tex_lightning.config import Config
 from tex_lightning.devices import pick_device
+from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
+from tex_lightning.loggers import log_profile
 from tex_lightning.profiling.comparison import compare
 from tex_lightning.profiling.growth import growth
 from tex_lightning.profiling.subject import Subject
-from tex_lightning.report.events import log_profile
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.profile import left_out, print_profile, write_growth
 from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
-from tex_lightning.report.results import RANDOM, environment, write_results
-from tex_lightning.schema import Config
-from tex_lightning.tasks.subjects import make_subjects
+from tex_lightning.report.profile_table import left_out, print_profile, write_growth
+from tex_lightning.runs.subjects import make_subjects
 
 log = logging.getLogger(__name__)
 

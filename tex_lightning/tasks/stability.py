@@ -7,22 +7,22 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.config import Config
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import environment, write_results
+from tex_lightning.loggers import log_stability
 from tex_lightning.perturbations.table import Perturbation, perturbations
 from tex_lightning.progress import track
-from tex_lightning.report.events import log_stability
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.results import environment, write_results
-from tex_lightning.report.stability import Break, print_stability, write_breaks, write_trials
 from tex_lightning.report.stability_figures import stability_figures
-from tex_lightning.schema import Config
+from tex_lightning.report.stability_tables import Break, print_stability, write_breaks, write_trials
+from tex_lightning.runs.systems import load_systems, skipped_files
 from tex_lightning.stability.record import RECORD, Record
 from tex_lightning.stability.summary import conflict_summary, mean_errors, summarise_system
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import Bench, Trial
-from tex_lightning.tasks.tested import load_systems, skipped_files
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     figures = stability_figures(trials)
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{title}.png")
-    log_stability(config.logger, directory, trials, figures)
+    log_stability(config.logger, directory, _curves(trials), figures)
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -102,3 +102,13 @@ def _entries(bench: Bench, trials: Sequence[Trial], breaks: Sequence[Break]) -> 
             **(conflict_summary(system, bench) if system.kind == "fusion" else {}),
         }
     return entries
+
+
+def _curves(trials: Sequence[Trial]) -> dict[str, list[tuple[str, int, float]]]:
+    """Of each system perturbation, severity and vote accuracy."""
+    curves: dict[str, list[tuple[str, int, float]]] = {}
+    for trial in trials:
+        title = f"{trial.perturbation.modality}/{trial.perturbation.name}"
+        point = title, int(trial.severity), trial.accuracy
+        curves.setdefault(trial.system.name, []).append(point)
+    return curves

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.config import Config
 from tex_lightning.data.decode import decode_trace, usable_samples
 from tex_lightning.errors import UserError
+from tex_lightning.inference.streaming.live import LiveStream
+from tex_lightning.lines import print_line
 from tex_lightning.prediction import Prediction
 from tex_lightning.predictor import Predictor
-from tex_lightning.schema import Config
-from tex_lightning.streaming.live import LiveStream
-from tex_lightning.tasks.lines import print_line
 
 SAMPLE = np.dtype("<f4")  # of standard input
 KEYS = ("label", "rejected", "probability", "confidence", "fragments", "warnings", "latency_ms")

@@ -10,12 +10,11 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from PIL import Image
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF, register
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.readers.kth_tips2b import NUMBERS
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.schema import register
 
 
 def read(*overrides: str) -> Recordings:

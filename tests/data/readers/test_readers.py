@@ -9,13 +9,12 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from tex_lightning.__main__ import CONF
+from tex_lightning.config import CONF, DataConfig, register
 from tex_lightning.data.decode import DecodeSettings, decode_trace
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import write_manifest
-from tex_lightning.data.synthetic import SyntheticSpec, write_tum
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig, register
+from tex_lightning.synthetic import SyntheticSpec, write_tum
 
 SMALL = SyntheticSpec(classes=3, recordings=10, seconds=1.0, photo_width=64, photo_height=48)
 

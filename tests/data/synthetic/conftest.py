@@ -2,8 +2,8 @@ from functools import cache
 
 import pytest
 
-from tex_lightning.data.synthetic.materials import make_materials
-from tex_lightning.data.synthetic.specimen import Specimen
+from tex_lightning.synthetic.materials import make_materials
+from tex_lightning.synthetic.specimen import Specimen
 
 
 @cache

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tex_lightning.data.synthetic.camera import render_photo
+from tex_lightning.synthetic.camera import render_photo
 
 
 def _photo(specimen, seed=0, light="daylight", size=(160, 120)):

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.data.synthetic import SyntheticSpec, make_materials, write_folder, write_tum
-from tex_lightning.data.synthetic.dataset import photograph, record
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
+from tex_lightning.synthetic import SyntheticSpec, make_materials, write_folder, write_tum
+from tex_lightning.synthetic.dataset import photograph, record
 
 TINY = {"recordings": 2, "seconds": 1, "photo_width": 64, "photo_height": 48}
 

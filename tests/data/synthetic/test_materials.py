@@ -2,7 +2,7 @@ import itertools
 
 import pytest
 
-from tex_lightning.data.synthetic.materials import BLOCK, make_materials
+from tex_lightning.synthetic.materials import BLOCK, make_materials
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])

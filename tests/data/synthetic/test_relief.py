@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tex_lightning.data.synthetic.materials import FAMILIES, Body, ReliefSpec
-from tex_lightning.data.synthetic.relief import (
+from tex_lightning.synthetic.materials import FAMILIES, Body, ReliefSpec
+from tex_lightning.synthetic.relief import (
     MICRO_PITCH,
     MICRO_TILE,
     PITCH,

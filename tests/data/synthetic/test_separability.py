@@ -8,7 +8,7 @@ from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from tex_lightning.data.synthetic.dataset import SyntheticSpec, photograph, record
+from tex_lightning.synthetic.dataset import SyntheticSpec, photograph, record
 
 SPEC = SyntheticSpec(classes=6, seconds=3, photo_width=480, photo_height=360)
 TESTED = np.isin(np.arange(10), [4, 9])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tex_lightning.data.decode import DecodeSettings, halve
-from tex_lightning.data.synthetic.dataset import SyntheticSpec
-from tex_lightning.data.synthetic.materials import another_piece, distinct_materials, make_materials
-from tex_lightning.data.synthetic.stream import RenderedStore, SpecimenStream
+from tex_lightning.data.generator import RenderedStore, SpecimenStream
+from tex_lightning.synthetic.dataset import SyntheticSpec
+from tex_lightning.synthetic.materials import another_piece, distinct_materials, make_materials
 
 SPEC = SyntheticSpec(7, recordings=2, seed=3, seconds=1.0, photo_width=64, photo_height=48)
 

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tex_lightning.data.synthetic.tool import (
+from tex_lightning.synthetic.tool import (
     GRAVITY,
     accelerate,
     draw_stroke,

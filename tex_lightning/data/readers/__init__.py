@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.readers import (
     folder,
@@ -15,7 +16,6 @@ from tex_lightning.data.readers import (
 )
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig
 
 READERS: dict[str, Callable[[DataConfig], Recordings]] = {
     "synthetic": synthetic.read,

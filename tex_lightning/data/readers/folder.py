@@ -7,6 +7,7 @@ is read as it lies, ``root/CLASS/*``: a file's suffix tells its sense.
 from collections.abc import Iterator
 from pathlib import Path
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.rates import RATES_TABLE
 from tex_lightning.data.recordings import (
@@ -19,7 +20,6 @@ from tex_lightning.data.recordings import (
 )
 from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_paths
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig
 
 SUFFIXES: dict[Modality, tuple[str, ...]] = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}
 SHOWN = 3  # names of a folder that nothing was read from

@@ -9,10 +9,10 @@ four folds are the four samples. The paper trains on one sample and tests on the
 import difflib
 from pathlib import Path
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.readers.folder import own_folder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig
 
 NUMBERS = {
     "aluminium_foil": 15,

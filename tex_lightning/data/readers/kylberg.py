@@ -12,10 +12,10 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.readers.folder import own_folder
 from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig
 
 PATCHES = 160
 

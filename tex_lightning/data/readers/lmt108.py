@@ -11,9 +11,9 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.recordings import Modality, Recording, Recordings
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig
 
 PER_CLASS = 10
 RATE = 10_000.0

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.recordings import Recordings, read_manifest
-from tex_lightning.schema import DataConfig
 
 
 def read(config: DataConfig) -> Recordings:

@@ -9,11 +9,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tex_lightning import __version__
+from tex_lightning.config import DataConfig
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import cache_root
-from tex_lightning.data.synthetic import SyntheticSpec, write_folder
-from tex_lightning.schema import DataConfig
+from tex_lightning.synthetic import SyntheticSpec, write_folder
 
 log = logging.getLogger(__name__)
 

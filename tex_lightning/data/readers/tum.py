@@ -11,6 +11,7 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,
@@ -19,7 +20,6 @@ from tex_lightning.data.recordings import (
     read_manifest,
 )
 from tex_lightning.errors import UserError
-from tex_lightning.schema import DataConfig
 
 PER_CLASS = 10
 RATE = 10_000.0

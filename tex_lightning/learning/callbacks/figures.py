@@ -9,7 +9,7 @@ from torch import Tensor
 
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.report.events import log_figures
+from tex_lightning.loggers import log_figures
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
 
 SHOWN = 8

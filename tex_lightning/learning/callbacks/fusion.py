@@ -8,12 +8,12 @@ from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config.model import LEAST_FACTOR, MOST_FACTOR
 from tex_lightning.errors import UserError
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.schema.model import LEAST_FACTOR, MOST_FACTOR
 
 log = logging.getLogger(__name__)
 

@@ -1,0 +1,53 @@
+"""``model=auto``: the configuration of the system that task=frontier found to be enough."""
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+from hydra import compose
+from hydra.core.hydra_config import HydraConfig
+
+from tex_lightning.config import Config
+from tex_lightning.config.weights import read_config
+from tex_lightning.errors import UserError
+from tex_lightning.runs.family import with_system
+from tex_lightning.tasks import frontier
+
+log = logging.getLogger(__name__)
+
+
+def resolve_auto(config: Config, directory: Path) -> Config:
+    """Replace ``model=auto`` by the chosen system of a family.
+
+    Without ``frontier.run`` the family is measured here, on the fold that this run tests: the
+    choice is made on another fold, so that the tested one has no part in it.
+
+    Raises:
+        UserError: If ``frontier.run`` holds no finished frontier.
+    """
+    run = directory / "frontier"
+    if config.frontier.run is not None:
+        run = Path(config.frontier.run).expanduser()
+    elif not (run / "results.json").is_file():  # a second choice may be another one
+        only = replace(config.crossval, only=[cast(int, config.data.test_fold)])
+        data = replace(config.data, val_fold=None)
+        family = replace(config, task="frontier", crossval=only, data=data)
+        frontier.run(family, run)
+    overrides = _read_choice(run)
+    given = [item for item in HydraConfig.get().overrides.task if not item.startswith("model=")]
+    log.info("model=auto is %s.", " ".join(overrides))
+    return read_config(compose("config", overrides=with_system(given, overrides)))
+
+
+def _read_choice(folder: Path) -> list[str]:
+    path = folder / "results.json"
+    try:
+        overrides: list[str] = json.loads(path.read_text(encoding="utf-8"))["overrides"]
+    except (OSError, ValueError, KeyError) as error:
+        raise UserError(
+            f"frontier.run={folder} holds no finished frontier; give the run folder of a "
+            "task=frontier, or leave it out."
+        ) from error
+    return overrides

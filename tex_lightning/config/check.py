@@ -1,0 +1,95 @@
+"""What types cannot say of a configuration: ranges, choices, and keys that need each other.
+
+Ranges and choices of single keys stand in the schema. Everything is checked before any work, and
+all complaints are made at once.
+"""
+
+from collections.abc import Iterator
+from operator import attrgetter
+
+from omegaconf import DictConfig, OmegaConf
+
+from tex_lightning.config import Config
+from tex_lightning.config.check_data import check_data
+from tex_lightning.config.check_model import check_model
+from tex_lightning.config.check_ranges import beyond
+from tex_lightning.config.check_tasks import AUTO, check_decision, check_task
+from tex_lightning.config.check_trainer import check_flags
+from tex_lightning.config.keys import walk
+from tex_lightning.errors import UserError, shorten
+
+__all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares"]
+
+
+def check_missing(composed: DictConfig) -> None:
+    """Refuse a configuration with open ``???`` values, naming all of them."""
+    missing = sorted(OmegaConf.missing_keys(composed))
+    if missing:
+        example = " ".join(f"{key}=VALUE" for key in missing)
+        raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
+
+
+def check_known(composed: DictConfig) -> None:
+    """Refuse keys that were added with ``+`` and that nothing would read."""
+    unknown = list(_unknown(composed, OmegaConf.structured(Config), ""))
+    if unknown:
+        raise UserError(
+            f"There is no key {shorten(', '.join(unknown))}; `python -m tex_lightning --help=all` "
+            "lists all."
+        )
+
+
+def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]:
+    for key in map(str, given):
+        if prefix == "trainer." and key not in known.keys():  # noqa: SIM118
+            continue  # see check_flags
+        if key not in known.keys():  # noqa: SIM118  (`in known` is false for open values)
+            yield f"{prefix}{key}"
+        elif OmegaConf.get_type(known, key) is dict:
+            continue  # of classes that check them themselves
+        elif OmegaConf.is_dict(known._get_node(key)) and not OmegaConf.is_missing(given, key):
+            yield from _unknown(given[key], known[key], f"{prefix}{key}.")
+
+
+def check_config(config: Config) -> None:
+    """Refuse values that cannot be meant, naming all of them in one sentence."""
+    complaints = [
+        *check_ranges(config),
+        *check_data(config.data),
+        *check_model(config.model),
+        *check_decision(config),
+        *check_task(config),
+        *check_flags(config.trainer.flags),
+    ]
+    if complaints:
+        raise UserError("; ".join(complaints) + ".")
+
+
+def check_ranges(config: Config) -> Iterator[str]:
+    """Values outside the range or the choices that the schema gives for their key."""
+    for name, key in walk(Config):
+        yield from beyond(name, attrgetter(name)(config), key)
+
+
+def check_shares(config: Config, processes: int) -> None:
+    """Refuse batches that ``processes`` processes cannot share evenly.
+
+    Raises:
+        UserError: Naming the batch sizes.
+    """
+    model = config.model
+    given = (model.fusion.haptic_checkpoint, model.fusion.visual_checkpoint)
+    parts = [kind for kind, path in zip(("haptic", "visual"), given, strict=True) if not path]
+    complaints: list[str] = []
+    for kind in (*parts, "fusion") if model.kind == "fusion" else (model.kind,):
+        size = getattr(model, kind).fit.batch_size
+        # the statistics of one sample at one position are no statistics
+        normalised = kind != "fusion" and getattr(model, kind).norm == "batch"
+        least = 2 if normalised and processes > 1 else 1
+        if size % processes or size < least * processes:
+            complaints.append(
+                f"model.{kind}.fit.batch_size is {size}, but {processes} processes share every "
+                f"batch: choose a multiple of {processes}, {least * processes} or more"
+            )
+    if complaints:
+        raise UserError("; ".join(complaints) + ".")

@@ -1,0 +1,38 @@
+"""Complaints about single values, as parts of one sentence."""
+
+import difflib
+from collections.abc import Iterator, Sequence
+
+from tex_lightning.config.keys import Key, plain
+from tex_lightning.errors import shorten
+
+
+def beyond(name: str, value: object, key: Key) -> Iterator[str]:
+    """A value, or one in a list, that its key does not allow; null passes."""
+    for item in value if isinstance(value, list) else [value]:
+        if item is None:
+            continue
+        if key.choices:
+            yield from choice(name, item, key.choices)
+        elif isinstance(item, int | float) and not key.allows(item):
+            yield f"{name} is {shorten(plain(item))}: choose {key.range}"
+
+
+def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]:
+    """A value outside ``allowed``, with the nearest one that is in it."""
+    if value not in allowed:
+        known = list(map(str, allowed))
+        near = difflib.get_close_matches(str(value), known, n=1)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        yield f"{name} is {shorten(value)}{hint}: choose {', '.join(known)}"
+
+
+def least(name: str, value: float, least: float) -> Iterator[str]:
+    """A value below ``least``."""
+    if not value >= least:
+        yield f"{name} is {plain(value)}: choose {plain(least)} or more"
+
+
+def within(name: str, value: float, least: float, most: float) -> Iterator[str]:
+    """A value outside ``least`` to ``most``."""
+    yield from beyond(name, value, Key("", least=least, most=most))

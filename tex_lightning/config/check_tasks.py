@@ -1,0 +1,156 @@
+"""What is asked of each task, and of the keys that only one task reads."""
+
+from collections.abc import Iterator
+
+from tex_lightning.config import Config
+from tex_lightning.config.check_ranges import choice, within
+from tex_lightning.config.data import RENDERED_RATE
+from tex_lightning.config.tasks import SECONDS
+from tex_lightning.perturbations.table import perturbations
+
+AUTO = "auto"
+PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
+NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
+READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
+READ_RECORDINGS = ("fit", "crossval", "evaluate", "stability", "frontier")
+
+
+def check_task(config: Config) -> Iterator[str]:
+    """What cannot be meant of the task and of the keys that belong to one task."""
+    data = config.data
+    if config.task == "fit" and data.test_fold is None:
+        yield "data.test_fold is null, but task=fit tests on a fold: give its number"
+    on_recordings = config.task in ("fit", "crossval", "frontier")
+    several = (config.trainer.devices, config.trainer.num_nodes) != (1, 1)
+    if several and config.task not in ("fit", "crossval"):
+        yield (
+            f"several devices are used by task=fit and task=crossval, not by task={config.task}: "
+            "leave out trainer=ddp, trainer.devices and trainer.num_nodes"
+        )
+    if several and config.crossval.share is not None:
+        yield "crossval.share is for runs on one device each: leave out trainer=ddp"
+    if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
+        yield (
+            f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
+            "task=predict, task=profile, task=stream or model.fusion.haptic_checkpoint"
+        )
+    if config.task == "stream" and (config.haptic is None or config.image is not None):
+        yield "task=stream reads one trace and no image: give haptic=FILE, or haptic=- for a pipe"
+    files = config.haptic is not None or config.image is not None
+    if files and config.task not in ("predict", "profile", "stream"):
+        yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
+    if config.predict.fast_decode and config.task != "predict":
+        yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
+    if config.checkpoint is None and config.task in NEED_CHECKPOINTS:
+        yield f"checkpoint is null, but task={config.task} classifies with one: give its file"
+    yield from _frontier(config)
+    yield from _profile(config)
+    yield from _pretrain(config)
+    yield from _stability(config)
+    yield from _skip_bad(config)
+    if config.weights is not None and not on_recordings:
+        yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
+    fusion = config.model.fusion
+    if config.task == "crossval" and (fusion.haptic_checkpoint or fusion.visual_checkpoint):
+        yield (
+            "unimodal checkpoints fit one fold only, so task=crossval cannot start from them: "
+            "leave model.fusion.haptic_checkpoint and visual_checkpoint null"
+        )
+    if config.task == "crossval" and data.val_fold is not None:
+        yield (
+            "data.val_fold is set, but task=crossval trains on all folds but the tested one: "
+            "leave it null"
+        )
+    for name in config.crossval.profile:
+        yield from choice("crossval.profile", name, PROFILED)
+    if (
+        config.weights is not None
+        and config.model.kind == "haptic"
+        and config.model.baseline is not None
+        and config.task != "frontier"  # whose family may have networks on photos
+    ):
+        yield f"weights belong to a trunk, which model={config.model.name} does not have"
+    for kind in ("haptic", "visual"):
+        given = getattr(fusion, f"{kind}_checkpoint") is not None
+        if given and config.model.kind == "fusion" and config.weights_of(kind) is not None:
+            yield f"weights and model.fusion.{kind}_checkpoint both fill the {kind} trunk: give one"
+
+
+def _frontier(config: Config) -> Iterator[str]:
+    frontier = config.frontier
+    if config.model.name == AUTO and config.task not in ("fit", "frontier"):
+        yield f"model=auto trains one network, task={config.task} does not: use task=fit"
+    if frontier.run is not None and config.model.name != AUTO:
+        yield "frontier.run is read by model=auto alone: leave it out"
+    if config.task == "frontier" and config.data.val_fold is not None:
+        yield "data.val_fold is set, but task=frontier watches a fold of its own: leave it null"
+    for key in ("only", "max_latency_ms", "min_accuracy"):
+        if getattr(frontier, key) is not None and config.task != "frontier":
+            yield f"frontier.{key} is read by task=frontier alone, not by task={config.task}"
+
+
+def check_decision(config: Config) -> Iterator[str]:
+    """What cannot be meant of ``decision``."""
+    decision = config.decision
+    for key in ("pairs", "rule", "seed"):
+        if getattr(decision, key) is None and config.task not in NEED_CHECKPOINTS:
+            yield f"decision.{key} is null, but task={config.task} has no checkpoint with one"
+    if decision.name == "sequential" and decision.rule not in ("vote", None):
+        yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
+    if decision.name == "sequential" and config.model.baseline is not None:
+        yield (
+            "decision=sequential needs a network, and a baseline looks at the whole recording at "
+            "once: use decision=max_vote"
+        )
+    if decision.name == "sequential" and config.task in ("profile", "stability", "stream"):
+        yield f"decision=sequential is not read by task={config.task}: leave it out"
+    if config.data.hold_out and config.task not in ("fit", "crossval", "evaluate"):
+        yield f"data.hold_out is not read by task={config.task}: leave it out"
+
+
+def _skip_bad(config: Config) -> Iterator[str]:
+    if config.data.skip_bad and config.task not in READ_RECORDINGS:
+        yield f"data.skip_bad is not read by task={config.task}: leave it out"
+
+
+def _profile(config: Config) -> Iterator[str]:
+    profile = config.profile
+    if config.task == "profile" and config.checkpoint is None and config.model.baseline is not None:
+        yield (
+            f"task=profile measures networks, and model={config.model.name} is none: time it by "
+            "task=frontier"
+        )
+    if profile.growth and config.task != "profile":
+        yield f"profile.growth is read by task=profile alone, not by task={config.task}"
+
+
+def _pretrain(config: Config) -> Iterator[str]:
+    if config.task != "pretrain":
+        return
+    model, data = config.model, config.data
+    if model.baseline is not None or model.kind == "fusion":
+        yield f"task=pretrain trains HapticNet or VisualNet, not model={model.name}"
+    if data.name != "synthetic":
+        yield f"task=pretrain renders its own surfaces, not data={data.name}: leave data out"
+    if data.sampling_rate != RENDERED_RATE:
+        yield f"data.sampling_rate is {data.sampling_rate:g}: rendered traces have {RENDERED_RATE}"
+    if data.resize is not None:
+        yield "data.resize is not read by task=pretrain: leave it null"
+    if model.haptic.fit.perturb or model.visual.fit.perturb:
+        yield "perturb is not read by task=pretrain: leave it empty"
+    if model.kind == "haptic":
+        yield from within("data.synthetic.seconds", data.synthetic.seconds, *SECONDS)
+
+
+def _stability(config: Config) -> Iterator[str]:
+    stability, testing = config.stability, config.task == "stability"
+    if testing and not stability.systems:
+        yield "stability.systems names nothing: give run folders or checkpoints, e.g. [RUN]"
+    if stability.systems and not testing:
+        yield f"stability.systems is read by task=stability alone, not by task={config.task}"
+    for name in stability.only or []:
+        yield from choice("stability.only", name, tuple(perturbations()))
+    if stability.only is not None and not stability.only:
+        yield "stability.only names nothing: leave it null for all perturbations"
+    for fold in stability.folds or []:
+        yield from within("stability.folds", fold, 0, config.data.folds - 1)

@@ -1,0 +1,73 @@
+"""Where recordings come from."""
+
+from dataclasses import dataclass, field
+
+from tex_lightning.config.keys import SEED, key
+
+RENDERED_RATE = 10_000  # Hz of synthetic traces
+SIDES = {"unit": "pixels", "least": 32, "most": 8192}  # of a rendered photo
+
+
+@dataclass
+class SyntheticConfig:
+    """Synthetic surfaces: how many recordings of what size."""
+
+    recordings: int = key("traces and photos per class", least=1, most=100)
+    seed: int = key("of the surfaces themselves", least=0, most=SEED)
+    seconds: float = key("length of a trace", unit="s", least=1, most=600)
+    photo_width: int = key("width of a photo", **SIDES)
+    photo_height: int = key("height of a photo", **SIDES)
+
+
+@dataclass
+class DataConfig:
+    """Where recordings come from, how they are decoded and divided into folds."""
+
+    name: str = key("data set, set by data=NAME")
+    root: str | None = key("folder of the recordings")
+    manifest: str | None = key(
+        "CSV with the columns label,modality,path,group; of data=tum the photos' classes"
+    )
+    split: str | None = key(
+        "half that data=lmt108 reads", choices=("training", "testing"), default=None
+    )
+    group_by: str | None = key(
+        "what makes a fold of data=kylberg: a patch of all surfaces, or one of four surfaces",
+        choices=("patch", "surface"), default=None,
+    )  # fmt: skip
+    classes: int | None = key(
+        "only the first so many classes in the order of their names; null takes all",
+        least=2, default=None,
+    )  # fmt: skip
+    synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
+    sampling_rate: float = key(
+        "rate that every trace is brought to", unit="Hz", least=2000, most=1_000_000
+    )
+    file_rate: float | None = key(
+        "rate of traces whose file does not say (.npy, .txt, .csv); null is sampling_rate",
+        unit="Hz", least=1, most=10_000_000, default=None,
+    )  # fmt: skip
+    half_scale: bool = key("halve photos; false for photos under a megapixel")
+    resize: int | None = key(
+        "side of the square that photos are brought to instead; null leaves them",
+        unit="pixels", least=1, most=8192, default=None,
+    )  # fmt: skip
+    folds: int = key(
+        "number of folds; the fold of a recording is its group modulo this", least=2, most=100_000
+    )
+    test_fold: int | None = key(
+        "fold that is tested, never trained or chosen on; null tests everything, of task=evaluate"
+    )
+    val_fold: int | None = key("fold that is watched while training; null for none", default=None)
+    inverted: bool = key("train on test_fold alone and test on all the others")
+    hold_out: list[str] | None = key(
+        "classes never trained on; how far their confidence lies below the others' is tested",
+        default=None,
+    )
+    skip_bad: bool = key("go on without files that cannot be used, said and counted")
+    cache_dir: str | None = key(
+        "folder of decoded files; null is the user's cache folder", default=None
+    )
+    num_workers: int = key(
+        "loader processes; batches are the same for any number", least=0, most=256
+    )

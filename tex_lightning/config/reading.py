@@ -1,0 +1,26 @@
+"""Which keys a composed task reads for its model."""
+
+from omegaconf import DictConfig
+
+from tex_lightning.config import Config
+from tex_lightning.config.keys import Key, walk
+from tex_lightning.config.tasks import READS
+
+NETWORKS = ("haptic", "visual", "fusion")
+
+
+def keys_read(config: DictConfig) -> dict[str, Key]:
+    """Metadata of the keys that ``config.task`` reads for ``config.model``, by dotted name."""
+    task, model = config.task, config.model
+    several = model.kind == "fusion" or task == "frontier" or model.name == "auto"
+    used = NETWORKS if several else () if model.baseline else (model.kind,)
+    unused = tuple(f"model.{name}." for name in NETWORKS if name not in used)
+    read = tuple(f"{part}." for part in ("task", *READS[task]))
+    trains = "trainer" in READS[task]
+    return {
+        name: key
+        for name, key in walk(Config)
+        if f"{name}.".startswith(read)
+        and not name.startswith(unused)
+        and (trains or ".fit." not in name)
+    }

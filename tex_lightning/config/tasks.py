@@ -1,0 +1,263 @@
+"""How fragments are decided on, networks are run, and what each task reads."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from tex_lightning.config.keys import SEED, key
+
+SECONDS = (3, 600)  # one full window behind the impact; what the renderer makes
+SIDE = {"unit": "pixels", "least": 224, "most": 8192}  # one patch; what the renderer makes
+ROUNDS = {"least": 1, "most": 10_000}
+SHARE = {"least": 0, "most": 1}
+CHANCE = {"least": 0, "below": 1}
+DAY = {"unit": "s", "above": 0, "most": 86_400}
+
+
+@dataclass
+class DecisionConfig:
+    """How fragments become one label."""
+
+    name: str = key(
+        "max_vote counts every fragment, sequential as few as the label needs",
+        choices=("max_vote", "sequential"),
+    )
+    pairs: int | None = key(
+        "K, the pairs that FusionNet votes over; null takes the checkpoint's",
+        least=1, most=1_000_000,
+    )  # fmt: skip
+    rule: str | None = key(
+        "count the fragments' votes, or average their class probabilities; null takes the "
+        "checkpoint's",
+        choices=("vote", "mean"),
+    )
+    seed: int | None = key(
+        "of the pairs and of the order of windows; null takes the checkpoint's", least=0, most=SEED
+    )
+    reject_below: float | None = key(
+        "mean class probability below which no label is given; 0 always gives one, null takes "
+        "the checkpoint's",
+        default=None, **SHARE,
+    )  # fmt: skip
+    alpha: float = key(
+        "sequential: most chance that what is left out would change the label; 0 takes none",
+        **CHANCE,
+    )
+    enough: float = key(
+        "sequential: mean probability at which one modality, or the beginning of a trace, decides",
+        **SHARE,
+    )
+    calibrated: bool = key(
+        "sequential: a checkpoint's own threshold, chosen on its validation fold, replaces enough"
+    )
+    disagreement: float = key(
+        "share of decisions that may differ from the full one when that threshold is chosen",
+        **CHANCE,
+    )
+    confidence: float = key("of the bound on that share (Clopper-Pearson)", **CHANCE)
+    alphas: list[float] = key("values of alpha drawn in the curves", **CHANCE)
+    enoughs: list[float] = key(
+        "values of enough drawn in the curves, and those the threshold is chosen among", **SHARE
+    )
+
+
+@dataclass
+class TrainerConfig:
+    """Flags of Lightning's Trainer; those that are not listed here are passed on as well.
+
+    The latter are attributes too, see :attr:`flags`.
+    """
+
+    accelerator: str = key(
+        "kind of device; auto takes the best there is",
+        choices=("auto", "cpu", "gpu", "cuda", "mps"),
+    )
+    devices: Any = key(
+        "devices of each machine that train one network together: a number, or auto for all GPUs",
+        least=1, most=64,
+    )  # fmt: skip
+    num_nodes: int = key(
+        "machines that do; more than one are started by srun or torchrun", least=1, most=1024
+    )
+    strategy: Any = key("how they train together: a name that Lightning knows, or a _target_")
+    precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
+    threads: int | None = key(
+        "threads of PyTorch on the CPU; null takes one for task=stream, else leaves its choice",
+        least=1, most=1024, default=None,
+    )  # fmt: skip
+
+    @property
+    def flags(self) -> dict[str, Any]:
+        """What is passed to Lightning's Trainer."""
+        return {name: value for name, value in vars(self).items() if name != "threads"}
+
+
+@dataclass
+class EngineConfig:
+    """How a trained network is run in testing and prediction; its weights stay what they are."""
+
+    fold_batch_norm: bool = key("make batch normalisation part of the convolution before it")
+    fast_response_norm: bool = key(
+        "compute local response normalisation in a form that stays in the cache"
+    )
+    fast_convolutions: bool = key(
+        "on the CPU in fp32, compute 3x3 convolutions over long traces and photos with half the "
+        "multiplications, and HapticNet's 4x12 one as matrix products"
+    )
+    channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
+    fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks or by matrix products")
+    precision: str = key(
+        "of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
+    )
+    compile: bool = key("fuse layers with torch.compile, which needs a C++ compiler")
+    tile: int | None = key(
+        "most pixels, or frames times 50 channels, that go through a network at once; null never "
+        "divides",
+        least=100_000, most=1_000_000_000_000,  # smaller pieces are nearly all margin
+    )  # fmt: skip
+
+
+@dataclass
+class CrossvalConfig:
+    """Cross-validation."""
+
+    only: list[int] | None = key("folds to run, e.g. [0,3]; null runs all", default=None)
+    profile: list[str] = key(
+        "models whose first fold's network gets task=profile too, e.g. [haptic,visual]"
+    )
+    share: str | None = key(
+        "folder where runs find each other's networks, each trained once for all; null shares none",
+        default=None,
+    )
+
+
+@dataclass
+class PredictConfig:
+    """Prediction."""
+
+    fast_decode: bool = key("let the JPEG decoder halve photos: half the time, nearly the same")
+
+
+@dataclass
+class StreamConfig:
+    """Classification while a recording goes on."""
+
+    chunk: float = key("signal between two votes", unit="s", above=0, most=3600)
+    wait: float = key(
+        "most signal left uncomputed while it cannot change the label",
+        unit="s", least=0, most=60,
+    )  # fmt: skip
+    axes: int = key("axes of the samples on standard input, of haptic=-", choices=(1, 3))
+
+
+@dataclass
+class GenerateConfig:
+    """Where synthetic surfaces are written out."""
+
+    out: str = key("folder to write to, new or empty")
+    layout: str = key("of the files", choices=("folder", "tum"))
+
+
+@dataclass
+class PretrainConfig:
+    """Endless synthetic surfaces."""
+
+    views: int = key(
+        "how often a rendered specimen is viewed; rendering costs as much as five to ten views",
+        least=1, most=10_000,
+    )  # fmt: skip
+    test: int = key("specimens to test on, none of which is trained on", least=1, most=100_000)
+
+
+@dataclass
+class ProfileConfig:
+    """What is measured and how long it may take."""
+
+    classes: int = key("classes of a network without a checkpoint", least=2, most=100_000)
+    seconds: float = key(
+        "length of the rendered trace; haptic=FILE takes a real one",
+        unit="s",
+        least=SECONDS[0],
+        most=SECONDS[1],
+    )
+    width: int = key(
+        "width of the rendered photo after halving; image=FILE takes a real one", **SIDE
+    )
+    height: int = key("its height", **SIDE)
+    rounds: int = key("most rounds of timing; in each every way of classifying is timed", **ROUNDS)
+    budget_s: float = key(
+        "no new round after this time for a network, but three in any case", **DAY
+    )
+    growth: bool = key("also measure cost against length, size, classes, pairs, batch, threads")
+    max_seconds: float = key("longest single call that growth may expect", **DAY)
+
+
+@dataclass
+class FrontierConfig:
+    """The family of systems that is trained and measured."""
+
+    systems: dict[str, str] = key(
+        "overrides by name of the system, set by frontier=NAME", factory=dict
+    )
+    only: list[str] | None = key("some of the systems by name; null runs all", default=None)
+    rounds: int = key("rounds of timing; in each every system is timed", **ROUNDS)
+    max_latency_ms: float | None = key(
+        "budget: prints the best system within it and the command that trains it",
+        unit="ms", above=0, most=1_000_000_000, default=None,
+    )  # fmt: skip
+    min_accuracy: float | None = key(
+        "demand: prints the quickest system with this share of correct votes",
+        default=None, **SHARE,
+    )  # fmt: skip
+    run: str | None = key(
+        "finished run folder of task=frontier that model=auto takes its choice from; null finds "
+        "it first",
+        default=None,
+    )
+
+
+@dataclass
+class StabilityConfig:
+    """What is tested and how thoroughly."""
+
+    systems: list[str] | None = key(
+        "run folders or checkpoints; the first is the reference of the corruption error",
+        default=None,
+    )
+    parts: bool = key("test HapticNet and VisualNet of a FusionNet's run folder as well")
+    folds: list[int] | None = key(
+        "folds of a cross-validation's run folder; null tests all that it holds", default=None
+    )
+    only: list[str] | None = key(
+        "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
+    )
+    limit: int | None = key(
+        "most test samples of a class in a fold; null takes all", least=1, default=None
+    )
+    bound: float = key(
+        "a system breaks where it keeps less than this share of its clean vote accuracy",
+        above=0, most=1,
+    )  # fmt: skip
+    bisections: int = key(
+        "of the stretch between two severities in which it breaks", least=0, most=30
+    )
+
+
+# The keys and sections that each task reads.
+_TRAINING = ("seed", "data", "model", "decision", "engine", "trainer", "callbacks", "logger")
+_RUNNING = ("trainer.accelerator", "trainer.threads")  # all that is read without training
+_CLASSIFYING = ("checkpoint", "haptic", "data.file_rate", "engine", *_RUNNING)
+READS = {
+    "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run"),
+    "crossval": ("weights", *_TRAINING, "crossval"),
+    "evaluate": ("checkpoint", "seed", "data", "decision", "engine", *_RUNNING),
+    "predict": (*_CLASSIFYING, "image", "top_k", "predict", "decision"),
+    "stream": (*_CLASSIFYING, "stream", "decision.reject_below"),
+    "stability": ("stability", "seed", "data", "engine", "logger", *_RUNNING),
+    "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
+    "profile": (
+        *_CLASSIFYING, "image", "seed", "profile", "model", "data.sampling_rate",
+        "data.half_scale", "data.resize", "logger",
+    ),
+    "pretrain": ("pretrain", *_TRAINING),
+    "generate": ("generate", "data.classes", "data.synthetic"),
+}  # fmt: skip

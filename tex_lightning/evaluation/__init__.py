@@ -1,0 +1,1 @@
+"""What classifiers made of test samples, and what that says of them."""

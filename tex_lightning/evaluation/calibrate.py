@@ -1,0 +1,113 @@
+"""Set what a checkpoint says of its own certainty, on the validation fold."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from scipy.stats import binomtest
+
+from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import Config, DecisionConfig
+from tex_lightning.data.datamodule import load_sample
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.decision.temperature import fit_temperature
+from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
+from tex_lightning.files import write_atomically
+from tex_lightning.inference.early_stopping import SEQUENTIAL
+from tex_lightning.inference.engine import accelerate
+
+log = logging.getLogger(__name__)
+
+
+def calibrate(
+    classifier: SurfaceClassifier,
+    checkpoint: Path,
+    samples: Sequence[Sample],
+    store: Store,
+    config: Config,
+) -> None:
+    """Fit the temperature, and the threshold of sequential decisions, and keep them in the card.
+
+    Args:
+        classifier: As loaded from ``checkpoint``; its card is replaced.
+        checkpoint: The file, which is rewritten.
+        samples: Of the validation fold; without any nothing happens.
+        store: Their recordings.
+        config: Of the run.
+    """
+    card = classifier.card
+    if not samples or card.calibration:
+        return
+    with torch.inference_mode():
+        logits = [classifier.logits(*load_sample(sample, store)) for sample in samples]
+    labels = [card.classes.index(sample.label) for sample in samples]
+    found = {"temperature": fit_temperature(logits, labels)}
+    classifier.card = replace(card, calibration=found)
+    if config.decision.name == SEQUENTIAL and not card.baseline and card.kind != "visual":
+        fast = accelerate(classifier, config.engine)
+        found |= choose_enough(fast, config.decision, samples, store)
+        classifier.card = replace(card, calibration=found)
+    _keep(classifier.card, checkpoint)
+
+
+def choose_enough(
+    classifier: SurfaceClassifier,
+    decision: DecisionConfig,
+    samples: Sequence[Sample],
+    store: Store,
+) -> dict[str, float]:
+    """The lowest threshold whose decisions differ from the full ones rarely enough.
+
+    From the strictest on, each threshold is tested and the first failure ends the search, so that
+    the bound holds for the one chosen although several were tried (fixed-sequence testing).
+    Samples that share a recording count as one, which differs if any of them does.
+
+    Returns:
+        ``enough`` and the Clopper-Pearson bound ``disagreement`` that it holds; nothing if the
+        strictest threshold has no such bound.
+    """
+    labels, units = full_labels(classifier, samples, store), independent(samples)
+    found: dict[str, float] = {}
+    for enough in sorted(decision.enoughs, reverse=True):
+        tried = replace(decision, calibrated=False, enough=enough)
+        votes = sequential_votes(classifier, tried, samples, store)
+        differing = {
+            unit
+            for unit, vote, label in zip(units, votes, labels, strict=True)
+            if vote.label != label
+        }
+        bound = upper_bound(len(differing), len(set(units)), decision.confidence)
+        if bound > decision.disagreement:
+            break
+        found = {"enough": enough, "disagreement": bound}
+    if not found:
+        log.warning(
+            "The validation fold has too few samples, or too many differing decisions, to bound "
+            "these by decision.disagreement=%g; decision.enough=%g is used as it is.",
+            decision.disagreement, decision.enough,
+        )  # fmt: skip
+    return found
+
+
+def independent(samples: Sequence[Sample]) -> list[str]:
+    """For each sample its recording of the modality that has fewer of them."""
+    traces = [str(sample.haptic and sample.haptic.path) for sample in samples]
+    photos = [str(sample.image and sample.image.path) for sample in samples]
+    recorded = [paths for paths in (traces, photos) if "None" not in paths]
+    return min(recorded, key=lambda paths: len(set(paths)))
+
+
+def upper_bound(count: int, samples: int, confidence: float) -> float:
+    """One-sided upper Clopper-Pearson bound on a share of which ``count`` were seen."""
+    interval = binomtest(count, samples, alternative="less").proportion_ci(confidence)
+    return float(interval.high)
+
+
+def _keep(card: Card, checkpoint: Path) -> None:
+    content = read_checkpoint(checkpoint)
+    content["hyper_parameters"]["card"] = card.to_dict()
+    write_atomically(checkpoint, lambda partial: torch.save(content, partial))

@@ -1,0 +1,136 @@
+"""How far probabilities can be believed: calibration errors, proper scores, selective prediction.
+
+The probabilities of a sample are the means over its fragments; its confidence is that of the class
+that won the vote.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from matplotlib.figure import Figure
+from torchmetrics.functional.classification import binary_auroc, binary_calibration_error
+
+from tex_lightning.evaluation.outcomes import Outcome
+
+BINS = 15
+LEAST = 1e-12  # probability that the logarithm sees at the least
+
+Array = npt.NDArray[np.float64]
+
+
+def calibration(outcomes: Sequence[Outcome], classes: list[str]) -> dict[str, float]:
+    """Scores of the probabilities of test samples, pooled.
+
+    Returns:
+        ``ece``, the expected calibration error of the confidence in 15 bins of equal width;
+        ``brier``, the mean squared distance, summed over classes (0 to 2); ``nll``, the mean
+        negative log-likelihood in nats; ``augrc``, the area under the generalised risk-coverage
+        curve (Traub et al., NeurIPS 2024): the mean share of all samples that is accepted and
+        wrong, 0 to 0.5. Lower is better for all.
+    """
+    table = np.array(
+        [[outcome.class_probabilities[name] for name in classes] for outcome in outcomes]
+    )
+    places = np.array([classes.index(outcome.label) for outcome in outcomes])
+    truth = np.eye(len(classes))[places]
+    confidence, correct = confidences(outcomes), rights(outcomes)
+    likelihoods = table[np.arange(len(table)), places]
+    return {
+        "ece": float(
+            binary_calibration_error(
+                torch.from_numpy(confidence), torch.from_numpy(correct).int(), n_bins=BINS
+            )
+        ),
+        "brier": float(np.square(table - truth).sum(axis=1).mean()),
+        "nll": float(-np.log(np.maximum(likelihoods, LEAST)).mean()),
+        "augrc": augrc(confidence, correct),
+    }
+
+
+def confidences(outcomes: Sequence[Outcome]) -> Array:
+    """Mean probability of the class that won, for each sample."""
+    return np.array([outcome.class_probabilities[outcome.predicted] for outcome in outcomes])
+
+
+def rights(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
+    """Whether each vote is right."""
+    return np.array([outcome.label == outcome.predicted for outcome in outcomes])
+
+
+def risk_coverage(confidence: Array, correct: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Coverage, and the share of all samples that is accepted and wrong, at every threshold.
+
+    Samples of the same confidence are accepted together. Both begin with 0.
+    """
+    order = np.argsort(-confidence, kind="stable")
+    last = np.append(np.diff(confidence[order]) != 0, True)  # of its confidence
+    accepted = np.arange(1, len(order) + 1)[last] / len(order)
+    wrong = np.cumsum(~correct[order])[last] / len(order)
+    return np.insert(accepted, 0, 0.0), np.insert(wrong, 0, 0.0)
+
+
+def augrc(confidence: Array, correct: npt.NDArray[np.bool_]) -> float:
+    """Area under :func:`risk_coverage`."""
+    coverage, wrong = risk_coverage(confidence, correct)
+    return float(np.trapezoid(wrong, coverage))
+
+
+def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, float | None]:
+    """What remains when no label is given below a confidence.
+
+    Returns:
+        ``reject_below``; ``coverage``, the share of samples with a label; ``selective_accuracy``
+        of those, None if there is none.
+    """
+    accepted = confidences(outcomes) >= reject_below
+    right = rights(outcomes)[accepted]
+    return {
+        "reject_below": reject_below,
+        "coverage": float(accepted.mean()),
+        "selective_accuracy": float(right.mean()) if len(right) else None,
+    }
+
+
+def unknown_auroc(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, Any]:
+    """How well confidence tells samples of classes trained on from those of others.
+
+    Returns:
+        ``classes`` never seen, their number of ``samples``, and ``auroc``: the probability that a
+        known sample gets more confidence than an unknown one.
+    """
+    scores = np.concatenate((confidences(known), confidences(unknown)))
+    target = np.repeat([1, 0], [len(known), len(unknown)])
+    return {
+        "classes": sorted({outcome.label for outcome in unknown}),
+        "samples": len(unknown),
+        "auroc": float(binary_auroc(torch.from_numpy(scores), torch.from_numpy(target))),
+    }
+
+
+def calibration_figure(outcomes: Sequence[Outcome], title: str) -> Figure:
+    """Reliability in 15 bins, and error against coverage."""
+    confidence, correct = confidences(outcomes), rights(outcomes)
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    edges = np.linspace(0, 1, BINS + 1)
+    place = np.clip(np.digitize(confidence, edges[1:-1], right=True), 0, BINS - 1)
+    used = np.unique(place)
+    left.plot([0, 1], [0, 1], color="#999999", linestyle="--")
+    left.bar(
+        [(edges[n] + edges[n + 1]) / 2 for n in used],
+        [correct[place == n].mean() for n in used],
+        width=1 / BINS,
+        color="#4477aa",
+        edgecolor="white",
+    )
+    for n in used:
+        left.text((edges[n] + edges[n + 1]) / 2, 0.02, int((place == n).sum()), ha="center", size=6)
+    left.set(xlim=(0, 1), ylim=(0, 1), xlabel="mean probability of the label", ylabel="right votes")
+    coverage, wrong = risk_coverage(confidence, correct)
+    right.plot(coverage, wrong, drawstyle="steps-post", color="#cc6677")
+    right.set(xlim=(0, 1), ylim=(0, None), xlabel="share with a label", ylabel="wrong, of all")
+    figure.suptitle(title)
+    return figure

@@ -1,0 +1,153 @@
+"""Decisions that stop early beside the full ones, over their thresholds."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import DecisionConfig
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.decision.voting import Vote
+from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.evaluation.samples import classify_sample
+from tex_lightning.inference.early_stopping import SequentialClassifier
+from tex_lightning.progress import track
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What one threshold gave on the test samples.
+
+    Attributes:
+        network: haptic, visual or fusion.
+        knob: ``alpha``, ``enough``, or ``used`` for the thresholds that the run was asked for.
+        value: Of the threshold; for ``used`` that of alpha.
+        test_samples: Their number.
+        correct: Right votes.
+        agreed: Votes that are those of the full decision.
+        evidence: Mean share of the full decision's arithmetic.
+        fragments: Mean number of fragments.
+    """
+
+    network: str
+    knob: str
+    value: float
+    test_samples: int
+    correct: int
+    agreed: int
+    evidence: float
+    fragments: float
+
+    @property
+    def place(self) -> tuple[str, str, float]:
+        """Network, knob and value."""
+        return self.network, self.knob, self.value
+
+
+def pool(settings: Iterable[Setting]) -> list[Setting]:
+    """Add up the same thresholds over folds."""
+    pooled: dict[tuple[str, str, float], Setting] = {}
+    for new in settings:
+        old = pooled.get(new.place)
+        pooled[new.place] = new if old is None else _sum(old, new)
+    return list(pooled.values())
+
+
+def _sum(old: Setting, new: Setting) -> Setting:
+    count = old.test_samples + new.test_samples
+    share = new.test_samples / count
+    return replace(
+        old,
+        test_samples=count,
+        correct=old.correct + new.correct,
+        agreed=old.agreed + new.agreed,
+        evidence=(1 - share) * old.evidence + share * new.evidence,
+        fragments=(1 - share) * old.fragments + share * new.fragments,
+    )
+
+
+def summarise_sequential(used: Setting) -> dict[str, Any]:
+    """The entry of ``results.json``."""
+    count = used.test_samples
+    return {
+        "evidence": used.evidence,
+        "fragments": used.fragments,
+        "accuracy": used.correct / count,
+        "agreement": used.agreed / count,
+        "agreement_ci95": wilson_interval(used.agreed, count),
+    }
+
+
+def write_settings(settings: Sequence[Setting], path: Path) -> None:
+    """Write as CSV, in place of what is there of the same networks."""
+    networks = {item.network for item in settings}
+    kept = [item for item in read_settings(path) if item.network not in networks]
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(entry.name for entry in fields(Setting))
+        writer.writerows(astuple(item) for item in [*kept, *settings])
+
+
+def read_settings(path: Path) -> list[Setting]:
+    """Read what :func:`write_settings` wrote; nothing if there is no file."""
+    if not path.is_file():
+        return []
+    types = {entry.name: entry.type for entry in fields(Setting)}
+    with path.open(newline="", encoding="utf-8") as stream:
+        return [
+            Setting(**{key: types[key](value) for key, value in line.items()})  # type: ignore[operator]
+            for line in csv.DictReader(stream)
+        ]
+
+
+def full_labels(
+    classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
+) -> list[int]:
+    """The label of every sample by all its fragments."""
+    return [classify_sample(classifier, sample, store)[0].label for sample in samples]
+
+
+def sequential_votes(
+    classifier: SurfaceClassifier, decision: DecisionConfig, samples: Sequence[Sample], store: Store
+) -> list[Vote]:
+    """The vote on every sample by as many fragments as ``decision`` asks for."""
+    sequential = SequentialClassifier(classifier, decision)
+    title = f"alpha {decision.alpha:g}, enough {decision.enough:g}"
+    return [classify_sample(sequential, sample, store)[0] for sample in track(samples, title)]
+
+
+def measure(
+    classifier: SurfaceClassifier,
+    decision: DecisionConfig,
+    samples: Sequence[Sample],
+    labels: Sequence[int],
+    store: Store,
+    knob: str,
+    value: float,
+) -> Setting:
+    """Classify all samples with one threshold.
+
+    Args:
+        classifier: Of the full decision.
+        decision: The threshold.
+        samples: What is classified.
+        labels: Of the full decision.
+        store: Their recordings.
+        knob: Name of the threshold, for the table.
+        value: Of the threshold.
+    """
+    votes = sequential_votes(classifier, decision, samples, store)
+    names, count = classifier.card.classes, len(samples)
+    return Setting(
+        network=classifier.card.kind,
+        knob=knob,
+        value=value,
+        test_samples=count,
+        correct=sum(names[v.label] == s.label for v, s in zip(votes, samples, strict=True)),
+        agreed=sum(vote.label == label for vote, label in zip(votes, labels, strict=True)),
+        evidence=sum(vote.evidence for vote in votes) / count,
+        fragments=sum(len(vote.fragments) for vote in votes) / count,
+    )

@@ -1,0 +1,74 @@
+"""Classify samples of the store, one at a time."""
+
+import json
+import time
+from collections.abc import Sequence
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.datamodule import load_sample
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.decision.voting import Vote
+from tex_lightning.devices import synchronise
+from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.progress import track
+
+WARM_UP = 2
+
+
+def classify_sample(
+    classifier: SurfaceClassifier, sample: Sample, store: Store
+) -> tuple[Vote, float]:
+    """Classify one sample; the time in ms runs from decoded recordings to the label.
+
+    Raises:
+        UserError: Naming the file, if a recording cannot be used.
+    """
+    trace, photo = load_sample(sample, store)
+    device = classifier.device
+    synchronise(device)
+    begin = time.perf_counter()
+    try:
+        vote = classifier.classify(trace, photo)
+    except UserError as error:
+        files = [str(row.path) for row in (sample.haptic, sample.image) if row is not None]
+        raise UserError(f"{' and '.join(files)}: {error}") from error
+    synchronise(device)
+    return vote, (time.perf_counter() - begin) * 1000
+
+
+def run_test(
+    classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
+) -> list[Outcome]:
+    """Classify every sample, one at a time."""
+    classes = classifier.card.classes
+    for sample in samples[:WARM_UP]:
+        classify_sample(classifier, sample, store)
+    outcomes = []
+    for sample in track(samples, f"Testing {classifier.card.title}"):
+        vote, latency = classify_sample(classifier, sample, store)
+        truth = classes.index(sample.label) if sample.label in classes else -1
+        outcomes.append(
+            Outcome(
+                haptic="" if sample.haptic is None else str(sample.haptic.path),
+                image="" if sample.image is None else str(sample.image.path),
+                label=sample.label,
+                predicted=classes[vote.label],
+                share=float(vote.shares[vote.label]),
+                fragments=len(vote.fragments),
+                correct_fragments=int((vote.fragments == truth).sum()),
+                latency_ms=latency,
+                votes=_votes(vote, classes),
+                evidence=vote.evidence,
+                probabilities=json.dumps(
+                    dict(zip(classes, vote.probabilities.tolist(), strict=True))
+                ),
+            )
+        )
+    return outcomes
+
+
+def _votes(vote: Vote, classes: list[str]) -> str:
+    counts = vote.fragments.bincount(minlength=len(classes)).tolist()
+    return json.dumps({name: n for name, n in zip(classes, counts, strict=True) if n})

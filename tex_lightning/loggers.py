@@ -1,0 +1,140 @@
+"""Metrics, figures and hyper-parameters in whatever loggers are configured."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lightning.pytorch.loggers import CSVLogger, Logger, MLFlowLogger, TensorBoardLogger
+from matplotlib.figure import Figure
+
+from tex_lightning.config import flatten
+from tex_lightning.config.instantiation import build
+
+HPARAM_TYPES = (bool, int, float, str)
+
+Nodes = Mapping[str, Mapping[str, Any]]  # of the configuration, by the logger's name
+
+_OPEN: dict[tuple[Path, str], list[Logger]] = {}  # of networks that are not tested yet
+
+
+def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
+    """The configured loggers of one network, the same ones for its training and its test.
+
+    Args:
+        nodes: ``logger`` of the configuration. Where a class takes them, it gets the run folder as
+            ``save_dir`` and the name as ``version`` and ``run_name``.
+        directory: The run folder.
+        name: Of the network. A CSV goes beside that of an interrupted run.
+
+    Raises:
+        UserError: If one cannot be made.
+    """
+    if (directory, name) not in _OPEN:
+        _OPEN[directory, name] = [
+            _make(f"logger.{title}", node, directory, name) for title, node in nodes.items()
+        ]
+    return _OPEN[directory, name]
+
+
+def close_loggers(directory: Path, name: str) -> None:
+    """Write what loggers still hold."""
+    for logger in _OPEN.pop((directory, name), ()):
+        logger.finalize("success")
+
+
+def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
+    offered = {"save_dir": str(directory), "run_name": name}
+    logger: Logger = build(where, node, **offered, version=name)
+    earlier = Path(logger.log_dir or "").is_dir() if isinstance(logger, CSVLogger) else False
+    if earlier:  # it would write over them
+        count = len(list(Path(str(logger.log_dir)).parent.glob(f"{name}*")))
+        logger = build(where, node, **offered, version=f"{name}_resumed{count}")
+    return logger
+
+
+def log_figures(loggers: Sequence[Logger], figures: Mapping[str, Figure]) -> None:
+    """Hand figures to the loggers that can show them."""
+    for logger in loggers:
+        for title, figure in figures.items():
+            if isinstance(logger, TensorBoardLogger):
+                logger.experiment.add_figure(title, figure, global_step=0)
+            elif isinstance(logger, MLFlowLogger):
+                logger.experiment.log_figure(logger.run_id, figure, f"{title}.png")
+
+
+def log_test(
+    nodes: Nodes,
+    directory: Path,
+    name: str,
+    config: dict[str, Any],
+    result: dict[str, Any],
+    figures: Mapping[str, Figure],
+) -> None:
+    """Add test accuracies, figures and the hyper-parameters that led to them.
+
+    Args:
+        nodes: ``logger`` of the configuration.
+        directory: The run folder.
+        name: haptic, visual or fusion.
+        config: The whole configuration as plain values.
+        result: The network's entry of ``results.json``.
+        figures: Matplotlib figures by title.
+    """
+    metrics = {
+        "test/fragment_accuracy": result["fragment_accuracy"],
+        "test/vote_accuracy": result["vote_accuracy"],
+        "test/latency_ms": result["latency_ms"]["median"],
+        "test/fit_seconds": result["fit_seconds"],
+    }
+    loggers = open_loggers(nodes, directory, name)
+    log_figures(loggers, {f"test/{title}": figure for title, figure in figures.items()})
+    for logger in loggers:
+        parameters = _hyper_parameters(config, name)
+        if isinstance(logger, TensorBoardLogger):
+            logger.log_hyperparams(parameters, metrics)  # side by side in its HPARAMS
+        else:
+            logger.log_hyperparams(parameters)
+            logger.log_metrics(metrics)
+    close_loggers(directory, name)
+
+
+def log_profile(
+    nodes: Nodes, directory: Path, name: str, result: dict[str, Any], figures: Mapping[str, Figure]
+) -> None:
+    """Add a network's profile: every single figure as a metric, and its charts."""
+    loggers = open_loggers(nodes, directory, name)
+    log_figures(loggers, {f"profile/{title}": figure for title, figure in figures.items()})
+    numbers = {key: value for key, value in result.items() if isinstance(value, int | float)}
+    for logger in loggers:
+        logger.log_metrics({f"profile/{key}": float(value) for key, value in numbers.items()})
+    close_loggers(directory, name)
+
+
+def log_stability(
+    nodes: Nodes,
+    directory: Path,
+    curves: Mapping[str, Sequence[tuple[str, int, float]]],
+    figures: Mapping[str, Figure],
+) -> None:
+    """Add vote accuracies over severity, and the charts.
+
+    Args:
+        nodes: ``logger`` of the configuration.
+        directory: The run folder.
+        curves: Of each system perturbation, severity and vote accuracy.
+        figures: Matplotlib figures by title.
+    """
+    loggers = open_loggers(nodes, directory, "stability")
+    log_figures(loggers, {f"stability/{title}": figure for title, figure in figures.items()})
+    close_loggers(directory, "stability")
+    for system, points in curves.items():
+        for logger in open_loggers(nodes, directory, system):
+            for title, severity, accuracy in points:
+                logger.log_metrics({title: accuracy}, step=severity)
+        close_loggers(directory, system)
+
+
+def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
+    """Flat plain values of what this network was trained with."""
+    chosen = {"seed": config["seed"], "data": config["data"], name: config["model"][name]}
+    return {key: value for key, value in flatten(chosen).items() if isinstance(value, HPARAM_TYPES)}

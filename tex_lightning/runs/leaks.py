@@ -1,0 +1,86 @@
+"""What weights have seen, which their checkpoint remembers so that it is not tested on."""
+
+import json
+from typing import Any
+
+from tex_lightning.card import Card
+from tex_lightning.config import DataConfig
+from tex_lightning.data.folds import NEEDS, Split
+from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.store import fingerprint
+from tex_lightning.errors import UserError
+from tex_lightning.learning.start import name_source, starting_classifier
+
+FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
+
+
+def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -> dict[str, Any]:
+    """What the weights of one network will have seen, and the fold that they will not.
+
+    Args:
+        card: Of the network to train.
+        parts: Recordings by part.
+        data: How they were divided.
+        source: Where the trunk starts; None is at random.
+
+    Raises:
+        UserError: If the trunk cannot be used or has seen what is to be tested.
+    """
+    if source is None:
+        return _seen(card, parts, data)
+    start = starting_classifier(source, card)
+    begun = {} if start is None else start.card.trained_on
+    if start is not None:
+        refuse_leak(parts.test.of(NEEDS[card.kind][0]), start.card, f"weights: checkpoint {source}")
+    return {**_seen(card, parts, data, begun), "trunks": {card.kind: name_source(source)}}
+
+
+def trained_on_parts(card: Card, parts: Split, data: DataConfig, *starts: Card) -> dict[str, Any]:
+    """The same of a FusionNet that starts from networks with the cards ``starts``."""
+    begun = [start.trained_on for start in starts]
+    trunks = {kind: name for each in begun for kind, name in each.get("trunks", {}).items()}
+    return {**_seen(card, parts, data, *begun), **({"trunks": trunks} if trunks else {})}
+
+
+def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) -> dict[str, Any]:
+    seen = [
+        fingerprint(row.path)
+        for part in (parts.train, parts.val)
+        for row in part
+        if row.modality in NEEDS[card.kind]
+    ]
+    earlier = {digest for each in begun for digest in each.get("seen", ())}
+    return {
+        "folds": data.folds,
+        "test_fold": data.test_fold,
+        **({"inverted": True, "val_fold": data.val_fold} if data.inverted else {}),
+        "seen": [*seen, *sorted(earlier.difference(seen))],
+    }
+
+
+def refuse_leak(test: Recordings, card: Card, who: str) -> None:
+    """Refuse weights that were trained, or chosen, on what is to be tested.
+
+    Recordings are compared by content, so that neither another reader nor other folds hide one.
+
+    Args:
+        test: What is to be tested.
+        card: Of the checkpoint.
+        who: Its name in the message.
+
+    Raises:
+        UserError: Naming one such file and the fold that the checkpoint was tested on.
+    """
+    seen = set(card.trained_on["seen"])
+    known = [row for row in test if fingerprint(row.path) in seen]
+    if known:
+        same = " ".join(
+            f"data.{key}={json.dumps(value)}"
+            for key, value in card.trained_on.items()
+            if key in FOLD_KEYS
+        )
+        raise UserError(
+            f"{who} has trained on {len(known)} of the {len(test)} test recordings, "
+            f"{known[0].path.name} among them, so testing here would flatter it; set "
+            f"{same} as in its training, or train anew."
+        )

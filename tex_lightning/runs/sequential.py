@@ -1,0 +1,82 @@
+"""Test sequential decisions against the full one, over their thresholds."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.config import DecisionConfig
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.evaluation.early_stopping import (
+    Setting,
+    full_labels,
+    measure,
+    pool,
+    read_settings,
+    summarise_sequential,
+    write_settings,
+)
+from tex_lightning.inference.early_stopping import SEQUENTIAL, SequentialClassifier
+from tex_lightning.report.figures import save_figure
+from tex_lightning.report.sequential_chart import sequential_figure
+
+KNOBS = {"haptic": ("enough",), "visual": ("alpha",), "fusion": ("alpha", "enough")}
+FILE = "sequential.csv"
+
+
+def report_sequential(
+    classifier: SequentialClassifier,
+    config: DecisionConfig,
+    samples: Sequence[Sample],
+    store: Store,
+    directory: Path,
+) -> dict[str, Any]:
+    """Classify with every threshold; write ``sequential.csv`` and its figure.
+
+    Returns:
+        The thresholds used, mean cost, accuracy and agreement for ``results.json``.
+    """
+    labels = full_labels(classifier.full, samples, store)
+    used = replace(config, calibrated=False, enough=classifier.enough)
+    settings = [
+        measure(classifier.full, decision, samples, labels, store, knob, value)
+        for knob, value, decision in _decisions(used, KNOBS[classifier.card.kind])
+    ]
+    write_settings(settings, directory / FILE)
+    draw_sequential(settings, classifier.card.kind, directory)
+    return {"alpha": used.alpha, "enough": used.enough, **summarise_sequential(settings[0])}
+
+
+def pool_sequential(
+    folds: Sequence[Path], name: str, directory: Path, config: DecisionConfig
+) -> dict[str, Any]:
+    """The same of several folds, from their files; nothing where decisions were not sequential."""
+    settings = pool(
+        item for fold in folds for item in read_settings(fold / FILE) if item.network == name
+    )
+    if config.name != SEQUENTIAL or not settings:
+        return {}
+    write_settings(settings, directory / FILE)
+    draw_sequential(settings, name, directory)
+    entry = {"alpha": config.alpha, "enough": config.enough, **summarise_sequential(settings[0])}
+    return {"sequential": entry}
+
+
+def _decisions(
+    used: DecisionConfig, knobs: Sequence[str]
+) -> Iterator[tuple[str, float, DecisionConfig]]:
+    yield "used", used.alpha, used
+    for knob in knobs:
+        for value in getattr(used, f"{knob}s"):
+            changed = {knob: value}
+            if knob == "alpha" and "enough" in knobs:
+                changed["enough"] = 1.0  # the windows are asked of every sample
+            yield knob, value, replace(used, **changed)
+
+
+def draw_sequential(settings: Sequence[Setting], name: str, directory: Path) -> None:
+    """Save the figure of a network's curves."""
+    count = settings[0].test_samples
+    figure = sequential_figure(settings, f"{name}: {count} test samples")
+    save_figure(figure, directory / "figures" / f"{name}_sequential.png")

@@ -1,0 +1,152 @@
+"""What ``task=stability`` tests: systems from run folders and checkpoints."""
+
+import json
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import get_args
+
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import Config, DataConfig
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.folds import Kind, Sample, make_samples
+from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.store import Store, cache_root
+from tex_lightning.data.unusable import Unusable
+from tex_lightning.devices import pick_device
+from tex_lightning.errors import UserError
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.report.opening import announce
+from tex_lightning.runfolder import SETTINGS
+from tex_lightning.runs.tested import recordings_to_test
+from tex_lightning.runs.usable import find_unusable
+from tex_lightning.stability.evaluator import Judge
+from tex_lightning.stability.perturbed import Laboratory
+from tex_lightning.stability.system import Member, System
+
+Found = tuple[Path, int | None]  # a checkpoint and its test fold, None for the configured one
+
+
+def load_systems(config: Config) -> list[System]:
+    """Load every system with the test samples of each of its folds.
+
+    Raises:
+        UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
+            what it would be tested on.
+    """
+    laboratories: dict[DecodeSettings, Laboratory] = {}
+    systems: list[System] = []
+    for given in config.stability.systems or []:
+        path = Path(given).expanduser()
+        for kind, found in _checkpoints(path, config).items():
+            members = [_member(config, *each, laboratories) for each in found]
+            classifier = members[0].judge.classifier
+            name = _name(path, kind, classifier)
+            systems.append(System(name, classifier.card.kind, members))
+    notes = read_recordings(config.data).notes
+    for each in laboratories.values():
+        tested = Recordings(tuple(each.rows.values()), notes)
+        announce(config, tested, each.store, skipped_files(systems))
+    return _named_apart(systems)
+
+
+def skipped_files(systems: list[System]) -> list[Unusable]:
+    """Files that some system is not tested on, each once."""
+    found = [each for system in systems for member in system.members for each in member.skipped]
+    return list(dict.fromkeys(found))
+
+
+def _checkpoints(path: Path, config: Config) -> dict[str, list[Found]]:
+    """Checkpoints of each kind in a run folder, fold by fold; or the file itself."""
+    if path.is_file():
+        return {"": [(path, None)]}
+    if not path.is_dir():
+        raise UserError(f"{path} does not exist; give a run folder or a checkpoint.")
+    folds = {int(each.name): each for each in path.glob("folds/[0-9]*") if each.name.isdecimal()}
+    if config.stability.folds is not None:
+        folds = {fold: each for fold, each in folds.items() if fold in config.stability.folds}
+    homes: list[tuple[Path, int | None]] = [(folds[fold], fold) for fold in sorted(folds)]
+    found: dict[str, list[Found]] = {}
+    for kind in reversed(get_args(Kind)):  # fusion first
+        places = homes or [(path, None)]
+        files = [(home / "checkpoints" / f"{kind}.ckpt", fold) for home, fold in places]
+        there = [(file, fold) for file, fold in files if file.is_file()]
+        if there:
+            found[kind] = there
+    if not found:
+        raise UserError(
+            f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt or "
+            "folds/N/checkpoints/KIND.ckpt); give the folder of a finished run."
+        )
+    return found if config.stability.parts else dict([next(iter(found.items()))])
+
+
+def _member(
+    config: Config, path: Path, fold: int | None, laboratories: dict[DecodeSettings, Laboratory]
+) -> Member:
+    classifier = load_classifier(path)
+    data = config.data if fold is None else replace(config.data, test_fold=fold)
+    rows = recordings_to_test(data, classifier, f"Checkpoint {path}")
+    settings = classifier.card.settings_for(config.data.file_rate)
+    store = Store(cache_root(config.data.cache_dir), settings)
+    laboratory = laboratories.setdefault(settings, Laboratory(store, config.seed, data.folds))
+    features, least_side = classifier.haptic_features, classifier.least_side
+    skipped = find_unusable(
+        rows, laboratory.store, features, least_side, skip_bad=config.data.skip_bad
+    )
+    rows = rows.without(each.recording for each in skipped)
+    samples = _limited(make_samples(rows, classifier.card.kind), config.stability.limit)
+    if not samples:
+        raise UserError(f"There is nothing to test {path} on in {_place(data)}; choose another.")
+    laboratory.add(row for each in samples for row in (each.haptic, each.image) if row is not None)
+    engine = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
+    return Member(path, Judge(engine.eval()), samples, laboratory, skipped)
+
+
+def _place(data: DataConfig) -> str:
+    return "the data" if data.test_fold is None else f"fold {data.test_fold}"
+
+
+def _limited(samples: list[Sample], limit: int | None) -> list[Sample]:
+    """The first samples of each class."""
+    if limit is None:
+        return samples
+    seen: Counter[str] = Counter()
+    return [each for each in samples if _counted(seen, each.label) <= limit]
+
+
+def _counted(seen: Counter[str], label: str) -> int:
+    seen[label] += 1
+    return seen[label]
+
+
+def _name(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
+    """The model of a run; the kind of a network that only accompanies it, or of a bare file."""
+    note = path / SETTINGS
+    if path.is_dir() and note.is_file():
+        settings = json.loads(note.read_text(encoding="utf-8"))
+        if settings.get("model.kind") == kind:
+            return str(settings["model.name"])
+    return str(classifier.card.baseline.get("name", classifier.card.kind))
+
+
+def _named_apart(systems: list[System]) -> list[System]:
+    """Systems of one name get the folder of their run, and at last a number."""
+    for suffix in (_folder_name, _number):
+        for name, count in Counter(system.name for system in systems).items():
+            same = [system for system in systems if system.name == name]
+            if count > 1:
+                for place, system in enumerate(same):
+                    system.name = f"{name} ({suffix(system, place)})"
+    return systems
+
+
+def _folder_name(system: System, place: int) -> str:
+    home = system.members[0].checkpoint.resolve().parent.parent
+    return (home.parent.parent if home.parent.name == "folds" else home).name
+
+
+def _number(system: System, place: int) -> str:
+    return str(place + 1)

@@ -1,0 +1,113 @@
+"""Test a checkpoint sample by sample, as prediction would classify it, and write what came out."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import Config
+from tex_lightning.data.datamodule import load_sample
+from tex_lightning.data.folds import Sample
+from tex_lightning.data.store import Store
+from tex_lightning.evaluation.calibration import (
+    calibration,
+    calibration_figure,
+    selective,
+)
+from tex_lightning.evaluation.novelty import report_unknown
+from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
+from tex_lightning.evaluation.samples import run_test
+from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
+from tex_lightning.inference.macs import count_macs
+from tex_lightning.report.figures import (
+    class_accuracy_figure,
+    confusion_counts,
+    confusion_figure,
+    save_figure,
+)
+from tex_lightning.runs.sequential import report_sequential
+
+
+def report_network(
+    classifier: SurfaceClassifier,
+    checkpoint: Path,
+    samples: Sequence[Sample],
+    store: Store,
+    directory: Path,
+    config: Config,
+    unknown: Sequence[Sample] = (),
+) -> tuple[dict[str, Any], list[Outcome]]:
+    """Test a network as prediction runs it; write its predictions into the run folder.
+
+    Args:
+        classifier: As loaded from ``checkpoint``, on its device.
+        checkpoint: Its file.
+        samples: What is tested, at least one.
+        store: Their recordings.
+        directory: The run folder.
+        config: Of the run.
+        unknown: Samples of classes that were held out.
+
+    Returns:
+        Its entry of ``results.json``, and what became of each sample.
+    """
+    kind, classes = classifier.card.kind, classifier.card.classes
+    decider = prepare(classifier, config)
+    outcomes = run_test(decider, samples, store)
+    write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
+    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    entry = {
+        **summarise(outcomes),
+        **believed(outcomes, classes, decider.card.reject_below),
+        **network_facts(classifier, samples[0], store),
+        "fit_seconds": stored["fit_seconds"],
+        "checkpoint": str(checkpoint.resolve()),
+    }
+    if isinstance(decider, SequentialClassifier):
+        entry["sequential"] = report_sequential(decider, config.decision, samples, store, directory)
+    entry |= report_unknown(decider, unknown, store, directory)
+    return entry, outcomes
+
+
+def believed(
+    outcomes: Sequence[Outcome], classes: list[str], reject_below: float | None
+) -> dict[str, Any]:
+    """What ``results.json`` says of the probabilities, and of the samples left without a label."""
+    entry: dict[str, Any] = {"calibration": calibration(outcomes, classes)}
+    if reject_below is not None:
+        entry["selective"] = selective(outcomes, reject_below)
+    return entry
+
+
+def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -> dict[str, Any]:
+    """Parameters, and multiply-accumulates for one whole sample.
+
+    The latter is None for a baseline whose arithmetic is outside PyTorch and not counted.
+    """
+    trace, photo = load_sample(sample, store)
+    return {
+        "parameters": classifier.count_parameters(),
+        "macs_per_sample": count_macs(lambda: classifier.logits(trace, photo)) or None,
+    }
+
+
+def draw_figures(
+    outcomes: Sequence[Outcome], classes: list[str], name: str, directory: Path
+) -> dict[str, Any]:
+    """Save confusions, accuracy per class and calibration; return the figures for other uses."""
+    counts = confusion_counts(
+        [outcome.label for outcome in outcomes],
+        [outcome.predicted for outcome in outcomes],
+        classes,
+    )
+    count = len(outcomes)
+    figures = {
+        "confusion": confusion_figure(counts, classes, f"{name}: votes on {count} test samples"),
+        "class_accuracy": class_accuracy_figure(counts, classes, f"{name}: {count} test samples"),
+        "calibration": calibration_figure(outcomes, f"{name}: {count} test samples"),
+    }
+    for title, figure in figures.items():
+        save_figure(figure, directory / "figures" / f"{name}_{title}.png")
+    return figures

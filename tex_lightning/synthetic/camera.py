@@ -1,0 +1,131 @@
+"""Photos of a specimen: a hand-held camera, daylight or the light of a room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tex_lightning.synthetic.relief import TILE, Field
+from tex_lightning.synthetic.specimen import Specimen
+
+Light = Literal["daylight", "ambient"]
+
+
+@dataclass(frozen=True)
+class _Lighting:
+    direction: tuple[float, float, float]  # unit vector towards the lamp, frame of the tile
+    diffuse: float  # share of the light that comes from everywhere
+    colour: NDArray[np.float32]  # red, green, blue
+    exposure: float
+    noise: float  # standard deviation in grey levels
+
+
+def render_photo(
+    specimen: Specimen,
+    rng: np.random.Generator,
+    light: Light = "daylight",
+    size: tuple[int, int] = (1280, 960),
+) -> NDArray[np.uint8]:
+    """Take one photo of a specimen (paper, section III-A, image data).
+
+    Distance, rotation, tilt, place, focus, direction and colour of the light are drawn anew for
+    each photo. A pixel covers 0.06 mm of the surface at the mean distance, whatever the size, so a
+    smaller photo shows less of the surface, not a coarser view of it.
+
+    Args:
+        specimen: What to photograph.
+        rng: Source of everything that varies from photo to photo.
+        light: "daylight" is cool, bright and directed, "ambient" warm, dim and mostly diffuse.
+        size: Width and height in pixels.
+
+    Returns:
+        Red, green and blue, shape (height, width, 3), gamma-encoded, in [0, 255].
+    """
+    view, turn = _draw_view(rng, size)
+    lighting = _draw_lighting(rng, light, turn)
+    photo = cv2.warpPerspective(
+        _shade(specimen, lighting),
+        view,
+        size,
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_WRAP,
+    )
+    photo = cv2.GaussianBlur(photo, (0, 0), rng.uniform(0.4, 1.4)) * _falloff(rng, size)
+    # The square root is the gamma curve; it also makes shot noise equal at all grey levels.
+    photo = cv2.sqrt(photo) * np.float32(255)
+    noise = rng.standard_normal(photo.shape, dtype=np.float32)
+    photo = cv2.scaleAdd(noise, lighting.noise, photo)
+    return np.clip(np.rint(photo, out=photo), 0, 255).astype(np.uint8)
+
+
+def _draw_view(
+    rng: np.random.Generator, size: tuple[int, int]
+) -> tuple[NDArray[np.float64], float]:
+    """Draw the homography from photo pixels to tile points, and the in-plane rotation in rad."""
+    width, height = size
+    distance = rng.uniform(0.85, 1.2)
+    turn = np.deg2rad(rng.uniform(-25, 25))
+    tilt = np.deg2rad(rng.uniform(-15, 15, 2))
+    centre = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, 1.0]])
+    # Focal length as long as a full frame is wide: a field of view of about 53 degrees.
+    lean = np.diag([1 / np.cos(tilt[0]), 1 / np.cos(tilt[1]), 1.0])
+    lean[2, :2] = -np.tan(tilt) / 1280
+    cosine, sine = distance * np.cos(turn), distance * np.sin(turn)
+    place = rng.uniform(0, TILE, 2)
+    lay = np.array([[cosine, -sine, place[0]], [sine, cosine, place[1]], [0, 0, 1.0]])
+    return lay @ lean @ centre, float(turn)
+
+
+def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> _Lighting:
+    daylight = light == "daylight"
+    # The window stands to the upper left, the lamp to the upper right.
+    azimuth = turn + np.deg2rad((-140 if daylight else -40) + rng.uniform(-40, 40))
+    elevation = np.deg2rad(rng.uniform(30, 55) if daylight else rng.uniform(45, 70))
+    cast = (0.95, 1.0, 1.06) if daylight else (1.12, 1.0, 0.84)
+    return _Lighting(
+        direction=(
+            float(np.cos(elevation) * np.cos(azimuth)),
+            float(np.cos(elevation) * np.sin(azimuth)),
+            float(np.sin(elevation)),
+        ),
+        diffuse=rng.uniform(0.25, 0.4) if daylight else rng.uniform(0.5, 0.65),
+        colour=(np.array(cast) * rng.normal(1, 0.02, 3)).astype(np.float32),
+        exposure=rng.uniform(1.0, 1.3) if daylight else rng.uniform(0.7, 0.95),
+        noise=rng.uniform(1.0, 2.0) if daylight else rng.uniform(2.0, 4.0),
+    )
+
+
+def _shade(specimen: Specimen, lighting: _Lighting) -> Field:
+    """Give the linear radiance of the tile, shape (points, points, 3)."""
+    skin, direction = specimen.material.skin, lighting.direction
+    length = np.sqrt(1 + specimen.slope_x**2 + specimen.slope_y**2)
+    lit = np.maximum(_facing(specimen, direction) / length, 0) / np.float32(direction[2])
+    direct = np.float32((1 - lighting.diffuse) * lighting.exposure)
+    diffuse = np.float32(lighting.diffuse * lighting.exposure)
+    halfway = np.add(direction, (0, 0, 1))
+    halfway /= np.linalg.norm(halfway)
+    facing = np.maximum(_facing(specimen, tuple(halfway)) / length, 0)
+    highlight = direct * np.float32(skin.gloss) * cv2.pow(facing, skin.shininess)
+    shading = direct * lit + diffuse * specimen.occlusion
+    radiance: Field = specimen.albedo * shading[..., None] + highlight[..., None]
+    return radiance * lighting.colour
+
+
+def _facing(specimen: Specimen, direction: tuple[float, ...]) -> Field:
+    """Multiply the (unnormalised) surface normals with a direction."""
+    x, y, z = np.asarray(direction, np.float32)
+    facing: Field = z - x * specimen.slope_x - y * specimen.slope_y
+    return facing
+
+
+def _falloff(rng: np.random.Generator, size: tuple[int, int]) -> Field:
+    """Let the light fade across the picture, shape (height, width, 1)."""
+    width, height = size
+    across, down = rng.uniform(-0.15, 0.15, 2)
+    x = np.linspace(-across, across, width, dtype=np.float32)[None, :, None]
+    y = np.linspace(-down, down, height, dtype=np.float32)[:, None, None]
+    return 1 + x + y
