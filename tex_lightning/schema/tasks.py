@@ -179,7 +179,7 @@ class FrontierConfig:
         only: Some of them; None runs all.
         rounds: Rounds of timing.
         max_latency_ms: Latency that the system to use may have; None is no limit.
-        min_accuracy: Share of right votes on the validation folds that it must have.
+        min_accuracy: Share of correct votes on the tested folds that it must have.
         run: Finished run folder that ``model=auto`` takes its choice from; None finds it first.
     """
 
