@@ -92,7 +92,8 @@ def draw_frontier(points: Sequence[Point], directory: Path) -> None:
 def frontier_figure(points: Sequence[Point]) -> Figure:
     """Accuracy with intervals over latency (log axis); dominated systems are grey.
 
-    The procedure that chooses is a hollow diamond. Points bear numbers, from the quickest on, and a list beside them says whose they are: names
+    The procedure that chooses is a hollow diamond. Points bear numbers, from the quickest on, and a
+    list beside them says whose they are: names
     would cover each other where systems are alike.
     """
     figure = Figure(figsize=(11, 6), layout="constrained")
@@ -124,8 +125,8 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
         ylabel="vote accuracy with Wilson's 95 % interval",
         title=f"Accuracy against latency, {' or '.join(map(str, counts))} test samples\n"
         "area grows with parameters; grey: dominated; black edge: chosen, the quickest within one "
-        "standard error\non these votes, and so slightly optimistic; diamond: the same choice, each "
-        "fold's votes by the system chosen on the others",
+        "standard error on these votes,\nand so slightly optimistic; diamond: the choice itself, "
+        "each fold's votes by the system chosen on the others",
     )
     axes.title.set_fontsize(9)
     axes.margins(x=0.15)

@@ -175,7 +175,7 @@ class FrontierConfig:
     """The family of systems that ``task=frontier`` trains and measures.
 
     Attributes:
-        systems: Overrides, separated by blanks, by the system's name.
+        systems: Overrides, separated by blanks, by the system's name; None leaves it out.
         only: Some of them; None runs all.
         rounds: Rounds of timing.
         max_latency_ms: Latency that the system to use may have; None is no limit.
@@ -183,7 +183,7 @@ class FrontierConfig:
         run: Finished run folder that ``model=auto`` takes its choice from; None finds it first.
     """
 
-    systems: dict[str, str] = field(default_factory=dict)
+    systems: dict[str, str | None] = field(default_factory=dict)
     only: list[str] | None = None
     rounds: int = MISSING
     max_latency_ms: float | None = None

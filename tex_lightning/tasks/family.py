@@ -64,7 +64,8 @@ def compose_family(config: Config, shared: Path, held: Sequence[str] = ()) -> It
     Raises:
         UserError: If a system is unknown or its configuration cannot be used.
     """
-    family, only = config.frontier.systems, config.frontier.only
+    systems, only = config.frontier.systems, config.frontier.only
+    family = {name: overrides for name, overrides in systems.items() if overrides is not None}
     unknown = [name for name in only or () if name not in family]
     if unknown:
         raise UserError(

@@ -201,7 +201,7 @@ def _points(
     line = pareto(
         {name: (timings[name][0], summaries[name]["vote_accuracy"]) for name in summaries}
     )
-    choices = procedure and [fold["chosen"] for fold in procedure["folds"]]
+    choices = None if procedure is None else [fold["chosen"] for fold in procedure["folds"]]
     return [
         Point(
             system=name,
@@ -217,7 +217,7 @@ def _points(
             on_frontier=name in line,
             chosen=name == chosen,
             test_samples=summaries[name]["test_samples"],
-            chosen_in_folds=choices and choices.count(name),
+            chosen_in_folds=None if choices is None else choices.count(name),
         )
         for system in measured
         for name in (system.member.name,)
