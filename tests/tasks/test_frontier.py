@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import sys
+from dataclasses import replace
 
 import pytest
 from hydra import initialize_config_dir
@@ -13,7 +14,7 @@ from PIL import Image
 from tex_lightning.__main__ import CONF
 from tex_lightning.card import read_checkpoint
 from tex_lightning.schema import register
-from tex_lightning.tasks import auto, dispatch, family, fit, frontier
+from tex_lightning.tasks import family, fit, frontier
 from tex_lightning.tasks.family import with_system
 
 CONTRACT = (
@@ -210,15 +211,20 @@ def test_auto_trains_the_chosen_system(measured, given, cli, tmp_path):
 
 
 def test_auto_chooses_without_the_fold_that_it_tests(given, cli, tmp_path, monkeypatch):
-    systems = "frontier.systems={mfcc_nb: model=mfcc_nb}"
-    choice = ["model=auto", "data.test_fold=3", "data.val_fold=4", f"hydra.run.dir={tmp_path}/r"]
-    monkeypatch.setattr(auto, "read_config", lambda composed: composed)  # and trains nothing then
-    monkeypatch.setitem(dispatch.TASKS, "fit", lambda *_: None)
-    outcome = cli(*choice, *given, "~frontier.systems", f"+{systems}")
+    measure = frontier.run
+
+    def measure_one(config, directory, excluded):
+        only = replace(config.frontier, only=["mfcc_nb"])
+        return measure(replace(config, frontier=only), directory, excluded)
+
+    monkeypatch.setattr(frontier, "run", measure_one)
+    choice = "model=auto", "data.test_fold=3", "data.val_fold=4", f"hydra.run.dir={tmp_path}/r"
+    outcome = cli(*choice, *given)
     assert outcome.status == 0, outcome.err
+    assert read_results(tmp_path / "r")["model"] == "mfcc_nb"
     folder = tmp_path / "r/frontier/systems/mfcc_nb/folds/4"
     card = read_checkpoint(folder / "checkpoints/haptic.ckpt")["hyper_parameters"]["card"]
-    assert len(card["trained_on"]["seen"]) == 3 * 8
+    assert len(card["trained_on"]["seen"]) == 2 * 8  # of two classes neither fold 3 nor fold 4
 
 
 def test_auto_goes_on_with_the_choice_that_it_made(given, cli, tmp_path, monkeypatch):

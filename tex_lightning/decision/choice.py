@@ -62,7 +62,9 @@ def choose_without_each_fold(candidates: Sequence[Candidate]) -> dict[int, str]:
     The votes of these systems on these folds measure the procedure "choose by one standard error,
     then use what was chosen": no vote is counted that its own choice has seen. The choice looks
     at the out-of-sample votes of one cross-validation (as BBC-CV does, Tsamardinos et al., Machine
-    Learning 2018), so that nothing is trained for it alone.
+    Learning 2018), so that nothing is trained for it alone. The price is that the systems voting on
+    the other folds were fitted to this one as well, which leaves a little optimism where they fit
+    noise; systems fitted anew without each fold would leave none, for many times the training.
 
     Returns:
         Nothing where a single fold was tested, as no votes are left to choose on.

@@ -106,7 +106,8 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
             color=colour, elinewidth=0.8, capsize=2,
         )  # fmt: skip
         axes.scatter(
-            point.latency_ms_median, point.vote_accuracy, s=_area(point), zorder=3,
+            point.latency_ms_median, point.vote_accuracy, s=_area(point),
+            zorder=5 if procedure else 3,
             facecolors="none" if procedure else colour, marker="D" if procedure else "o",
             edgecolors="black" if point.chosen or procedure else "none", linewidths=1.5,
             label=_entry(number, point),
@@ -142,10 +143,10 @@ def _by_latency(points: Sequence[Point]) -> list[Point]:
 
 
 def _entry(number: int, point: Point) -> str:
-    chosen = ", chosen" if point.chosen else ""
+    remark = ", chosen" if point.chosen else ", the choice" if point.kind == PROCEDURE else ""
     return (
         f"{number}  {point.system}\n     {point.latency_ms_median:.1f} ms, "
-        f"{point.vote_accuracy:.1%}{chosen}"
+        f"{point.vote_accuracy:.1%}{remark}"
     )
 
 
