@@ -265,7 +265,10 @@ def test_budget_is_answered_with_a_command(measured, given, cli):
     ("arguments", "message"),
     [
         (["task=frontier", "frontier.only=[nothing]"], "does not have"),
-        (["task=frontier", "frontier.systems.lbp=null", "frontier.only=[lbp]"], "does not have"),
+        (
+            ["task=frontier", "frontier.systems.mfcc_nb=null", "frontier.only=[mfcc_nb]"],
+            "does not have",
+        ),
         (["model=auto", "task=crossval"], "use task=fit"),
         (["model=auto", "frontier.run=nowhere"], "no finished frontier"),
         (["model=auto", "data.inverted=true"], "leaves model=auto none to choose on"),
