@@ -135,7 +135,10 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["task=profile", "model=minirocket"], "measures networks, and model=minirocket is none"),
         (["task=predict", "checkpoint=null"], "task=predict classifies with one: give its file"),
         (["data=folder", "data.root=/x", "data.name=mine"], "data.name is mine: choose"),
-        (["task=frontier", "data.val_fold=2"], "task=frontier watches a fold of its own"),
+        (
+            ["task=frontier", "data.val_fold=2"],
+            "task=frontier trains on all folds but the tested one",
+        ),
         (["decision.enoughs=[0.5,2]"], "decision.enoughs is 2"),
         (
             ["task=stability", "stability.systems=[a]", "decision=sequential"],

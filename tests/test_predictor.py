@@ -83,6 +83,18 @@ def test_a_stream_ends_with_the_prediction_of_the_whole(haptic):
     assert last.fragments == whole.fragments
 
 
+def test_a_chunk_with_other_axes_is_refused(haptic):
+    stream = haptic.stream()
+    three = np.ones((3, 500))
+    with pytest.raises(tl.UserError, match=r"shape \(500, 3\); give \(axes, samples\)"):
+        stream.push(three.T)
+    stream.push(three)
+    stream.push(three[:, :1])
+    for chunk in (TRACE, TRACE[None], three[:, :1].T):
+        with pytest.raises(tl.UserError, match="as many axes as before, 3"):
+            stream.push(chunk)
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

@@ -41,6 +41,13 @@ def test_every_system_of_a_frontier_composes(path: Path):
         assert composed(*overrides.split()).model.name in MODELS
 
 
+def test_tiny_frontier_has_two_folds_and_a_tiny_cross_validation_all():
+    assert composed("task=frontier", "debug=tiny").crossval.only == [0, 1]
+    assert composed("task=frontier", "debug=tiny", "crossval.only=[3]").crossval.only == [3]
+    assert composed("task=crossval", "debug=tiny").crossval.only is None
+    assert composed("task=frontier").crossval.only is None
+
+
 def test_all_of_the_papers_rows_are_swept():
     swept = set(composed("experiment=paper/all").hydra.sweeper.params.model.split(","))
     for table in ("haptic", "visual", "fusion", "kylberg", "kth_tips2b"):

@@ -21,8 +21,8 @@ log = logging.getLogger(__name__)
 def resolve_auto(config: Config, directory: Path) -> Config:
     """Replace ``model=auto`` by the chosen system of a family.
 
-    Without ``frontier.run`` the family is measured here, on the fold that this run tests: the
-    choice is made on another fold, so that the tested one has no part in it.
+    Without ``frontier.run`` the family is measured here: tested on the validation fold, or on the
+    fold after the one that this run tests, whose recordings take no part in the choice.
 
     Raises:
         UserError: If ``frontier.run`` holds no finished frontier.
@@ -31,10 +31,10 @@ def resolve_auto(config: Config, directory: Path) -> Config:
     if config.frontier.run is not None:
         run = Path(config.frontier.run).expanduser()
     elif not (run / "results.json").is_file():  # a second choice may be another one
-        only = replace(config.crossval, only=[cast(int, config.data.test_fold)])
-        data = replace(config.data, val_fold=None)
-        family = replace(config, task="frontier", crossval=only, data=data)
-        frontier.run(family, run)
+        tested, watched = cast(int, config.data.test_fold), config.data.val_fold
+        fold = (tested + 1) % config.data.folds if watched is None else watched
+        only = replace(config.crossval, only=[fold])
+        frontier.run(replace(config, task="frontier", crossval=only), run, excluded=tested)
     overrides = _read_choice(run)
     given = [item for item in HydraConfig.get().overrides.task if not item.startswith("model=")]
     log.info("model=auto is %s.", " ".join(overrides))

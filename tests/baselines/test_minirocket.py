@@ -5,6 +5,7 @@ import json
 import pytest
 import torch
 
+import tex_lightning as tl
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
@@ -33,7 +34,12 @@ def test_checkpoint_is_tensors_and_plain_values_only(checkpoint):
 def test_predict_and_evaluate_read_the_checkpoint(checkpoint, surfaces, cli, tmp_path):
     trace = surfaces / "beta/haptic/beta_0.wav"
     out = cli("task=predict", f"checkpoint={checkpoint}", f"haptic={trace}").out
-    assert json.loads(out)["label"] == "beta"
+    line = json.loads(out)
+    assert line["label"] == "beta"
+    found = tl.load(checkpoint).predict(haptic=trace)
+    assert (found.label, found.probability) == ("beta", line["probability"])
+    with pytest.raises(tl.UserError, match="a live stream is classified by HapticNet"):
+        tl.load(checkpoint).stream()
     outcome = cli(
         "task=evaluate", f"checkpoint={checkpoint}", "data=folder", f"data.root={surfaces}",
         "data.test_fold=0", f"hydra.run.dir={tmp_path}",

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.data.folds import check_split, make_samples, split
+from tex_lightning.data.folds import Split, check_split, make_samples, split
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 
@@ -79,3 +79,12 @@ def test_an_empty_test_fold_is_said():
     rows = table(a=(3, 0), b=(3, 0))
     with pytest.raises(UserError, match="Fold 7 holds nothing"):
         check_split(split(rows, 10, 7, None), rows.classes, "haptic", 7)
+
+
+def test_a_message_shortens_the_names_of_classes():
+    label = "x" * 100_000
+    parts = Split(Recordings(()), Recordings(()), Recordings(()))
+    with pytest.raises(UserError) as caught:
+        check_split(parts, [label], "haptic", 0)
+    assert "There are no traces to train on for xxx" in str(caught.value)
+    assert len(str(caught.value)) < 300

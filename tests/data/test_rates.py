@@ -149,3 +149,19 @@ def test_a_manifest_keeps_the_rates_of_a_folder(root, tmp_path):
     again = read_recordings(DataConfig(name="manifest", manifest=str(tmp_path / "m.csv")))
     assert set(again) == {replace(row, path=row.path.resolve()) for row in read(root)}
     assert sorted(row.sampling_rate or 0 for row in again) == [0, 0, 2500]
+
+
+def test_whoever_tells_the_rate_the_decoded_trace_is_that_of_the_wav(tmp_path):
+    rate = 2200
+    soundfile.write(tmp_path / "a.wav", SAMPLES, rate, subtype="DOUBLE")
+    times = np.arange(400) / rate * 1e6
+    np.savetxt(tmp_path / "b.csv", np.stack([times, SAMPLES]).T, header="time_us x", fmt="%.9g")
+    np.save(tmp_path / "c.npy", SAMPLES)
+    (tmp_path / "c.json").write_text(json.dumps({"rate": rate}))
+    np.savetxt(tmp_path / "d.txt", SAMPLES)
+    (tmp_path / "rates.csv").write_text(f"path,rate\nd.txt,{rate}\n")
+    expected = decode_trace(tmp_path / "a.wav", SETTINGS)
+    assert expected.shape == (1, 1819)  # 400 samples / 2200 Hz * 10 kHz, rounded up
+    for name in ("b.csv", "c.npy", "d.txt"):
+        trace = decode_trace(tmp_path / name, SETTINGS)
+        np.testing.assert_allclose(trace, expected, atol=1e-6)

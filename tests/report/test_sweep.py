@@ -2,11 +2,13 @@
 
 import csv
 import json
+import statistics
 from pathlib import Path
 
 import pytest
 from omegaconf import OmegaConf
 
+from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.report.sweep import SweepSummary
 
 
@@ -42,3 +44,60 @@ def test_a_failure_among_them_is_counted(tmp_path, ended):
     job(tmp_path / "1", "fit", None)
     assert ended(tmp_path) == {"0": "done", "1": "not finished"}
     assert SweepSummary.failures == 1
+
+
+def finish(folder: Path, seed: int, correct: int, fold: int = 0) -> None:
+    """A finished run that classified ten samples of a fold."""
+    job(folder, "fit", None)
+    overrides = ["model=haptic", f"seed={seed}", f"data.test_fold={fold}", "debug=tiny"]
+    OmegaConf.save(overrides, folder / ".hydra" / "overrides.yaml")
+    data = {"data": {"folds": 5, "test_fold": fold}}
+    OmegaConf.save(OmegaConf.create(data), folder / ".hydra" / "config.yaml")
+    outcomes = [
+        Outcome(f"{fold}-{n}.wav", "", "a", "ab"[n >= correct], 1.0, 1, 1, 2.0) for n in range(10)
+    ]
+    write_outcomes(outcomes, folder / "predictions" / "haptic.csv")
+    entry = {**summarise(outcomes), "fit_seconds": 40.0, "parameters": 7, "checkpoint": ""}
+    results = {"model": "haptic", "data": "folder", "classes": ["a", "b"]}
+    results |= {"trunk_weights": None, "networks": {"haptic": entry}}
+    (folder / "results.json").write_text(json.dumps(results))
+
+
+def swept(folder: Path) -> list[dict[str, str]]:
+    config = {"sweep": {"dir": str(folder)}, "overrides": {"task": ["seed=0,1,2", "debug=tiny"]}}
+    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config}))
+    with (folder / "sweep.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_seeds_get_mean_and_sample_deviation_with_the_counts_of_each(tmp_path):
+    for seed, correct in enumerate((8, 9, 10)):
+        finish(tmp_path / str(seed), seed, correct)
+    *_, row = swept(tmp_path)
+    assert row["job"] == "3 seeds"
+    assert float(row["vote_accuracy"]) == pytest.approx(statistics.mean([0.8, 0.9, 1]))
+    assert float(row["vote_accuracy_sd"]) == pytest.approx(statistics.stdev([0.8, 0.9, 1]))
+    assert row["correct"] == row["ci_low"] == ""  # the same samples three times are no thirty
+    report = (tmp_path / "report.md").read_text()
+    assert "| haptic | 0, 1, 2 | 8/10, 9/10, 10/10 | 90.0% | 10.0% |" in report
+    assert "- Every row tested fold 0 of 5: 10 samples once." in report
+    assert f"-m seed=0,1,2 debug=tiny hydra.sweep.dir={tmp_path}" in report
+    assert "**debug=tiny shrank every budget" in report
+    assert "Every fold was tested once" not in report
+
+
+def test_folds_are_pooled_before_seeds_and_fit_seconds_are_one_sum(tmp_path, capfd):
+    for seed in (0, 1):
+        for fold in (0, 1):
+            finish(tmp_path / f"{seed}{fold}", seed, 9 - seed, fold)
+    rows = swept(tmp_path)
+    assert [row["job"] for row in rows[4:]] == ["2 folds", "2 folds", "2 seeds"]
+    assert [row["fit_seconds"] for row in rows[4:]] == ["80.0", "80.0", "160.0"]
+    assert [row["correct"] for row in rows[4:6]] == ["18", "16"]
+    assert float(rows[6]["vote_accuracy"]) == pytest.approx(0.85)
+    report = (tmp_path / "report.md").read_text()
+    assert "- Every row tested folds 0, 1 of 5: 20 samples once." in report
+    lines = [line for line in report.splitlines() if "| HapticNet (seed=" in line.replace("*", "")]
+    assert len(lines) == 2
+    assert all("| 80.0 | 7 |" in line for line in lines)
+    assert "85.0% ± 7.1%" in capfd.readouterr().err

@@ -2,18 +2,25 @@
 
 import csv
 import json
+import re
+import shutil
+import sys
+from dataclasses import replace
 
 import pytest
 from hydra import initialize_config_dir
 from PIL import Image
 
+from tex_lightning.card import read_checkpoint
 from tex_lightning.config import CONF, register
+from tex_lightning.runs import family, fold
 from tex_lightning.runs.family import with_system
 from tex_lightning.tasks import frontier
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
-    "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen",
+    "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen", "test_samples",
+    "chosen_in_folds",
 )  # fmt: skip
 
 
@@ -25,36 +32,141 @@ def given(surfaces):
 @pytest.fixture(scope="module")
 def measured(run_once, given):
     return run_once(
-        "task=frontier", *given, "crossval.only=[0]",
+        "task=frontier", *given, "data.classes=3", "crossval.only=[0]",
         "frontier.only=[hapticnet_w0.125,hapticnet_w0.5,hapticnet_w0.5_bf16,"
         "hapticnet_w0.5_sequential,minirocket]",
     )  # fmt: skip
 
 
+@pytest.fixture(scope="module")
+def two_folds(run_once, given):
+    """Both folds that debug=tiny tests."""
+    return run_once("task=frontier", *given, "frontier.only=[mfcc_gmm,mfcc_nb]")
+
+
+def read_csv(path) -> list[dict[str, str]]:
+    with path.open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def read_results(directory) -> dict:
+    return json.loads((directory / "results.json").read_text())
+
+
+def predictions(directory, system: str, fold: int):
+    return directory / "systems" / system / "folds" / str(fold) / "predictions" / "haptic.csv"
+
+
 def test_table_has_the_columns_and_one_choice(measured):
-    with (measured / "frontier.csv").open() as stream:
-        reader = csv.DictReader(stream)
-        assert reader.fieldnames[: len(CONTRACT)] == list(CONTRACT)
-        rows = list(reader)
-    assert len(rows) == 5
+    rows = read_csv(measured / "frontier.csv")
+    assert list(rows[0]) == list(CONTRACT)
+    assert len(rows) == 5  # one fold leaves nothing to measure the choice on
+    assert read_results(measured)["procedure"] is None
     assert [row["system"] for row in rows if row["chosen"] == "True"] == ["minirocket"]
     latencies = [float(row["latency_ms_median"]) for row in rows]
     assert latencies == sorted(latencies)
 
 
-def test_validation_recordings_take_no_part_in_training(measured):
-    folder = measured / "systems" / "minirocket" / "0"
-    with (folder / "validation.csv").open() as stream:
-        held = {line["haptic"] for line in csv.DictReader(stream)}
-    assert {path[-5] for path in held} == {"5"}  # NAME_5.wav: half the folds away from fold 0
-    entry = json.loads((folder / "measured.json").read_text())
-    assert entry["test_samples"] == 3
+def test_systems_are_trained_on_every_other_fold(measured):
+    folder = measured / "systems" / "minirocket" / "folds" / "0"
+    card = read_checkpoint(folder / "checkpoints" / "haptic.ckpt")["hyper_parameters"]["card"]
+    assert len(card["trained_on"]["seen"]) == 3 * 9
+    assert {line["haptic"][-5] for line in read_csv(predictions(measured, "minirocket", 0))} == {
+        "0"
+    }
+
+
+def test_the_choice_is_a_row_of_its_own(two_folds):
+    rows = read_csv(two_folds / "frontier.csv")
+    assert len(rows) == 3
+    procedure = next(row for row in rows if row["kind"] == "procedure")
+    assert procedure["parameters"] == procedure["macs"] == procedure["chosen_in_folds"] == ""
+    counted = [int(row["chosen_in_folds"]) for row in rows if row is not procedure]
+    assert sum(counted) == 2
+    results = read_results(two_folds)["procedure"]
+    assert float(procedure["vote_accuracy"]) == results["correct"] / results["test_samples"]
+    assert float(procedure["ci_low"]) == results["vote_ci95"][0]
+
+
+def test_no_vote_takes_part_in_the_choice_that_it_measures(
+    two_folds, given, cli, tmp_path, monkeypatch
+):
+    """Other votes on a fold change what is chosen for the other fold, and nothing else."""
+    run = tmp_path / "run"
+    shutil.copytree(two_folds, run)
+    spoil(predictions(run, "mfcc_gmm", 1))  # the quicker one, so that it is chosen if in doubt
+    monkeypatch.setattr(
+        frontier, "_latencies", lambda *_: {"mfcc_gmm": (1.0, 1.0), "mfcc_nb": (2.0, 2.0)}
+    )
+    only = "frontier.only=[mfcc_gmm,mfcc_nb]"
+    outcome = cli("task=frontier", *given, only, f"hydra.run.dir={run}")
+    assert outcome.status == 0, outcome.err
+    folds = {fold["fold"]: fold for fold in read_results(run)["procedure"]["folds"]}
+    assert {fold: found["chosen"] for fold, found in folds.items()} == {0: "mfcc_nb", 1: "mfcc_gmm"}
+    for fold, found in folds.items():
+        votes = read_csv(predictions(run, found["chosen"], fold))
+        assert found["correct"] == sum(vote["label"] == vote["predicted"] for vote in votes)
+        assert found["test_samples"] == len(votes)
+    assert folds[1]["correct"] == 0
+    assert "each fold's votes" in outcome.err
+
+
+def spoil(path) -> None:
+    """Make every vote wrong."""
+    rows = read_csv(path)
+    with path.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({**row, "predicted": "none of them"} for row in rows)
+
+
+def test_later_systems_and_folds_join_what_the_folder_holds(
+    two_folds, given, cli, tmp_path, monkeypatch
+):
+    run, trained = tmp_path / "run", []
+    shutil.copytree(two_folds, run)
+
+    def fit_fold(workspace):
+        trained.append((workspace.directory.parts[-3], workspace.config.data.test_fold))
+        return fold.fit_fold(workspace)
+
+    monkeypatch.setattr(family, "fit_fold", fit_fold)
+    again = "task=frontier", *given, f"hydra.run.dir={run}"
+    assert cli(*again, "frontier.only=[mfcc_gmm]").status == 0
+    assert not trained  # all that was asked for is there
+    assert set(read_results(run)["systems"]) == {"mfcc_gmm", "mfcc_nb"}
+    assert cli(*again, "frontier.only=[hapticnet_w0.125]").status == 0
+    assert trained == [("hapticnet_w0.125", 0), ("hapticnet_w0.125", 1)]
+    trained.clear()
+    outcome = cli(*again, "frontier.only=[mfcc_nb]", "crossval.only=[2]")
+    assert outcome.status == 0, outcome.err
+    assert trained == [("hapticnet_w0.125", 2), ("mfcc_gmm", 2), ("mfcc_nb", 2)]
+    results = read_results(run)
+    assert results["folds"] == [0, 1, 2]
+    assert {row["test_samples"] for row in read_csv(run / "frontier.csv")} == {"6"}
+    assert "System 1 of 3 (hapticnet_w0.125), fold 3 of 3.\n" in outcome.err
+    assert re.search(r"System 2 of 3 \(mfcc_gmm\), fold 3 of 3, about \d+ s left\.", outcome.err)
+
+
+def test_missing_libraries_are_named_before_anything_is_trained(given, cli, tmp_path, monkeypatch):
+    for module in ("aeon.transformations.collection.convolution_based", "skimage.feature"):
+        monkeypatch.setitem(sys.modules, module, None)  # as if not installed
+    for module in ("rocket", "hydra", "patterns"):
+        monkeypatch.delitem(sys.modules, f"tex_lightning.baselines.{module}", raising=False)
+    only = "frontier.only=[hapticnet_w0.125,minirocket,lbp]"
+    outcome = cli("task=frontier", "frontier=fusion", *given, only, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 2
+    assert "minirocket (aeon" in outcome.err
+    assert "lbp (skimage" in outcome.err
+    assert "pip install 'tex_lightning[baselines]'" in outcome.err
+    assert "frontier.only=[hapticnet_w0.125]." in outcome.err
+    assert not (tmp_path / "r" / "systems").exists()
 
 
 def test_sequential_decision_counts_the_arithmetic_that_was_done(measured):
     with (measured / "frontier.csv").open() as stream:
         macs = {row["system"]: row["macs"] for row in csv.DictReader(stream)}
-    outcomes = measured / "systems/hapticnet_w0.5_sequential/0/predictions/haptic.csv"
+    outcomes = predictions(measured, "hapticnet_w0.5_sequential", 0)
     with outcomes.open() as stream:
         evidence = [float(row["evidence"]) for row in csv.DictReader(stream)]
     done = int(macs["hapticnet_w0.5_sequential"]) / int(macs["hapticnet_w0.5"])
@@ -68,6 +180,10 @@ def test_charts_can_be_opened(measured):
     page = (measured / "frontier.html").read_text()
     assert "minirocket" in page
     assert 'src="http' not in page  # self-contained
+
+
+def test_charts_show_the_choice_in_a_mark_of_its_own(two_folds):
+    assert "diamond-open" in (two_folds / "frontier.html").read_text()
 
 
 def test_networks_that_differ_in_precision_are_trained_once(measured):
@@ -92,6 +208,23 @@ def test_auto_trains_the_chosen_system(measured, given, cli, tmp_path):
     outcome = cli("model=auto", f"frontier.run={measured}", *given, f"hydra.run.dir={tmp_path}/r")
     assert outcome.status == 0, outcome.err
     assert json.loads((tmp_path / "r/results.json").read_text())["model"] == "minirocket"
+
+
+def test_auto_chooses_without_the_fold_that_it_tests(given, cli, tmp_path, monkeypatch):
+    measure = frontier.run
+
+    def measure_one(config, directory, excluded):
+        only = replace(config.frontier, only=["mfcc_nb"])
+        return measure(replace(config, frontier=only), directory, excluded)
+
+    monkeypatch.setattr(frontier, "run", measure_one)
+    choice = "model=auto", "data.test_fold=3", "data.val_fold=4", f"hydra.run.dir={tmp_path}/r"
+    outcome = cli(*choice, *given)
+    assert outcome.status == 0, outcome.err
+    assert read_results(tmp_path / "r")["model"] == "mfcc_nb"
+    folder = tmp_path / "r/frontier/systems/mfcc_nb/folds/4"
+    card = read_checkpoint(folder / "checkpoints/haptic.ckpt")["hyper_parameters"]["card"]
+    assert len(card["trained_on"]["seen"]) == 2 * 8  # of two classes neither fold 3 nor fold 4
 
 
 def test_auto_goes_on_with_the_choice_that_it_made(given, cli, tmp_path, monkeypatch):
@@ -119,10 +252,12 @@ def test_one_source_of_weights_is_for_networks_on_photos():
 
 def test_budget_is_answered_with_a_command(measured, given, cli):
     outcome = cli(
-        "task=frontier", *given, "crossval.only=[0]", f"hydra.run.dir={measured}",
-        "frontier.only=[minirocket]", "frontier.min_accuracy=0.9",
+        "task=frontier", *given, "data.classes=3", "crossval.only=[0]",
+        f"hydra.run.dir={measured}", "frontier.only=[minirocket]", "frontier.min_accuracy=0.9",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
+    assert "on all tested folds, which it is picked on as well" in outcome.err
+    assert "A single fold leaves no votes" in outcome.err
     assert "python -m tex_lightning model=minirocket" in outcome.err
 
 
@@ -130,8 +265,13 @@ def test_budget_is_answered_with_a_command(measured, given, cli):
     ("arguments", "message"),
     [
         (["task=frontier", "frontier.only=[nothing]"], "does not have"),
+        (
+            ["task=frontier", "frontier.systems.mfcc_nb=null", "frontier.only=[mfcc_nb]"],
+            "does not have",
+        ),
         (["model=auto", "task=crossval"], "use task=fit"),
         (["model=auto", "frontier.run=nowhere"], "no finished frontier"),
+        (["model=auto", "data.inverted=true"], "leaves model=auto none to choose on"),
         (["frontier.max_latency_ms=5"], "task=frontier alone"),
     ],
 )

@@ -1,6 +1,7 @@
 """Baselines by their name in ``conf/model``; a library is imported when one asks for it."""
 
 import importlib
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, cast
 
 from omegaconf import OmegaConf
@@ -21,6 +22,7 @@ BASELINES = {
     "minirocket": "rocket:MiniRocket",
     "multirocket_hydra": "hydra:MultiRocketHydra",
 }
+INSTALL = "pip install 'tex_lightning[baselines]'"
 
 
 def make_baseline(name: str, settings: dict[str, Any], budget: float = 1.0) -> "Baseline":
@@ -36,13 +38,11 @@ def make_baseline(name: str, settings: dict[str, Any], budget: float = 1.0) -> "
     """
     if name not in BASELINES:
         raise UserError(f"model.baseline is {shorten(name)}: choose {', '.join(BASELINES)}.")
-    module, _, title = BASELINES[name].partition(":")
     try:
-        cls = getattr(importlib.import_module(f"tex_lightning.baselines.{module}"), title)
+        cls = getattr(_module(name), BASELINES[name].partition(":")[2])
     except ModuleNotFoundError as error:
         raise UserError(
-            f"model={name} needs {error.name}, which is not installed; "
-            "run: pip install 'tex_lightning[baselines]'"
+            f"model={name} needs {error.name}, which is not installed; run: {INSTALL}"
         ) from error
     try:
         typed = OmegaConf.merge(OmegaConf.structured(cls), settings)
@@ -51,3 +51,16 @@ def make_baseline(name: str, settings: dict[str, Any], budget: float = 1.0) -> "
         reason = str(error).splitlines()[0]
         raise UserError(f"model.settings of {name} cannot be used: {reason}.") from error
     return baseline.with_budget(budget) if budget != 1.0 else baseline
+
+
+def missing_library(name: str) -> str | None:
+    """The library that a baseline needs and that is not installed, or None."""
+    try:
+        _module(name)
+    except ModuleNotFoundError as error:
+        return error.name
+    return None
+
+
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f"tex_lightning.baselines.{BASELINES[name].partition(':')[0]}")

@@ -83,7 +83,15 @@ def _frontier(config: Config) -> Iterator[str]:
     if frontier.run is not None and config.model.name != AUTO:
         yield "frontier.run is read by model=auto alone: leave it out"
     if config.task == "frontier" and config.data.val_fold is not None:
-        yield "data.val_fold is set, but task=frontier watches a fold of its own: leave it null"
+        yield (
+            "data.val_fold is set, but task=frontier trains on all folds but the tested one: "
+            "leave it null"
+        )
+    if config.model.name == AUTO and frontier.run is None and config.data.inverted:
+        yield (
+            "data.inverted trains on one fold alone, which leaves model=auto none to choose on: "
+            "give frontier.run"
+        )
     for key in ("only", "max_latency_ms", "min_accuracy"):
         if getattr(frontier, key) is not None and config.task != "frontier":
             yield f"frontier.{key} is read by task=frontier alone, not by task={config.task}"

@@ -44,7 +44,8 @@ class DataConfig:
         "rate that every trace is brought to", unit="Hz", least=2000, most=1_000_000
     )
     file_rate: float | None = key(
-        "rate of traces whose file does not say (.npy, .txt, .csv); null is sampling_rate",
+        "rate assumed of traces of which neither file, manifest, sidecar nor rates.csv says it; "
+        "null is sampling_rate",
         unit="Hz", least=1, most=10_000_000, default=None,
     )  # fmt: skip
     half_scale: bool = key("halve photos; false for photos under a megapixel")

@@ -17,7 +17,7 @@ PROBABILITY = {"least": 0, "below": 1}
 WIDTH = {"above": 0, "most": 8}
 ROTATION = {"unit": "degrees", "least": 0, "most": 180}
 NORMS = ("batch", "lrn", "none")
-PERTURB = "perturbations that training recordings meet, by name; [] for none"
+PERTURB = "names in tex_lightning/perturbations/severities.yaml to train on too; [] for none"
 
 
 @dataclass

@@ -195,8 +195,8 @@ class ProfileConfig:
 class FrontierConfig:
     """The family of systems that is trained and measured."""
 
-    systems: dict[str, str] = key(
-        "overrides by name of the system, set by frontier=NAME", factory=dict
+    systems: dict[str, str | None] = key(
+        "overrides by name of the system, set by frontier=NAME; null leaves one out", factory=dict
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
     rounds: int = key("rounds of timing; in each every system is timed", **ROUNDS)
@@ -205,7 +205,7 @@ class FrontierConfig:
         unit="ms", above=0, most=1_000_000_000, default=None,
     )  # fmt: skip
     min_accuracy: float | None = key(
-        "demand: prints the quickest system with this share of correct votes",
+        "demand: prints the quickest system with this share of correct votes on the tested folds",
         default=None, **SHARE,
     )  # fmt: skip
     run: str | None = key(

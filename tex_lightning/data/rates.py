@@ -109,7 +109,7 @@ def names_rate(name: str) -> bool:
 
 def _sidecars(file: Path) -> Iterator[tuple[str, float]]:
     """Statements of the JSON files beside a trace; other keys are none of ours."""
-    for path in {file.with_name(f"{file.name}.json"), file.with_suffix(".json")}:
+    for path in (file.with_name(f"{file.name}.json"), file.with_suffix(".json")):
         if not path.is_file():
             continue
         try:

@@ -2,7 +2,7 @@
 
 import csv
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -18,20 +18,22 @@ from tex_lightning.report.paper import paper_table
 
 log = logging.getLogger(__name__)
 
-COLOURS = {"haptic": "#4477aa", "visual": "#228833", "fusion": "#aa3377"}
+PROCEDURE = "procedure"  # kind of the point that measures the choice
+COLOURS = {"haptic": "#4477aa", "visual": "#228833", "fusion": "#aa3377", PROCEDURE: "black"}
 GREY = "#bbbbbb"
 
 
 @dataclass(frozen=True)
 class Point:
-    """One system, as a line of ``frontier.csv``.
+    """One system, as a line of ``frontier.csv``, or the procedure that chooses among them.
 
     Attributes:
         system: Its name in the family.
-        kind: haptic, visual or fusion.
-        parameters: Numbers that were fitted.
+        kind: haptic, visual or fusion; procedure for the choice itself, whose votes on a fold are
+            those of the system chosen on the other folds, and whose times are means over them.
+        parameters: Numbers that were fitted; None for the procedure.
         macs: Multiply-accumulates of a test sample, mean of what was done; None where they are
-            outside PyTorch.
+            outside PyTorch, and for the procedure.
         latency_ms_median: From a decoded sample to its label, features included.
         latency_ms_p95: The 95th percentile.
         fit_seconds: Mean of the folds.
@@ -39,15 +41,16 @@ class Point:
         ci_low: Wilson's 95 % interval.
         ci_high: The same.
         on_frontier: Whether no other system is as quick and as accurate, and better in one.
-        chosen: Whether it is the quickest within one standard error of the best, on validation.
+        chosen: Whether it is the quickest within one standard error of the best on all votes, by
+            which its own accuracy is slightly optimistic.
         test_samples: Number of tested samples.
-        validation_accuracy: On the validation folds.
-        validation_samples: Their number of samples.
+        chosen_in_folds: In how many folds the choice without their votes fell on it; None for the
+            procedure, and where a single fold was tested.
     """
 
     system: str
     kind: str
-    parameters: int
+    parameters: int | None
     macs: int | None
     latency_ms_median: float
     latency_ms_p95: float
@@ -58,8 +61,7 @@ class Point:
     on_frontier: bool
     chosen: bool
     test_samples: int
-    validation_accuracy: float
-    validation_samples: int
+    chosen_in_folds: int | None
 
 
 def write_frontier(points: Sequence[Point], path: Path) -> None:
@@ -90,21 +92,24 @@ def draw_frontier(points: Sequence[Point], directory: Path) -> None:
 def frontier_figure(points: Sequence[Point]) -> Figure:
     """Accuracy with intervals over latency (log axis); dominated systems are grey.
 
-    Points bear numbers, from the quickest on, and a list beside them says whose they are: names
+    The procedure that chooses is a hollow diamond. Points bear numbers, from the quickest on, and a
+    list beside them says whose they are: names
     would cover each other where systems are alike.
     """
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplots()
     for number, point in enumerate(_by_latency(points), 1):
-        colour = COLOURS[point.kind] if point.on_frontier else GREY
+        colour, procedure = _colour(point), point.kind == PROCEDURE
         low, high = point.vote_accuracy - point.ci_low, point.ci_high - point.vote_accuracy
         axes.errorbar(
             point.latency_ms_median, point.vote_accuracy, yerr=[[max(low, 0)], [max(high, 0)]],
             color=colour, elinewidth=0.8, capsize=2,
         )  # fmt: skip
         axes.scatter(
-            point.latency_ms_median, point.vote_accuracy, s=_area(point), color=colour, zorder=3,
-            edgecolors="black" if point.chosen else "none", linewidths=1.5,
+            point.latency_ms_median, point.vote_accuracy, s=_area(point),
+            zorder=5 if procedure else 3,
+            facecolors="none" if procedure else colour, marker="D" if procedure else "o",
+            edgecolors="black" if point.chosen or procedure else "none", linewidths=1.5,
             label=_entry(number, point),
         )  # fmt: skip
         axes.annotate(
@@ -114,14 +119,15 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
     line = _line(points)
     axes.plot([item.latency_ms_median for item in line], [item.vote_accuracy for item in line],
               color="black", linewidth=0.8, linestyle="--", drawstyle="steps-post")  # fmt: skip
-    counts = sorted({point.test_samples for point in points})
+    counts = sorted({point.test_samples for point in points if point.kind != PROCEDURE})
     axes.set(
         xscale="log",
         xlabel=f"ms for one sample, features included (median)\n{_ratios()}",
         ylabel="vote accuracy with Wilson's 95 % interval",
         title=f"Accuracy against latency, {' or '.join(map(str, counts))} test samples\n"
-        "area grows with parameters; grey: dominated; black edge: quickest within one standard "
-        "error on validation",
+        "area grows with parameters; grey: dominated; black edge: chosen, the quickest within one "
+        "standard error on these votes,\nand so slightly optimistic; diamond: the choice itself, "
+        "each fold's votes by the system chosen on the others",
     )
     axes.title.set_fontsize(9)
     axes.margins(x=0.15)
@@ -137,11 +143,15 @@ def _by_latency(points: Sequence[Point]) -> list[Point]:
 
 
 def _entry(number: int, point: Point) -> str:
-    chosen = ", enough" if point.chosen else ""
+    remark = ", chosen" if point.chosen else ", the choice" if point.kind == PROCEDURE else ""
     return (
         f"{number}  {point.system}\n     {point.latency_ms_median:.1f} ms, "
-        f"{point.vote_accuracy:.1%}{chosen}"
+        f"{point.vote_accuracy:.1%}{remark}"
     )
+
+
+def _colour(point: Point) -> str:
+    return COLOURS[point.kind] if point.on_frontier or point.kind == PROCEDURE else GREY
 
 
 def _line(points: Sequence[Point]) -> list[Point]:
@@ -150,7 +160,7 @@ def _line(points: Sequence[Point]) -> list[Point]:
 
 
 def _area(point: Point) -> float:
-    area: float = 20 + 25 * (max(point.parameters, 1000) / 1000) ** 0.4
+    area: float = 20 + 25 * (max(point.parameters or 0, 1000) / 1000) ** 0.4
     return area
 
 
@@ -183,7 +193,8 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
             name=point.system, hovertext=facts, hoverinfo="text",
             marker={
                 "size": _area(point) ** 0.5,
-                "color": COLOURS[point.kind] if point.on_frontier else GREY,
+                "color": _colour(point),
+                "symbol": "diamond-open" if point.kind == PROCEDURE else "circle",
                 "line": {"width": 2 if point.chosen else 0, "color": "black"},
             },
             error_y={
@@ -197,25 +208,48 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
 
 
 def print_frontier(points: Sequence[Point], directory: Path, command: str) -> None:
-    """Print one line per system, quickest first, and how to train the chosen one."""
+    """Print one line per point, quickest first, and how to train the chosen system."""
     table = Table(title="frontier")
-    for heading in ("system", "votes", "95 % interval", "validation"):
+    for heading in ("system", "votes", "95 % interval"):
         table.add_column(heading)
-    for heading in ("ms", "p95", "fit s", "parameters"):
+    for heading in ("chosen in folds", "ms", "p95", "fit s", "parameters"):
         table.add_column(heading, justify="right")
-    for point in sorted(points, key=lambda item: item.latency_ms_median):
+    for point in _by_latency(points):
         mark = " (chosen)" if point.chosen else ""
         table.add_row(
             f"{point.system}{mark}",
             f"{point.vote_accuracy:.1%}",
             f"{point.ci_low:.1%} to {point.ci_high:.1%}",
-            f"{point.validation_accuracy:.1%}",
+            "" if point.chosen_in_folds is None else str(point.chosen_in_folds),
             f"{point.latency_ms_median:.1f}",
             f"{point.latency_ms_p95:.1f}",
             f"{point.fit_seconds:.1f}",
-            f"{point.parameters:,}",
-            style=None if point.on_frontier else "dim",
+            "" if point.parameters is None else f"{point.parameters:,}",
+            style=_style(point),
         )
     console.print(table)
-    console.print(f"Train the chosen one with: {command}", soft_wrap=True, highlight=False)
+    for line in (*_remarks(points), f"Train the chosen one with: {command}"):
+        console.print(line, soft_wrap=True, highlight=False)
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
+
+
+def _style(point: Point) -> str | None:
+    if point.kind == PROCEDURE:
+        return "bold"
+    return None if point.on_frontier else "dim"
+
+
+def _remarks(points: Sequence[Point]) -> Iterator[str]:
+    """What the accuracies of the chosen system and of the choice say."""
+    chosen = next(point for point in points if point.chosen)
+    yield (
+        f"{chosen.system} is chosen on all votes of the tested folds: its own "
+        f"{chosen.vote_accuracy:.1%} is slightly optimistic."
+    )
+    for point in points:
+        if point.kind == PROCEDURE:
+            yield (
+                f"{point.system} is not a system but the choice itself: its "
+                f"{point.vote_accuracy:.1%} is of each fold's votes by the system that was chosen "
+                "without them."
+            )

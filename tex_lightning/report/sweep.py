@@ -122,8 +122,9 @@ def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:
 def _pooled(rows: list[Row]) -> list[Row]:
     """Counts over jobs that differ in the tested fold alone, then means over seeds."""
     tested = [row for row in rows if "vote_accuracy" in row]
-    folds = [_over_folds(*group) for group in _alike(tested, FOLD_KEYS)]
-    whole = [row for row in tested if not _has(row, FOLD_KEYS)]
+    groups = list(_alike(tested, FOLD_KEYS))
+    folds = [_over_folds(*group) for group in groups]
+    whole = [row for row in tested if not any(row in members for _, members in groups)]
     return folds + [_over_seeds(*group) for group in _alike(whole + folds, SEED_KEYS)]
 
 
@@ -131,16 +132,12 @@ def _alike(rows: list[Row], keys: tuple[str, ...]) -> Iterator[tuple[list[str], 
     """Rows of one network that differ in ``keys`` alone, with the overrides that they share."""
     groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
     for row in rows:
-        if _has(row, keys):
+        if any(item.startswith(keys) for item in row["overrides"]):
             kept = tuple(item for item in row["overrides"] if not item.startswith(keys))
             groups.setdefault((kept, row["network"]), []).append(row)
     for (overrides, _), members in groups.items():
         if len(members) > 1:
             yield list(overrides), members
-
-
-def _has(row: Row, keys: tuple[str, ...]) -> bool:
-    return any(item.startswith(keys) for item in row["overrides"])
 
 
 def _over_folds(overrides: list[str], members: list[Row]) -> Row:

@@ -48,7 +48,7 @@ def make_table(title: str, names: list[str], figures: list[str]) -> Table:
     for heading in names:
         table.add_column(heading, overflow="fold")
     for heading in figures:
-        table.add_column(heading, overflow="fold", justify="right")
+        table.add_column(heading, overflow="fold", no_wrap=True, justify="right")
     return table
 
 

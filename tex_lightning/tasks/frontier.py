@@ -1,10 +1,11 @@
 """A family of systems on the same folds: accuracy against latency, and which of them is enough.
 
-Accuracies and the Pareto line are drawn from the tested folds; which system is enough is decided on
-the validation folds alone.
+Every system is tested by plain cross-validation. The one that is chosen for use is chosen on all
+votes; how well such a choice does is measured on folds whose votes take no part in it.
 """
 
 import itertools
+import json
 import logging
 import shlex
 import time
@@ -24,21 +25,30 @@ from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
-from tex_lightning.evaluation.choice import Candidate, one_standard_error, pareto, within_budget
-from tex_lightning.evaluation.outcomes import (
-    environment,
-    summarise,
-    write_results,
+from tex_lightning.evaluation.choice import (
+    Candidate,
+    choose_without_each_fold,
+    one_standard_error,
+    pareto,
+    within_budget,
 )
+from tex_lightning.evaluation.outcomes import environment, summarise, write_results
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.profiling.timing import interleaved, waiting
-from tex_lightning.report.frontier_chart import Point, draw_frontier, print_frontier, write_frontier
+from tex_lightning.report.frontier_chart import (
+    PROCEDURE,
+    Point,
+    draw_frontier,
+    print_frontier,
+    write_frontier,
+)
 from tex_lightning.runs.family import (
     Measured,
     Member,
+    check_libraries,
     compose_family,
     given_overrides,
-    measure,
+    measure_family,
     with_system,
 )
 from tex_lightning.runs.workspace import decode_settings, open_workspace
@@ -47,21 +57,40 @@ from tex_lightning.tasks.crossval import chosen_folds
 log = logging.getLogger(__name__)
 
 WARM_UP = 3
-TIMED = 10  # samples that are timed by turns
+TIMED = 10  # samples that every system is timed on
+RULE = "one_standard_error_rule"
+
+Timings = dict[str, tuple[float, float]]
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
-    """Measure the family; write table, charts and ``results.json``, and return the latter."""
+def run(config: Config, directory: Path, excluded: int | None = None) -> dict[str, Any]:
+    """Measure the family; write table, charts and ``results.json``, and return the latter.
+
+    Systems and folds that an earlier run in the same folder has finished are shown again, and the
+    choice is among all of them.
+
+    Args:
+        config: Names the family.
+        directory: The run folder.
+        excluded: A fold that takes no part in anything, so that others may test on it.
+
+    Raises:
+        UserError: If a system cannot be run, before any is trained.
+    """
     begin = time.perf_counter()
-    members = list(compose_family(config, directory / "networks"))
-    folds = chosen_folds(config)
-    measured = [measure(member, folds, directory / "systems" / member.name) for member in members]
+    held, tested = _earlier(directory)
+    members = list(compose_family(config, directory / "networks", held))
+    check_libraries(members)
+    folds = sorted({*chosen_folds(config), *tested})
+    measured = measure_family(members, folds, directory / "systems", excluded)
     timings = _latencies(measured, config)
     candidates = _candidates(measured, timings)
-    points = _points(measured, timings, one_standard_error(candidates).name)
-    write_frontier(points, directory / "frontier.csv")
-    draw_frontier(points, directory)
-    chosen = next(point for point in points if point.chosen)
+    procedure = _procedure(measured, candidates)
+    chosen = one_standard_error(candidates).name
+    points = _points(measured, timings, chosen, procedure)
+    shown = points if procedure is None else [*points, _procedure_point(procedure, points)]
+    write_frontier(shown, directory / "frontier.csv")
+    draw_frontier(shown, directory)
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -70,19 +99,31 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(pick_device(config.trainer.accelerator)),
         "skipped": _skipped(measured),
-        "chosen": chosen.system,
-        "command": _command(members, chosen.system),
-        "overrides": list(_member(members, chosen.system).overrides),
+        "chosen": chosen,
+        "command": _command(members, chosen),
+        "overrides": list(_member(members, chosen).overrides),
+        "procedure": procedure,
         "systems": {point.system: asdict(point) for point in points},
     }
     write_results(directory / "results.json", results)
-    print_frontier(points, directory, str(results["command"]))
+    print_frontier(shown, directory, str(results["command"]))
+    if procedure is None:
+        log.info("A single fold leaves no votes to measure the choice on: test two or more.")
     _print_budget(config, members, candidates)
     return results
 
 
-def _latencies(measured: list[Measured], config: Config) -> dict[str, tuple[float, float]]:
-    """Median and 95th percentile in ms of one sample, all systems by turns in one run."""
+def _earlier(directory: Path) -> tuple[list[str], list[int]]:
+    """Systems and folds that the last finished run in the folder has shown."""
+    path = directory / "results.json"
+    if not path.is_file():
+        return [], []
+    results = json.loads(path.read_text(encoding="utf-8"))
+    return list(results["systems"]), list(results["folds"])
+
+
+def _latencies(measured: list[Measured], config: Config) -> Timings:
+    """Median and 95th percentile in ms of one sample, all systems interleaved in one run."""
     functions: dict[str, Callable[[], object]] = {}
     recordings: dict[tuple[str, DecodeSettings], list[tuple[Tensor | None, Tensor | None]]] = {}
     for system in measured:
@@ -119,53 +160,98 @@ def _macs(system: Measured) -> int | None:
     macs: int | None = system.entry["macs_per_sample"]
     if macs is None:
         return None
-    return round(macs * fmean(outcome.evidence for outcome in system.tests))
+    return round(macs * fmean(outcome.evidence for outcome in system.outcomes))
 
 
-def _points(
-    measured: list[Measured], timings: dict[str, tuple[float, float]], chosen: str
-) -> list[Point]:
-    summaries = {system.member.name: summarise(system.tests) for system in measured}
-    line = pareto(
-        {name: (timings[name][0], summaries[name]["vote_accuracy"]) for name in summaries}
-    )
-    points = []
-    for system in measured:
-        name, tested = system.member.name, summaries[system.member.name]
-        low, high = tested["vote_ci95"]
-        points.append(
-            Point(
-                system=name,
-                kind=system.member.config.model.kind,
-                parameters=system.entry["parameters"],
-                macs=_macs(system),
-                latency_ms_median=timings[name][0],
-                latency_ms_p95=timings[name][1],
-                fit_seconds=system.fit_seconds,
-                vote_accuracy=tested["vote_accuracy"],
-                ci_low=low,
-                ci_high=high,
-                on_frontier=name in line,
-                chosen=name == chosen,
-                test_samples=tested["test_samples"],
-                validation_accuracy=summarise(system.validation)["vote_accuracy"],
-                validation_samples=len(system.validation),
-            )
-        )
-    return points
-
-
-def _candidates(
-    measured: list[Measured], timings: dict[str, tuple[float, float]]
-) -> list[Candidate]:
+def _candidates(measured: list[Measured], timings: Timings) -> list[Candidate]:
     return [
         Candidate(
             system.member.name,
             timings[system.member.name][0],
-            {item.sample: item.label == item.predicted for item in system.validation},
+            {
+                fold: {item.sample: item.label == item.predicted for item in outcomes}
+                for fold, outcomes in system.tests.items()
+            },
         )
         for system in measured
     ]
+
+
+def _procedure(measured: list[Measured], candidates: list[Candidate]) -> dict[str, Any] | None:
+    """How well it does to choose a system and to use it; None where one fold was tested.
+
+    Each fold's votes are those of the system chosen on the other folds. In a family of several
+    kinds the samples of a fold are that system's own: traces, photos or pairs.
+    """
+    tests = {system.member.name: system.tests for system in measured}
+    chosen = choose_without_each_fold(candidates)
+    if not chosen:
+        return None
+    votes = {fold: tests[name][fold] for fold, name in chosen.items()}
+    pooled = summarise([outcome for outcomes in votes.values() for outcome in outcomes])
+    folds = [
+        {"fold": fold, "chosen": chosen[fold], **_counts(summarise(outcomes))}
+        for fold, outcomes in votes.items()
+    ]
+    kept = {key: pooled[key] for key in ("vote_accuracy", "vote_ci95")}
+    return {"rule": RULE, **kept, **_counts(pooled), "folds": folds}
+
+
+def _counts(summary: dict[str, Any]) -> dict[str, Any]:
+    return {key: summary[key] for key in ("correct", "test_samples")}
+
+
+def _points(
+    measured: list[Measured], timings: Timings, chosen: str, procedure: dict[str, Any] | None
+) -> list[Point]:
+    summaries = {system.member.name: summarise(system.outcomes) for system in measured}
+    line = pareto(
+        {name: (timings[name][0], summaries[name]["vote_accuracy"]) for name in summaries}
+    )
+    choices = None if procedure is None else [fold["chosen"] for fold in procedure["folds"]]
+    return [
+        Point(
+            system=name,
+            kind=system.member.config.model.kind,
+            parameters=system.entry["parameters"],
+            macs=_macs(system),
+            latency_ms_median=timings[name][0],
+            latency_ms_p95=timings[name][1],
+            fit_seconds=system.fit_seconds,
+            vote_accuracy=summaries[name]["vote_accuracy"],
+            ci_low=summaries[name]["vote_ci95"][0],
+            ci_high=summaries[name]["vote_ci95"][1],
+            on_frontier=name in line,
+            chosen=name == chosen,
+            test_samples=summaries[name]["test_samples"],
+            chosen_in_folds=None if choices is None else choices.count(name),
+        )
+        for system in measured
+        for name in (system.member.name,)
+    ]
+
+
+def _procedure_point(procedure: dict[str, Any], points: list[Point]) -> Point:
+    """The procedure beside the systems; its times are means over the systems that it used."""
+    named = {point.system: point for point in points}
+    used = [named[fold["chosen"]] for fold in procedure["folds"]]
+    low, high = procedure["vote_ci95"]
+    return Point(
+        system=RULE,
+        kind=PROCEDURE,
+        parameters=None,
+        macs=None,
+        latency_ms_median=fmean(point.latency_ms_median for point in used),
+        latency_ms_p95=fmean(point.latency_ms_p95 for point in used),
+        fit_seconds=fmean(point.fit_seconds for point in used),
+        vote_accuracy=procedure["vote_accuracy"],
+        ci_low=low,
+        ci_high=high,
+        on_frontier=False,
+        chosen=False,
+        test_samples=procedure["test_samples"],
+        chosen_in_folds=None,
+    )
 
 
 def _member(members: list[Member], name: str) -> Member:
@@ -188,9 +274,10 @@ def _print_budget(config: Config, members: list[Member], candidates: list[Candid
     limits = [f"{most:g} ms" if most is not None else "", f"{least:.1%}" if least else ""]
     asked = " and ".join(limit for limit in limits if limit)
     if found is None:
-        log.warning("No system of the family meets %s on the validation folds.", asked)
+        log.warning("No system of the family meets %s on the tested folds.", asked)
         return
     log.info(
-        "Within %s: %s, %.1f ms and %.1f %% of validation votes; train it with: %s",
+        "Within %s: %s, %.1f ms and %.1f %% correct votes on all tested folds, which it is picked "
+        "on as well (slightly optimistic); train it with: %s",
         asked, found.name, found.cost, 100 * found.accuracy, _command(members, found.name),
     )  # fmt: skip

@@ -3,6 +3,7 @@
 import time
 from typing import Any
 
+import numpy as np
 import torch
 
 from tex_lightning.classifier import SurfaceClassifier, check_frames
@@ -45,6 +46,7 @@ class LiveStream:
         self.device, self.top_k = classifier.device, top_k
         self.classifier = StreamingClassifier(classifier, wait=wait)
         self.monitor = TraceMonitor()
+        self.axes: int | None = None  # not known yet
         self.rate = self.classifier.features.sampling_rate
 
     @property
@@ -56,8 +58,8 @@ class LiveStream:
         """Take more samples and predict from all so far.
 
         Args:
-            samples: (samples,), (axes, samples) or (samples, axes) at :attr:`rate`, in the unit of
-                the training; as many axes as before.
+            samples: (samples,) or (axes, samples) at :attr:`rate`, in the unit of the training; as
+                many axes as before.
 
         Returns:
             A prediction without a label while there is not one fragment.
@@ -67,6 +69,13 @@ class LiveStream:
         """
         begin = time.perf_counter()
         chunk = as_trace(samples)
+        axes, shape = self.axes or len(chunk), tuple(np.shape(samples))
+        if shape != (axes, chunk.size // axes) and not (axes == len(shape) == 1):
+            raise UserError(
+                f"A chunk has the shape {shape}; give (axes, samples) with as many axes as before, "
+                f"{axes}."
+            )
+        self.axes = axes
         self.monitor.update(chunk)
         return self._describe(self.classifier.push(torch.from_numpy(chunk).float()), begin)
 

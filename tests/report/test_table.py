@@ -1,0 +1,113 @@
+"""Tables fit 80 columns whatever the figures, and nothing of a figure is cut."""
+
+import io
+
+import pytest
+from omegaconf import OmegaConf
+from rich.console import Console
+
+from tex_lightning.report import stability, sweep, table
+from tex_lightning.report.profile_table import FACTS, WAYS, print_profile
+
+CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}
+NETWORK = {
+    **CORRECT,
+    "vote_ci95": [0.97812, 1.0],
+    "fragment_accuracy": 0.98123,
+    "latency_ms": {"median": 12_345.67},
+    "fit_seconds": 123_456.78,
+    "parameters": 123_456_789,
+    "macs_per_sample": 123_456_000_000,
+}
+
+
+@pytest.fixture
+def printed(monkeypatch):
+    """What is printed on 80 columns."""
+    console = Console(width=80, file=io.StringIO())
+    for module in (table, sweep):
+        monkeypatch.setattr(module, "console", console)
+
+    def read() -> str:
+        text = console.file.getvalue()
+        assert "…" not in text
+        shown = [line for line in text.splitlines() if not line.startswith("Summary in")]
+        assert max(map(len, shown)) <= 80
+        return text
+
+    return read
+
+
+def test_results(printed, tmp_path):
+    networks = dict.fromkeys(("haptic", "visual", "fusion"), NETWORK)
+    results = {"task": "crossval", "model": "fusion", "data": "manifest", "networks": networks}
+    table.print_results(results, tmp_path)
+    text = printed()
+    for figure in ("98765/100000", "97.8% to 100.0%", "12345.7", "123456.8", "123,456,789"):
+        assert text.count(figure) == 3
+    assert "debug=tiny" not in text
+
+
+def test_tiny_runs_are_warned_of(printed, tmp_path):
+    (tmp_path / ".hydra").mkdir()
+    OmegaConf.save(["seed=1", "debug=tiny"], tmp_path / ".hydra" / "overrides.yaml")
+    results = {"task": "fit", "model": "haptic", "data": "tum", "networks": {"haptic": NETWORK}}
+    table.print_results(results, tmp_path)
+    assert "figures mean nothing" in printed()
+
+
+def test_sweep(printed, tmp_path):
+    rows = [
+        {
+            "job": str(job), "overrides": [f"model={model}", f"data.test_fold={job}", "seed=1"],
+            "status": "done", "network": "fusion", "ci_low": 0.978, "ci_high": 1.0,
+            "fit_seconds": 123_456.78, **CORRECT,
+        }
+        for job, model in enumerate(["multirocket_hydra", "fusion_fc3_tcnn"])
+    ]  # fmt: skip
+    lost = {"job": "17", "overrides": ["model=haptic"], "status": "A sentence that explains."}
+    sweep._print([*rows, lost], tmp_path)
+    text = printed()
+    assert text.count("98.8% (98765/100000)") == 2
+    assert "Job 17: A sentence that explains." in text
+
+
+def test_stability(printed, tmp_path):
+    entry = {
+        "clean": CORRECT, "mean_error": 0.4567, "corruption_error": {"mean": 12.345},
+        "mean_flip_rate": 0.9999, "breaks": 29, "perturbations": 30,
+        "worst_perturbation": {"name": "dropped_stretch", "mean_error": 0.999},
+        "worst_class": {"name": "a_class_with_a_long_name_" * 3},
+    }  # fmt: skip
+    systems = {"haptic": entry, "another_folder/fusion_squeezenet-2": entry, "c": {}}
+    results = {"data": "manifest", "reference": "haptic", "systems": systems}
+    stability.print_stability(results, tmp_path)
+    text = printed()
+    assert text.count("(98765/100000)") == text.count("29 of 30") == 2
+
+
+def test_profile(printed, tmp_path):
+    times = {f"{way}_{key}": 12_345.678 for way in WAYS for key in ("ms", "p95_ms")}
+    factors = ("speedup", "speedup_same_engine", "arithmetic_ratio", "speedup_bf16", "engine_gain")
+    network = {
+        **times, **dict.fromkeys(factors, 1234.56), "windows": 12_345, "positions": 12_345,
+        "label_agreement": 0.98765, "dense_agreement": 1.0, "macs": 123e9, "gemm_gflops": 1234.5,
+        "roofline_fraction": 0.98, "peak_memory_mib": 12_345.0,
+        "flips_engine": 123, "vote_flips_engine": True, "flips_bf16": 0, "vote_flips_bf16": False,
+        "layers": [
+            {"name": "visual.trunk.layers.conv1.0", "kind": "WinogradConv", "ms": 1234.5,
+             "macs": 123e9, "gflops": 1234.0, "roofline_fraction": 2.5}
+        ],
+    }  # fmt: skip
+    results = {
+        "model": "fusion_squeezenet",
+        "weights": "run.ckpt",
+        "environment": {"threads": 64},
+        "networks": {"haptic": network, "visual": network},
+    }
+    print_profile(results, tmp_path)
+    text = printed()
+    assert text.count("12,345.7 (12,345.7)") == 2 * len(WAYS)
+    heads = [line[: line.find("  ")].strip() for line in text.splitlines()]
+    assert all(heads.count(fact) == 2 for fact in FACTS)
+    assert "123 of 12345, another vote" in text
