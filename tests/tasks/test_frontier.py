@@ -102,9 +102,12 @@ def test_no_vote_takes_part_in_the_choice_that_it_measures(
     outcome = cli("task=frontier", *given, only, f"hydra.run.dir={run}")
     assert outcome.status == 0, outcome.err
     folds = {fold["fold"]: fold for fold in read_results(run)["procedure"]["folds"]}
-    assert {fold: found["chosen"] for fold, found in folds.items()} == {0: "mfcc_nb", 1: "mfcc_gmm"}
-    for fold, found in folds.items():
-        votes = read_csv(predictions(run, found["chosen"], fold))
+    assert {number: found["chosen"] for number, found in folds.items()} == {
+        0: "mfcc_nb",
+        1: "mfcc_gmm",
+    }
+    for number, found in folds.items():
+        votes = read_csv(predictions(run, found["chosen"], number))
         assert found["correct"] == sum(vote["label"] == vote["predicted"] for vote in votes)
         assert found["test_samples"] == len(votes)
     assert folds[1]["correct"] == 0
