@@ -44,8 +44,8 @@ class Point:
         chosen: Whether it is the quickest within one standard error of the best on all votes, by
             which its own accuracy is slightly optimistic.
         test_samples: Number of tested samples.
-        chosen_in_folds: In how many folds the choice without their votes fell on it; None for the
-            procedure, and where a single fold was tested.
+        chosen_in_folds: For how many tested folds the choice on the fold's partner fell on it; None
+            for the procedure.
     """
 
     system: str
@@ -251,5 +251,5 @@ def _remarks(points: Sequence[Point]) -> Iterator[str]:
             yield (
                 f"{point.system} is not a system but the choice itself: its "
                 f"{point.vote_accuracy:.1%} is of each fold's votes by the system that was chosen "
-                "without them."
+                "on another fold."
             )
