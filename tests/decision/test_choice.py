@@ -85,9 +85,7 @@ def accuracies_on_noise(makers, repetitions: int) -> tuple[np.ndarray, np.ndarra
         features = [rng.standard_normal((48, 3)) for _ in makers]  # of its own for each system
         votes = [votes_on_noise(partial(make, rng), features[n]) for n, make in enumerate(makers)]
         everything = [
-            Candidate(
-                str(n), n, {k: c for fold in range(6) for k, c in on(fold, own[fold]).items()}
-            )
+            Candidate(str(n), n, dict(pair for f in range(6) for pair in on(f, own[f]).items()))
             for n, own in enumerate(votes)
         ]
         chosen.append(one_standard_error(everything).accuracy)

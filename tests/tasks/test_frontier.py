@@ -72,9 +72,9 @@ def test_systems_are_trained_without_the_tested_fold_and_its_partner(measured):
     folder = measured / "systems" / "minirocket" / "folds" / "0-5"
     card = read_checkpoint(folder / "checkpoints" / "haptic.ckpt")["hyper_parameters"]["card"]
     assert len(card["trained_on"]["seen"]) == 3 * 8
-    for fold in (0, 5):
-        votes = read_csv(predictions(measured, "minirocket", fold))
-        assert {line["haptic"][-5] for line in votes} == {str(fold)}
+    for number in (0, 5):
+        votes = read_csv(predictions(measured, "minirocket", number))
+        assert {line["haptic"][-5] for line in votes} == {str(number)}
 
 
 def test_the_choice_is_a_row_of_its_own(two_folds):
@@ -155,7 +155,7 @@ def test_later_systems_and_folds_join_what_the_folder_holds(
 def test_missing_libraries_are_named_before_anything_is_trained(given, cli, tmp_path, monkeypatch):
     for module in ("aeon.transformations.collection.convolution_based", "skimage.feature"):
         monkeypatch.setitem(sys.modules, module, None)  # as if not installed
-    for module in ("rocket", "hydra", "patterns"):
+    for module in ("rocket", "multirocket_hydra", "patterns"):
         monkeypatch.delitem(sys.modules, f"tex_lightning.baselines.{module}", raising=False)
     only = "frontier.only=[hapticnet_w0.125,minirocket,lbp]"
     outcome = cli("task=frontier", "frontier=fusion", *given, only, f"hydra.run.dir={tmp_path}/r")

@@ -30,7 +30,7 @@ class Point:
     Attributes:
         system: Its name in the family.
         kind: haptic, visual or fusion; procedure for the choice itself, whose votes on a fold are
-            those of the system chosen on the other folds, and whose times are means over them.
+            those of the system chosen on its partner, and whose times are means over them.
         parameters: Numbers that were fitted; None for the procedure.
         macs: Multiply-accumulates of a test sample, mean of what was done; None where they are
             outside PyTorch, and for the procedure.
