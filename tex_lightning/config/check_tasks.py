@@ -84,8 +84,8 @@ def _frontier(config: Config) -> Iterator[str]:
         yield "frontier.run is read by model=auto alone: leave it out"
     if config.task == "frontier" and config.data.val_fold is not None:
         yield (
-            "data.val_fold is set, but task=frontier leaves out a fold of its own beside the tested "
-            "tested one: leave it null"
+            "data.val_fold is set, but task=frontier leaves a fold of its own out beside the tested "
+            "one: set it to null"
         )
     here = config.task == "frontier" or (config.model.name == AUTO and frontier.run is None)
     if here and config.data.folds < 3:
