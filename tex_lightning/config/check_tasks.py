@@ -83,10 +83,7 @@ def _frontier(config: Config) -> Iterator[str]:
     if frontier.run is not None and config.model.name != AUTO:
         yield "frontier.run is read by model=auto alone: leave it out"
     if config.task == "frontier" and config.data.val_fold is not None:
-        yield (
-            "data.val_fold is set, but task=frontier leaves a fold of its own out beside the tested "
-            "one: set it to null"
-        )
+        yield "data.val_fold is set, but task=frontier leaves a fold of its own out: leave it null"
     here = config.task == "frontier" or (config.model.name == AUTO and frontier.run is None)
     if here and config.data.folds < 3:
         yield f"data.folds is {config.data.folds}: two are left out of training, choose 3 or more"
