@@ -138,7 +138,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["data=folder", "data.root=/x", "data.name=mine"], "data.name is mine: choose"),
         (
             ["task=frontier", "data.val_fold=2"],
-            "task=frontier trains on all folds but the tested one",
+            "task=frontier leaves a fold of its own out: leave it null",
         ),
         (
             ["model.haptic.fit.weight_decay=0"],
