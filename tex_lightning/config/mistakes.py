@@ -105,7 +105,8 @@ def config_groups(conf: Path) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for file in sorted(conf.rglob("*.yaml")):
         group = file.parent.relative_to(conf).as_posix()
-        if group != "." and file.stem != "base":
+        inner = group == "." or group.startswith("debug/")  # not a person's to choose
+        if not inner and file.stem != "base":
             groups.setdefault(group, []).append(file.stem)
     for group in list(groups):  # options in a subfolder, as in experiment=paper/haptic
         parent, _, name = group.rpartition("/")
