@@ -3,16 +3,14 @@
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import torch
-from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from tex_lightning.auto import resolve_auto
 from tex_lightning.config import Config
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
+from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
@@ -34,7 +32,7 @@ from tex_lightning.tasks import (
     stream,
 )
 
-TASKS: dict[str, Callable[[Config, Path], object]] = {
+TASKS: dict[str, Callable[[Config, Job], object]] = {
     "fit": fit.run,
     "crossval": crossval.run,
     "evaluate": evaluate.run,
@@ -50,8 +48,8 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
 TRAINING = ("fit", "crossval")  # on several devices
 
 
-def run_task(composed: DictConfig, directory: Path) -> None:
-    """Check the configuration and run its task with ``directory`` as the run folder.
+def run_task(composed: DictConfig, job: Job) -> None:
+    """Check the configuration and run its task in the run folder of the job.
 
     Every process of a training on several devices does; only rank zero writes.
 
@@ -66,23 +64,30 @@ def run_task(composed: DictConfig, directory: Path) -> None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     set_threads(config)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
-    if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:
-        raise UserError(NO_SWEEP)
+    if processes > 1:
+        _check_origin(job)
     check_shares(config, processes)
-    if started_processes() and not _names_folder():
+    if started_processes() and not job.named:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
     with kept_memory(), announced_once(config):
         if is_rank_zero():
-            claim_folder(composed, config, directory.resolve())
+            claim_folder(composed, config, job)
         if config.model.name == AUTO:
-            config = resolve_auto(config, directory.resolve())
-        TASKS[config.task](config, directory.resolve())
+            config = resolve_auto(config, job)
+        TASKS[config.task](config, job)
 
 
-def _names_folder() -> bool:
-    return any(each.startswith("hydra.run.dir=") for each in HydraConfig.get().overrides.hydra)
+def _check_origin(job: Job) -> None:
+    """Refuse several processes where Lightning cannot start them by the same command line."""
+    if job.origin == "sweep":
+        raise UserError(NO_SWEEP)
+    if job.origin == "python" and not started_processes():
+        raise UserError(
+            "Python trains in this process alone; for several devices run python -m tex_lightning, "
+            "or start this program with torchrun."
+        )
 
 
 def set_threads(config: Config) -> None:

@@ -6,16 +6,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import CONF, Config, register
+from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
-from tex_lightning.config.mistakes import MISTAKES
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.arrays import as_photo, as_trace
 from tex_lightning.data.decode import decode_image, read_trace, to_rate
@@ -56,18 +55,10 @@ def load(path: str | Path, *overrides: str) -> "Predictor":
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
     """The configuration that the command line would make."""
-    register()
-    running = GlobalHydra.instance().hydra  # of an application that calls this
-    GlobalHydra.instance().clear()
     try:
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            composed = compose("config", overrides=[f"task={TASK}", *overrides])
+        composed = compose_config(CONF, [f"task={TASK}", *overrides])
     except MISTAKES as error:
-        from tex_lightning.config.mistakes import explain
-
         raise explain(error, overrides, CONF) from error
-    finally:
-        GlobalHydra.instance().hydra = running
     composed.checkpoint = str(path)
     config = read_config(composed)
     check_config(config)

@@ -6,10 +6,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import Config, flatten
+from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_text
 
@@ -31,7 +31,7 @@ def holds_work(directory: Path) -> bool:
     return any((directory / name).exists() for name in WORK)
 
 
-def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
+def claim_folder(composed: DictConfig, config: Config, job: Job) -> None:
     """Note settings and overrides in the run folder, unless the work of another run lies there.
 
     Hydra would write its own record before anything could be refused, so it is told not to and
@@ -40,6 +40,7 @@ def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
     Raises:
         UserError: If another run lives there; nothing of it is changed.
     """
+    directory = job.directory
     note = directory / SETTINGS
     wanted = _binding_settings(config)
     if note.is_file() and holds_work(directory):
@@ -52,11 +53,10 @@ def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
             )
         log.info("Going on with the run in %s.", directory)
     write_text(note, json.dumps(wanted, indent=1, sort_keys=True))
-    hydra = HydraConfig.get()
     for name, content in (
         ("config", composed),
-        ("hydra", OmegaConf.create({"hydra": hydra})),
-        ("overrides", hydra.overrides.task),
+        ("hydra", job.hydra),
+        ("overrides", OmegaConf.create(list(job.overrides))),
     ):
         write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
 

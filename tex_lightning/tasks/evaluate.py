@@ -7,6 +7,7 @@ from typing import Any, cast
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import skipped_entry
@@ -20,13 +21,13 @@ from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.usable import find_unusable
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Classify the test samples with ``checkpoint``; write ``results.json`` and return it.
 
     Files are decoded as the checkpoint says, whatever the configuration has; only
     ``data.file_rate`` belongs to the files themselves and is taken from it if it is given.
     """
-    begin = time.perf_counter()
+    begin, directory = time.perf_counter(), job.directory
     checkpoint = Path(cast(str, config.checkpoint)).expanduser()
     classifier = load_classifier(checkpoint)
     device = pick_device(config.trainer.accelerator)

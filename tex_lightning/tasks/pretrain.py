@@ -6,10 +6,10 @@ synthetic specimens which the training has not met, and says nothing of real one
 
 import time
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any, cast
 
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.data.folds import NEEDS, Kind, Split
 from tex_lightning.data.generator import RenderedStore, SpecimenStream
 from tex_lightning.data.readers.synthetic import spec_of
@@ -33,9 +33,9 @@ from tex_lightning.tasks.fit import finished
 NOTE = "synthetic specimens rendered for this test; real surfaces are another matter"
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Train on the stream and test on specimens apart from it; write ``results.json``."""
-    begin = time.perf_counter()
+    begin, directory = time.perf_counter(), job.directory
     if (done := finished(directory)) is not None:
         return done
     kind = cast(Kind, config.model.kind)
