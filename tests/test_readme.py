@@ -16,8 +16,9 @@ def test_the_second_command_installs_and_tests_as_ci_does():
     assert commands()[1] == 'pip install -c constraints.txt ".[dev]" && python -m pytest'
     ci = (ROOT / ".ci" / "run").read_text().splitlines()
     assert commands()[1] in ci
-    assert "ruff check . && ruff format --check . && mypy" in ci
-    assert "ruff check . && ruff format --check . && mypy" in commands()
+    lint = "ruff check . && ruff format --check . && mypy && lint-imports"
+    assert lint in ci
+    assert lint in commands()
 
 
 def test_the_first_command_installs_and_runs_the_main_job():

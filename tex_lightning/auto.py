@@ -4,7 +4,7 @@ import json
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
@@ -19,34 +19,34 @@ log = logging.getLogger(__name__)
 def resolve_auto(config: Config, job: Job) -> Config:
     """Replace ``model=auto`` by the chosen system of a family.
 
-    Without ``frontier.run`` the family is measured here: tested on the validation fold, or on the
-    fold after the one that this run tests, whose recordings take no part in the choice.
+    Without ``frontier.run`` the family is measured here, and chosen on the partner of the fold that
+    this run tests, by networks that have seen neither.
 
     Raises:
         UserError: If ``frontier.run`` holds no finished frontier.
     """
-    run = job.directory / "frontier"
     if config.frontier.run is not None:
-        run = Path(config.frontier.run).expanduser()
-    elif not (run / "results.json").is_file():  # a second choice may be another one
-        tested, watched = cast(int, config.data.test_fold), config.data.val_fold
-        fold = (tested + 1) % config.data.folds if watched is None else watched
-        only = replace(config.crossval, only=[fold])
-        measured = replace(config, task="frontier", crossval=only)
-        frontier.run(measured, replace(job, directory=run), excluded=tested)
-    overrides = _read_choice(run)
+        overrides = _read(Path(config.frontier.run).expanduser())["overrides"]
+    else:
+        run, tested = job.directory / "frontier", cast(int, config.data.test_fold)
+        if not (run / "results.json").is_file():  # a second choice may be another one
+            only = replace(config.crossval, only=[tested])
+            inside = replace(job, directory=run)
+            frontier.run(replace(config, task="frontier", crossval=only), inside)
+        (choice,) = _read(run)["procedure"]["folds"]
+        overrides = choice["overrides"]
     given = [item for item in job.overrides if not item.startswith("model=")]
     log.info("model=auto is %s.", " ".join(overrides))
     return read_config(job.compose(with_system(job, given, overrides)))
 
 
-def _read_choice(folder: Path) -> list[str]:
+def _read(folder: Path) -> dict[str, Any]:
     path = folder / "results.json"
     try:
-        overrides: list[str] = json.loads(path.read_text(encoding="utf-8"))["overrides"]
+        results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return {key: results[key] for key in ("overrides", "procedure")}
     except (OSError, ValueError, KeyError) as error:
         raise UserError(
             f"frontier.run={folder} holds no finished frontier; give the run folder of a "
             "task=frontier, or leave it out."
         ) from error
-    return overrides

@@ -10,22 +10,16 @@ from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
 
 from tex_lightning.evaluation.choice import (
     Candidate,
-    choose_without_each_fold,
     one_standard_error,
     pareto,
+    partner,
     within_budget,
 )
 
 
-def candidate(name: str, cost: float, *folds: str) -> Candidate:
-    """Votes by fold, + where they are correct; samples are numbered through all folds."""
-    before = [sum(map(len, folds[:fold])) for fold in range(len(folds))]
-    return Candidate(
-        name, cost, {
-            fold: {str(start + i): mark == "+" for i, mark in enumerate(folds[fold])}
-            for fold, start in enumerate(before)
-        },
-    )  # fmt: skip
+def candidate(name: str, cost: float, votes: str) -> Candidate:
+    """Votes on numbered samples, + where they are correct."""
+    return Candidate(name, cost, {(0, str(i)): mark == "+" for i, mark in enumerate(votes)})
 
 
 def test_cheaper_system_with_one_error_more_is_enough():
@@ -53,51 +47,55 @@ def test_dearer_systems_are_never_chosen_for_a_tie():
     assert one_standard_error(pair).name == "cheap"
 
 
-def test_each_fold_is_left_to_the_choice_on_the_others():
-    """Cheap is better on the first fold alone, and there alone dear is what the others choose."""
-    cheap = candidate("cheap", 1, "+" * 20, "+-" * 10, "+-" * 10)
-    dear = candidate("dear", 2, "-" * 20, "+" * 20, "+" * 20)
-    assert choose_without_each_fold([cheap, dear]) == {0: "dear", 1: "cheap", 2: "cheap"}
+@pytest.mark.parametrize("folds", [3, 4, 5, 10, 11])
+def test_every_fold_has_another_one_for_a_partner(folds):
+    partners = {fold: partner(fold, folds) for fold in range(folds)}
+    assert sorted(partners.values()) == list(range(folds))
+    assert all(fold != other for fold, other in partners.items())
+    if folds % 2 == 0:
+        assert all(partners[other] == fold for fold, other in partners.items())
 
 
-def test_votes_on_a_sample_of_the_fold_are_left_out_of_other_folds_too():
-    """With inverted folds a sample is tested in several of them."""
-    twice = Candidate("a", 1, {0: {"x": True}, 1: {"x": False, "y": True}})
-    assert twice.without(0).votes == {1: {"y": True}}
+FOLDS, LABELS = np.repeat(np.arange(6), 8), np.tile([0, 1], 24)  # either class in every fold
 
 
-def test_one_fold_leaves_nothing_to_choose_on():
-    assert choose_without_each_fold([candidate("a", 1, "+-"), candidate("b", 2, "++")]) == {}
+def votes_on_noise(make, features) -> list[dict[tuple[int, str], bool]]:
+    """For each fold the correct votes on it and on its partner, trained without both.
 
-
-FOLDS, LABELS = np.repeat(np.arange(5), 8), np.tile([0, 1], 20)  # either class in every fold
-
-
-def votes_on_noise(make, features) -> dict[int, dict[str, bool]]:
-    """Correct votes of a scikit-learn classifier cross-validated on labels that mean nothing."""
-    votes = {}
-    for fold in range(5):
-        test = np.equal(FOLDS, fold)
-        predicted = make().fit(features[~test], LABELS[~test]).predict(features[test])
-        correct = predicted == LABELS[test]
-        votes[fold] = dict(zip(map(str, np.flatnonzero(test)), correct, strict=True))
+    Labels mean nothing.
+    """
+    votes = []
+    for fold in range(6):
+        own = np.isin(FOLDS, (fold, partner(fold, 6)))
+        correct = make().fit(features[~own], LABELS[~own]).predict(features[own]) == LABELS[own]
+        keys = [(int(FOLDS[n]), str(n)) for n in np.flatnonzero(own)]
+        votes.append(dict(zip(keys, correct, strict=True)))
     return votes
 
 
+def on(fold: int, votes: dict[tuple[int, str], bool]) -> dict[tuple[int, str], bool]:
+    return {key: correct for key, correct in votes.items() if key[0] == fold}
+
+
 def accuracies_on_noise(makers, repetitions: int) -> tuple[np.ndarray, np.ndarray]:
-    """Accuracy of the system chosen on all votes, and of choosing without each fold's votes."""
+    """Accuracy of the system chosen on all votes, and of choosing each fold's on its partner."""
     chosen, procedure = [], []
     for seed in range(repetitions):
         rng = np.random.default_rng(seed)
-        features = [rng.standard_normal((40, 3)) for _ in makers]  # of its own for each system
-        family = [
-            Candidate(str(cost), cost, votes_on_noise(partial(make, rng), features[cost]))
-            for cost, make in enumerate(makers)
+        features = [rng.standard_normal((48, 3)) for _ in makers]  # of its own for each system
+        votes = [votes_on_noise(partial(make, rng), features[n]) for n, make in enumerate(makers)]
+        everything = [
+            Candidate(str(n), n, dict(pair for f in range(6) for pair in on(f, own[f]).items()))
+            for n, own in enumerate(votes)
         ]
-        chosen.append(one_standard_error(family).accuracy)
-        left = {item.name: item.votes for item in family}
-        choices = choose_without_each_fold(family).items()
-        procedure.append(np.mean([v for fold, name in choices for v in left[name][fold].values()]))
+        chosen.append(one_standard_error(everything).accuracy)
+        used = []
+        for fold in range(6):
+            family = [
+                Candidate(str(n), n, on(partner(fold, 6), own[fold])) for n, own in enumerate(votes)
+            ]
+            used += on(fold, votes[int(one_standard_error(family).name)][fold]).values()
+        procedure.append(np.mean(used))
     return np.array(chosen), np.array(procedure)
 
 
@@ -109,26 +107,18 @@ def guesser(rng) -> DummyClassifier:
     return DummyClassifier(strategy="uniform", random_state=int(rng.integers(10_000)))
 
 
-def test_choosing_among_guessers_is_as_good_as_guessing():
-    """What was chosen seems better on the votes that it was chosen on."""
-    chosen, procedure = accuracies_on_noise([guesser] * 6, 60)
+LEARNERS = [
+    lambda _: KNeighborsClassifier(1), lambda _: KNeighborsClassifier(3),
+    lambda _: GaussianNB(), lambda _: NearestCentroid(),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("makers", [[guesser] * 6, LEARNERS])
+def test_nothing_is_gained_by_choosing_where_there_is_nothing_to_learn(makers):
+    """The system chosen on all votes seems better on them; the choice itself does not."""
+    chosen, procedure = accuracies_on_noise(makers, 60)
+    assert chosen.mean() > 0.5 + 3 * error(chosen)
     assert abs(procedure.mean() - 0.5) < 3 * error(procedure)
-    assert chosen.mean() > 0.5 + 3 * error(chosen)
-
-
-def test_choice_among_classifiers_that_learn_noise_is_less_optimistic():
-    """The systems that vote on other folds were fitted to this one, which leaves a trace.
-
-    It is largest where nothing can be learnt and samples vote for their neighbours; none would be
-    left if every choice had systems of its own, fitted without the fold.
-    """
-    makers = [
-        lambda _: KNeighborsClassifier(1), lambda _: KNeighborsClassifier(3),
-        lambda _: GaussianNB(), lambda _: NearestCentroid(),
-    ]  # fmt: skip
-    chosen, procedure = accuracies_on_noise(makers, 50)
-    assert chosen.mean() > 0.5 + 3 * error(chosen)
-    assert (chosen - procedure).mean() > 3 * error(chosen - procedure)
 
 
 POINTS = st.dictionaries(

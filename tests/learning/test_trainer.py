@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn
 
 from tex_lightning.errors import UserError
-from tex_lightning.learning.trainer import CheckpointFiles, ProgressBar
+from tex_lightning.learning.callbacks.progress import ProgressBar
+from tex_lightning.learning.trainer import CheckpointFiles
 
 
 class Unsaveable:

@@ -2,8 +2,9 @@ import pytest
 import torch
 from torch import nn
 
+from tex_lightning.inference.macs import count_macs
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.profiling.roofline import SHAPES, count_macs, gemm_gflops, layers, products
+from tex_lightning.profiling.roofline import SHAPES, gemm_gflops, layers, products
 from tex_lightning.profiling.timing import Timing
 
 CPU = torch.device("cpu")

@@ -6,7 +6,7 @@ import pytest
 from omegaconf import OmegaConf
 from rich.console import Console
 
-from tex_lightning.report import stability, sweep, table
+from tex_lightning.report import stability_tables, sweep, table
 from tex_lightning.report.profile_table import FACTS, WAYS, print_profile
 
 CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}
@@ -81,7 +81,7 @@ def test_stability(printed, tmp_path):
     }  # fmt: skip
     systems = {"haptic": entry, "another_folder/fusion_squeezenet-2": entry, "c": {}}
     results = {"data": "manifest", "reference": "haptic", "systems": systems}
-    stability.print_stability(results, tmp_path)
+    stability_tables.print_stability(results, tmp_path)
     text = printed()
     assert text.count("(98765/100000)") == text.count("29 of 30") == 2
 

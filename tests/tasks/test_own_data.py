@@ -202,7 +202,7 @@ def test_folds_and_families_can_go_on_without_bad_files(cli, bad, tmp_path):
     assert results(tmp_path)["networks"]["haptic"]["test_samples"] == 2
     family = cli(
         "task=frontier", "frontier=haptic", "frontier.only=[hapticnet_w0.125,hapticnet_w0.25]",
-        skip, only, *options(bad, tmp_path, "family"),
+        skip, only, "data.classes=3", *options(bad, tmp_path, "family"),
     )  # fmt: skip
     assert family.status == 0, family.err
     assert entry(family.err, "Trains") == "2 systems: hapticnet_w0.125, hapticnet_w0.25"

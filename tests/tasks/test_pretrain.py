@@ -100,7 +100,7 @@ def test_the_trunk_that_comes_with_the_package(cli, surfaces, tmp_path):
         (["model=haptic", "data=folder", "data.root=x"], "renders its own surfaces"),
         (["model=haptic", "data.sampling_rate=8000"], "rendered traces have 10000"),
         (["model=haptic", "data.synthetic.seconds=1"], "choose from 3 to 600"),
-        (["model=haptic", "pretrain.views=0"], "pretrain.views is 0: choose 1 or more"),
+        (["model=haptic", "pretrain.views=0"], "pretrain.views is 0: choose from 1"),
         (["model=visual", "model.visual.fit.perturb=[jpeg]"], "perturb is not read"),
         (["model=visual", "weights=imagenet"], "weights are read by task=fit"),
         (["model=visual", "data.synthetic.photo_width=100"], "this network needs"),

@@ -8,14 +8,14 @@ from tex_lightning.runs.remaining import Remaining, format_seconds
 def test_estimate_is_of_what_was_measured(monkeypatch):
     clock = iter([0.0, 10.0, 10.0, 14.0])
     monkeypatch.setattr(time, "monotonic", lambda: next(clock))
-    pairs = [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
-    remaining = Remaining(["a", "b"], [0, 1], pairs)
+    left = [("a", (0, 5)), ("a", (1, 6)), ("b", (0, 5)), ("b", (1, 6))]
+    remaining = Remaining(["a", "b"], left)
     assert remaining.seconds_left() is None
-    with remaining.measuring("a", 0):
+    with remaining.measuring("a", (0, 5)):
         pass
     assert remaining.seconds_left() == 10 + 2 * 10  # b is expected to take as long as a
-    remaining.pairs.remove(("a", 1))  # as if it had been there
-    with remaining.measuring("b", 0):
+    remaining.left.remove(("a", (1, 6)))  # as if it had been there
+    with remaining.measuring("b", (0, 5)):
         pass
     assert remaining.seconds_left() == 4
 

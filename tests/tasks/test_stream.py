@@ -86,8 +86,8 @@ def test_samples_from_standard_input(cli, checkpoint, tmp_path, monkeypatch):
     [
         (["haptic=/no.wav"], "/no.wav does not exist"),
         (["haptic=[a.wav,b.wav]"], "give one file"),
-        (["haptic=-", "stream.axes=2"], "choose 1 or 3"),
-        (["haptic=-", "stream.chunk=0"], "stream.chunk is 0: choose a positive number"),
+        (["haptic=-", "stream.axes=2"], "choose 1, 3"),
+        (["haptic=-", "stream.chunk=0"], "stream.chunk is 0: choose more than 0"),
         (["haptic=-", "stream.wait=-1"], "stream.wait is -1: choose from 0 to 60"),
         (["haptic=-", "stream.wait=1", "decision.reject_below=0.5"], "set stream.wait=0"),
         (["haptic=-", "engine.precision=bf16"], "computed in float32"),

@@ -20,7 +20,7 @@ BASELINES = {
     "mfcc_gmm": "mfcc_gmm:MfccMixtures",
     "mfcc_nb": "mfcc_nb:MfccNaiveBayes",
     "minirocket": "rocket:MiniRocket",
-    "multirocket_hydra": "hydra:MultiRocketHydra",
+    "multirocket_hydra": "multirocket_hydra:MultiRocketHydra",
 }
 INSTALL = "pip install 'tex_lightning[baselines]'"
 

@@ -83,10 +83,10 @@ def _frontier(config: Config) -> Iterator[str]:
     if frontier.run is not None and config.model.name != AUTO:
         yield "frontier.run is read by model=auto alone: leave it out"
     if config.task == "frontier" and config.data.val_fold is not None:
-        yield (
-            "data.val_fold is set, but task=frontier trains on all folds but the tested one: "
-            "leave it null"
-        )
+        yield "data.val_fold is set, but task=frontier leaves a fold of its own out: leave it null"
+    here = config.task == "frontier" or (config.model.name == AUTO and frontier.run is None)
+    if here and config.data.folds < 3:
+        yield f"data.folds is {config.data.folds}: two are left out of training, choose 3 or more"
     if config.model.name == AUTO and frontier.run is None and config.data.inverted:
         yield (
             "data.inverted trains on one fold alone, which leaves model=auto none to choose on: "

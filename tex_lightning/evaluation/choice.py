@@ -1,47 +1,40 @@
 """Which system is enough: the one-standard-error rule, the Pareto line, and budgets."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A system to choose, as its votes in a cross-validation show it.
+    """A system to choose, as its votes show it.
 
     Attributes:
         name: The system's.
         cost: What it costs, in any unit; smaller is better.
-        votes: Whether each vote is correct, by tested fold and sample.
+        correct: Whether each vote is correct, by fold and sample.
     """
 
     name: str
     cost: float
-    votes: Mapping[int, Mapping[str, bool]]
-
-    @property
-    def correct(self) -> dict[tuple[int, str], bool]:
-        """Whether each vote is correct, by fold and sample together."""
-        return {
-            (fold, sample): correct
-            for fold, votes in self.votes.items()
-            for sample, correct in votes.items()
-        }
+    correct: Mapping[tuple[int, str], bool]
 
     @property
     def accuracy(self) -> float:
         """Share of correct votes."""
         return float(np.mean(list(self.correct.values())))
 
-    def without(self, fold: int) -> "Candidate":
-        """The same without the votes on the samples of one fold, in whichever fold they stand."""
-        others = {
-            other: {key: correct for key, correct in votes.items() if key not in self.votes[fold]}
-            for other, votes in self.votes.items()
-            if other != fold
-        }
-        return replace(self, votes=others)
+
+def partner(fold: int, folds: int) -> int:
+    """The fold that is left out of training together with ``fold``: the one half the folds away.
+
+    Networks that have seen neither vote on both. What is chosen on the one is measured on the
+    other, so that no vote is counted that took part in its choice, or was cast by a network that
+    the measured fold has shaped: on labels of pure noise nothing else is free of optimism. With an
+    even number of folds each pair needs one training.
+    """
+    return (fold + folds // 2) % folds
 
 
 def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
@@ -54,27 +47,6 @@ def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
     best = min(candidates, key=lambda item: (-item.accuracy, item.cost))
     enough = [item for item in candidates if _within(best, item)]
     return min(enough, key=lambda item: (item.cost, -item.accuracy))
-
-
-def choose_without_each_fold(candidates: Sequence[Candidate]) -> dict[int, str]:
-    """For every tested fold the name of the system that is chosen without the votes on it.
-
-    The votes of these systems on these folds measure the procedure "choose by one standard error,
-    then use what was chosen": no vote is counted that its own choice has seen. The choice looks
-    at the out-of-sample votes of one cross-validation (as BBC-CV does, Tsamardinos et al., Machine
-    Learning 2018), so that nothing is trained for it alone. The price is that the systems voting on
-    the other folds were fitted to this one as well, which leaves a little optimism where they fit
-    noise; systems fitted anew without each fold would leave none, for many times the training.
-
-    Returns:
-        Nothing where a single fold was tested, as no votes are left to choose on.
-    """
-    folds = list(candidates[0].votes)
-    if len(folds) < 2:
-        return {}
-    return {
-        fold: one_standard_error([item.without(fold) for item in candidates]).name for fold in folds
-    }
 
 
 def _within(best: Candidate, other: Candidate) -> bool:

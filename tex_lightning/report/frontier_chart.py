@@ -30,7 +30,7 @@ class Point:
     Attributes:
         system: Its name in the family.
         kind: haptic, visual or fusion; procedure for the choice itself, whose votes on a fold are
-            those of the system chosen on the other folds, and whose times are means over them.
+            those of the system chosen on its partner, and whose times are means over them.
         parameters: Numbers that were fitted; None for the procedure.
         macs: Multiply-accumulates of a test sample, mean of what was done; None where they are
             outside PyTorch, and for the procedure.
@@ -44,8 +44,8 @@ class Point:
         chosen: Whether it is the quickest within one standard error of the best on all votes, by
             which its own accuracy is slightly optimistic.
         test_samples: Number of tested samples.
-        chosen_in_folds: In how many folds the choice without their votes fell on it; None for the
-            procedure, and where a single fold was tested.
+        chosen_in_folds: For how many tested folds the choice on the fold's partner fell on it; None
+            for the procedure.
     """
 
     system: str
@@ -251,5 +251,5 @@ def _remarks(points: Sequence[Point]) -> Iterator[str]:
             yield (
                 f"{point.system} is not a system but the choice itself: its "
                 f"{point.vote_accuracy:.1%} is of each fold's votes by the system that was chosen "
-                "without them."
+                "on another fold."
             )

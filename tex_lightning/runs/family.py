@@ -7,15 +7,20 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.registry import INSTALL, missing_library
 from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.check import check_config
 from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
+from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_results
+from tex_lightning.evaluation.choice import partner
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
+from tex_lightning.evaluation.samples import run_test
+from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.runs.fold import fit_fold
 from tex_lightning.runs.remaining import Remaining
 from tex_lightning.runs.workspace import Workspace, open_workspace
@@ -23,6 +28,8 @@ from tex_lightning.runs.workspace import Workspace, open_workspace
 OWN_KEYS = ("task=", "frontier", "model=", "crossval.", "data.val_fold", "hydra")
 DONE = "measured.json"
 NETWORKS = "networks"
+
+Pair = tuple[int, int]  # folds that networks are trained without
 
 
 @dataclass(frozen=True)
@@ -41,14 +48,17 @@ class Measured:
     Attributes:
         member: The system.
         entry: Facts of the first fold's network: parameters, arithmetic, checkpoint.
-        fit_seconds: Mean over the folds, parts of a FusionNet included.
+        fit_seconds: Mean over the trainings, parts of a FusionNet included.
         tests: Outcomes by tested fold.
+        partners: Of each tested fold the outcomes of the same networks on its partner, see
+            :func:`~tex_lightning.evaluation.choice.partner`.
     """
 
     member: Member
     entry: dict[str, Any]
     fit_seconds: float
     tests: dict[int, list[Outcome]]
+    partners: dict[int, list[Outcome]]
 
     @property
     def outcomes(self) -> list[Outcome]:
@@ -109,9 +119,9 @@ def check_libraries(members: Sequence[Member]) -> None:
 
 
 def measure_family(
-    members: Sequence[Member], folds: Sequence[int], directory: Path, excluded: int | None = None
+    members: Sequence[Member], folds: Sequence[int], directory: Path
 ) -> list[Measured]:
-    """Train every member on all folds but the tested one, and test it, for each of ``folds``.
+    """Train every member without each of ``folds`` and its partner, and test it on both.
 
     What a run in the same folder has finished is read.
 
@@ -119,47 +129,74 @@ def measure_family(
         members: The systems.
         folds: That are tested.
         directory: Holds a folder for each system.
-        excluded: A fold that is neither trained nor tested.
     """
-    places = {
-        member.name: {fold: directory / member.name / "folds" / str(fold) for fold in folds}
-        for member in members
-    }
+    pairs = {member.name: _pairs(member, folds) for member in members}
     missing = {
-        name: [fold for fold, place in own.items() if not (place / DONE).is_file()]
-        for name, own in places.items()
+        name: [pair for pair in dict.fromkeys(own.values()) if not _done(directory / name, pair)]
+        for name, own in pairs.items()
     }
-    pairs = [(name, fold) for name, missed in missing.items() for fold in missed]
-    remaining = Remaining(list(places), folds, pairs)
+    left = [(name, pair) for name, own in missing.items() for pair in own]
+    remaining = Remaining(list(pairs), left)
     for member in members:
         workspace: Workspace | None = None
-        for fold in missing[member.name]:
-            with remaining.measuring(member.name, fold):
-                workspace = workspace or _open(member, directory, excluded)
-                _measure_fold(workspace, fold, places[member.name][fold])
-    return [_read(member, places[member.name]) for member in members]
+        for pair in missing[member.name]:
+            with remaining.measuring(member.name, pair):
+                workspace = workspace or open_workspace(member.config, directory / member.name)
+                _measure_pair(workspace, pair, _place(directory / member.name, pair))
+    return [_read(member, pairs[member.name], directory / member.name) for member in members]
 
 
-def _open(member: Member, directory: Path, excluded: int | None) -> Workspace:
-    workspace = open_workspace(member.config, directory / member.name)
-    folds, rows = member.config.data.folds, workspace.recordings
-    kept = Recordings(tuple(row for row in rows if row.group % folds != excluded))
-    return replace(workspace, recordings=kept)
+def _pairs(member: Member, folds: Sequence[int]) -> dict[int, Pair]:
+    """Of each tested fold itself and its partner, in one order for both unless networks differ."""
+    data = member.config.data
+    both = {fold: (fold, partner(fold, data.folds)) for fold in folds}
+    if data.inverted:  # a fold is then what is trained on
+        return both
+    return {fold: (min(pair), max(pair)) for fold, pair in both.items()}
 
 
-def _measure_fold(workspace: Workspace, fold: int, directory: Path) -> None:
-    networks = fit_fold(workspace.on_fold(fold, directory))
+def _place(directory: Path, pair: Pair) -> Path:
+    return directory / "folds" / f"{pair[0]}-{pair[1]}"
+
+
+def _done(directory: Path, pair: Pair) -> bool:
+    return (_place(directory, pair) / DONE).is_file()
+
+
+def _predictions(place: Path, kind: str, fold: int, pair: Pair) -> Path:
+    """The file of the votes on one of the two folds."""
+    return place / "predictions" / (f"{kind}.csv" if fold == pair[0] else f"{kind}_partner.csv")
+
+
+def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
+    rows, folds = workspace.recordings, workspace.config.data.folds
+    apart = Recordings(tuple(row for row in rows if row.group % folds == pair[1]))
+    kept = Recordings(tuple(row for row in rows if row.group % folds != pair[1]))
+    networks = fit_fold(replace(workspace, recordings=kept).on_fold(pair[0], directory))
+    entry = networks[workspace.kind]
+    samples = make_samples(apart, workspace.kind)
+    classifier = prepare(load_classifier(entry["checkpoint"]), workspace.config)
+    outcomes = run_test(classifier, samples, workspace.store)
+    write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
     seconds = sum(network["fit_seconds"] for network in networks.values())
     skipped = skipped_entry(workspace.skipped)
-    entry = {**networks[workspace.kind], "fit_seconds": seconds, "skipped": skipped}
-    write_results(directory / DONE, entry)
+    write_results(directory / DONE, {**entry, "fit_seconds": seconds, "skipped": skipped})
 
 
-def _read(member: Member, places: Mapping[int, Path]) -> Measured:
-    entries = [json.loads((place / DONE).read_text(encoding="utf-8")) for place in places.values()]
-    predictions = Path("predictions") / f"{member.config.model.kind}.csv"
-    tests = {fold: read_outcomes(place / predictions) for fold, place in places.items()}
-    return Measured(member, entries[0], fmean(entry["fit_seconds"] for entry in entries), tests)
+def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measured:
+    kind = member.config.model.kind
+    entries = [
+        json.loads((_place(directory, pair) / DONE).read_text(encoding="utf-8"))
+        for pair in dict.fromkeys(pairs.values())
+    ]
+    tests, partners = {}, {}
+    for fold, pair in pairs.items():
+        other = pair[1] if fold == pair[0] else pair[0]
+        place = _place(directory, pair)
+        tests[fold] = read_outcomes(_predictions(place, kind, fold, pair))
+        partners[fold] = read_outcomes(_predictions(place, kind, other, pair))
+    seconds = fmean(entry["fit_seconds"] for entry in entries)
+    return Measured(member, entries[0], seconds, tests, partners)
 
 
 def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[str]:

@@ -14,40 +14,38 @@ class Remaining:
 
     Args:
         systems: Names of all systems, in their order.
-        folds: All folds that are tested.
-        pairs: System and fold of what no earlier run has measured, in the order of work.
+        left: System and pair of folds of what no earlier run has measured, in the order of work.
     """
 
-    def __init__(
-        self, systems: Sequence[str], folds: Sequence[int], pairs: Sequence[tuple[str, int]]
-    ) -> None:
-        self.systems, self.folds, self.pairs = list(systems), list(folds), list(pairs)
+    def __init__(self, systems: Sequence[str], left: Sequence[tuple[str, tuple[int, int]]]) -> None:
+        self.systems, self.left = list(systems), list(left)
         self._seconds: dict[str, list[float]] = {}
 
     @contextmanager
-    def measuring(self, system: str, fold: int) -> Iterator[None]:
+    def measuring(self, system: str, pair: tuple[int, int]) -> Iterator[None]:
         """Say what is measured next, and take its time."""
+        own = [name for name, _ in self.left].count(system)
         log.info(
-            "System %d of %d (%s), fold %d of %d%s.",
-            self.systems.index(system) + 1, len(self.systems), system,
-            self.folds.index(fold) + 1, len(self.folds), self._estimate(),
+            "System %d of %d (%s), without folds %d and %d, %d more to train%s.",
+            self.systems.index(system) + 1, len(self.systems), system, *pair, own - 1,
+            self._estimate(),
         )  # fmt: skip
         begin = time.monotonic()
         yield
         self._seconds.setdefault(system, []).append(time.monotonic() - begin)
-        self.pairs.remove((system, fold))
+        self.left.remove((system, pair))
 
     def seconds_left(self) -> float | None:
         """Expected seconds of all that is left; None before anything was measured.
 
-        A fold takes as long as its system's folds before it took on average, and one of a system
-        without any as long as the systems before.
+        A training takes as long as those of its system before it took on average, and one of a
+        system without any as long as the systems before.
         """
         if not self._seconds:
             return None
         means = {system: fmean(taken) for system, taken in self._seconds.items()}
         typical = fmean(means.values())
-        return sum(means.get(system, typical) for system, _ in self.pairs)
+        return sum(means.get(system, typical) for system, _ in self.left)
 
     def _estimate(self) -> str:
         seconds = self.seconds_left()

@@ -1,7 +1,7 @@
 """A family of systems on the same folds: accuracy against latency, and which of them is enough.
 
-Every system is tested by plain cross-validation. The one that is chosen for use is chosen on all
-votes; how well such a choice does is measured on folds whose votes take no part in it.
+Each tested fold has a partner that is left out of training with it. The system for use is chosen on
+all votes; how well such a choice does is measured on each fold by the choice on its partner.
 """
 
 import itertools
@@ -9,7 +9,7 @@ import json
 import logging
 import shlex
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -28,12 +28,11 @@ from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.choice import (
     Candidate,
-    choose_without_each_fold,
     one_standard_error,
     pareto,
     within_budget,
 )
-from tex_lightning.evaluation.outcomes import environment, summarise, write_results
+from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.report.frontier_chart import (
@@ -64,7 +63,7 @@ RULE = "one_standard_error_rule"
 Timings = dict[str, tuple[float, float]]
 
 
-def run(config: Config, job: Job, excluded: int | None = None) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Measure the family; write table, charts and ``results.json``, and return the latter.
 
     Systems and folds that an earlier run in the same folder has finished are shown again, and the
@@ -73,7 +72,6 @@ def run(config: Config, job: Job, excluded: int | None = None) -> dict[str, Any]
     Args:
         config: Names the family.
         job: Has the run folder, and what the user asked for beside the family.
-        excluded: A fold that takes no part in anything, so that others may test on it.
 
     Raises:
         UserError: If a system cannot be run, before any is trained.
@@ -83,13 +81,13 @@ def run(config: Config, job: Job, excluded: int | None = None) -> dict[str, Any]
     members = list(compose_family(config.frontier, job, held))
     check_libraries(members)
     folds = sorted({*chosen_folds(config), *tested})
-    measured = measure_family(members, folds, directory / "systems", excluded)
+    measured = measure_family(members, folds, directory / "systems")
     timings = _latencies(measured, config)
-    candidates = _candidates(measured, timings)
-    procedure = _procedure(measured, candidates)
+    candidates = [_candidate(system, timings, system.tests) for system in measured]
+    procedure = _procedure(measured, timings)
     chosen = one_standard_error(candidates).name
     points = _points(measured, timings, chosen, procedure)
-    shown = points if procedure is None else [*points, _procedure_point(procedure, points)]
+    shown = [*points, _procedure_point(procedure, points)]
     write_frontier(shown, directory / "frontier.csv")
     draw_frontier(shown, directory)
     results = {
@@ -108,8 +106,6 @@ def run(config: Config, job: Job, excluded: int | None = None) -> dict[str, Any]
     }
     write_results(directory / "results.json", results)
     print_frontier(shown, directory, str(results["command"]))
-    if procedure is None:
-        log.info("A single fold leaves no votes to measure the choice on: test two or more.")
     _print_budget(config.frontier, job, members, candidates)
     return results
 
@@ -164,36 +160,34 @@ def _macs(system: Measured) -> int | None:
     return round(macs * fmean(outcome.evidence for outcome in system.outcomes))
 
 
-def _candidates(measured: list[Measured], timings: Timings) -> list[Candidate]:
-    return [
-        Candidate(
-            system.member.name,
-            timings[system.member.name][0],
-            {
-                fold: {item.sample: item.label == item.predicted for item in outcomes}
-                for fold, outcomes in system.tests.items()
-            },
-        )
-        for system in measured
-    ]
-
-
-def _procedure(measured: list[Measured], candidates: list[Candidate]) -> dict[str, Any] | None:
-    """How well it does to choose a system and to use it; None where one fold was tested.
-
-    Each fold's votes are those of the system chosen on the other folds. In a family of several
-    kinds the samples of a fold are that system's own: traces, photos or pairs.
-    """
-    tests = {system.member.name: system.tests for system in measured}
-    chosen = choose_without_each_fold(candidates)
-    if not chosen:
-        return None
-    votes = {fold: tests[name][fold] for fold, name in chosen.items()}
-    pooled = summarise([outcome for outcomes in votes.values() for outcome in outcomes])
-    folds = [
-        {"fold": fold, "chosen": chosen[fold], **_counts(summarise(outcomes))}
+def _candidate(
+    system: Measured, timings: Timings, votes: Mapping[int, Sequence[Outcome]]
+) -> Candidate:
+    """A system by its time and some of its votes, by fold."""
+    correct = {
+        (fold, item.sample): item.label == item.predicted
         for fold, outcomes in votes.items()
-    ]
+        for item in outcomes
+    }
+    return Candidate(system.member.name, timings[system.member.name][0], correct)
+
+
+def _procedure(measured: list[Measured], timings: Timings) -> dict[str, Any]:
+    """How well it does to choose a system and to use it.
+
+    Each fold's votes are those of the system chosen on its partner. In a family of several kinds
+    the samples of a fold are that system's own: traces, photos or pairs.
+    """
+    named = {system.member.name: system for system in measured}
+    folds, all_votes = [], []
+    for fold in measured[0].tests:
+        family = [_candidate(each, timings, {fold: each.partners[fold]}) for each in measured]
+        system = named[one_standard_error(family).name]
+        votes = system.tests[fold]
+        all_votes += votes
+        choice = {"chosen": system.member.name, "overrides": list(system.member.overrides)}
+        folds.append({"fold": fold, **choice, **_counts(summarise(votes))})
+    pooled = summarise(all_votes)
     kept = {key: pooled[key] for key in ("vote_accuracy", "vote_ci95")}
     return {"rule": RULE, **kept, **_counts(pooled), "folds": folds}
 
@@ -203,13 +197,13 @@ def _counts(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _points(
-    measured: list[Measured], timings: Timings, chosen: str, procedure: dict[str, Any] | None
+    measured: list[Measured], timings: Timings, chosen: str, procedure: dict[str, Any]
 ) -> list[Point]:
     summaries = {system.member.name: summarise(system.outcomes) for system in measured}
     line = pareto(
         {name: (timings[name][0], summaries[name]["vote_accuracy"]) for name in summaries}
     )
-    choices = None if procedure is None else [fold["chosen"] for fold in procedure["folds"]]
+    choices = [fold["chosen"] for fold in procedure["folds"]]
     return [
         Point(
             system=name,
@@ -225,7 +219,7 @@ def _points(
             on_frontier=name in line,
             chosen=name == chosen,
             test_samples=summaries[name]["test_samples"],
-            chosen_in_folds=None if choices is None else choices.count(name),
+            chosen_in_folds=choices.count(name),
         )
         for system in measured
         for name in (system.member.name,)
