@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from tex_lightning.data.datamodule import SurfaceData
     from tex_lightning.data.readers.folder import read_folder
     from tex_lightning.data.recordings import Recording, Recordings, read_manifest
-    from tex_lightning.inference.streaming.live import LiveStream
     from tex_lightning.launch import Results, train
     from tex_lightning.networks.fusionnet import FusionNet
     from tex_lightning.networks.hapticnet import HapticNet
@@ -24,7 +23,6 @@ __version__ = "0.1.0"
 __all__ = [
     "FusionNet",
     "HapticNet",
-    "LiveStream",
     "Prediction",
     "Predictor",
     "Recording",
@@ -45,7 +43,6 @@ __all__ = [
 _MODULES = {
     "FusionNet": "networks.fusionnet",
     "HapticNet": "networks.hapticnet",
-    "LiveStream": "inference.streaming.live",
     "Prediction": "prediction",
     "Predictor": "predictor",
     "Recording": "data.recordings",

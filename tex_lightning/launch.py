@@ -23,10 +23,11 @@ class Results(dict[str, Any]):
     Attributes:
         folder: The run folder, with checkpoints, figures and predictions; :func:`load` takes it.
 
-    >>> import tex_lightning as tl
-    >>> results = tl.Results({"task": "fit"}, folder="outputs/run")
-    >>> results["task"], results.folder.name
-    ('fit', 'run')
+    Example:
+        >>> import tex_lightning as tl
+        >>> results = tl.Results({"task": "fit"}, folder="outputs/run")
+        >>> results["task"], results.folder.name
+        ('fit', 'run')
     """
 
     def __init__(self, content: dict[str, Any], folder: str | Path) -> None:
@@ -51,13 +52,12 @@ def train(*overrides: str) -> Results:
     Raises:
         UserError: With the sentence that the command line would print.
 
-    >>> import tex_lightning as tl
-    >>> results = tl.train(
-    ...     "model=mfcc_nb", "data=folder", "data.root=DIR", "data.classes=2", "hydra.run.dir=BASE"
-    ... )
-    >>> results["networks"]["haptic"]["test_samples"]
-    3
-    >>> model = tl.load(results.folder)
+    Example:
+        >>> import tex_lightning as tl
+        >>> results = tl.train("model=mfcc_nb", "data=folder", "data.root=DIR")
+        >>> results["networks"]["haptic"]["correct"]
+        3
+        >>> model = tl.load(results.folder)
     """
     arguments = quote_files(overrides)
     for each in arguments:

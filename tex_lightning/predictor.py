@@ -49,6 +49,12 @@ def load(path: str | Path, *overrides: str) -> "Predictor":
 
     Raises:
         UserError: If there is no such checkpoint, or an override cannot be meant.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> model = tl.load("RUN", "top_k=2")
+        >>> model.card.classes
+        ['a', 'b', 'c']
     """
     return Predictor(load_classifier(find_checkpoint(path)), _compose(path, overrides))
 
@@ -74,6 +80,16 @@ class Predictor:
 
     Attributes:
         card: What the checkpoint says of itself, such as ``card.classes``.
+
+    Example:
+        >>> import numpy as np, tex_lightning as tl
+        >>> model = tl.load("RUN/checkpoints/haptic.ckpt")
+        >>> samples = np.random.default_rng(0).standard_normal(24_000)
+        >>> model.predict(haptic=samples, rate=10_000).fragments
+        4
+        >>> stream = model.stream()
+        >>> [stream.push(chunk).fragments for chunk in np.split(samples, 4)][-1]
+        4
     """
 
     def __init__(self, classifier: SurfaceClassifier, config: Config) -> None:
