@@ -2,13 +2,13 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import torch
 from omegaconf import DictConfig
 
 from tex_lightning.auto import resolve_auto
-from tex_lightning.config import Config
+from tex_lightning.config import Config, flatten
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
 from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
@@ -16,9 +16,9 @@ from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
-from tex_lightning.report.opening import announced_once
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder, find_checkpoint
+from tex_lightning.runs.opening import announced_once
 from tex_lightning.tasks import (
     crossval,
     evaluate,
@@ -62,7 +62,7 @@ def run_task(composed: DictConfig, job: Job) -> None:
     check_config(config)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
-    set_threads(config)
+    set_threads(config.task, config.trainer.threads)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
     if processes > 1:
         _check_origin(job)
@@ -73,7 +73,8 @@ def run_task(composed: DictConfig, job: Job) -> None:
         )
     with kept_memory(), announced_once(config):
         if is_rank_zero():
-            claim_folder(composed, config, job)
+            values = {**asdict(config), "trainer": vars(config.trainer)}  # Lightning's flags too
+            claim_folder(composed, flatten(values), job)
         if config.model.name == AUTO:
             config = resolve_auto(config, job)
         TASKS[config.task](config, job)
@@ -90,14 +91,13 @@ def _check_origin(job: Job) -> None:
         )
 
 
-def set_threads(config: Config) -> None:
+def set_threads(task: str, threads: int | None) -> None:
     """Set PyTorch's threads on the CPU: as configured, else one for a live stream.
 
     The layers of a short chunk are so small that a second thread only costs time
     (``python -m benchmarks threads``). A user's ``OMP_NUM_THREADS`` is left as it is.
     """
-    threads = config.trainer.threads
-    if threads is None and config.task == "stream" and "OMP_NUM_THREADS" not in os.environ:
+    if threads is None and task == "stream" and "OMP_NUM_THREADS" not in os.environ:
         threads = 1
     if threads is not None:
         torch.set_num_threads(threads)

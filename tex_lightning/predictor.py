@@ -167,7 +167,9 @@ class Predictor:
             classifier = self.classifier
             if self.card.kind == "fusion" and not (haptic and image):
                 classifier = part_for(classifier, "haptic" if haptic else "image")
-            self._deciders[haptic, image] = prepare(classifier, self.config)
+            self._deciders[haptic, image] = prepare(
+                classifier, self.config.engine, self.config.decision
+            )
         return self._deciders[haptic, image]
 
     def _inputs(

@@ -175,7 +175,8 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
     networks = fit_fold(replace(workspace, recordings=kept).on_fold(pair[0], directory))
     entry = networks[workspace.kind]
     samples = make_samples(apart, workspace.kind)
-    classifier = prepare(load_classifier(entry["checkpoint"]), workspace.config)
+    trained, config = load_classifier(entry["checkpoint"]), workspace.config
+    classifier = prepare(trained, config.engine, config.decision)
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
     seconds = sum(network["fit_seconds"] for network in networks.values())

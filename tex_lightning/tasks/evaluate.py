@@ -14,8 +14,8 @@ from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
-from tex_lightning.report.opening import announce
 from tex_lightning.report.table import print_results
+from tex_lightning.runs.opening import announce
 from tex_lightning.runs.tested import held_out_to_test, recordings_to_test
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.usable import find_unusable

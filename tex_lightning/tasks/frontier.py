@@ -126,7 +126,8 @@ def _latencies(measured: list[Measured], config: Config) -> Timings:
     for system in measured:
         member, kind = system.member.config, system.member.config.model.kind
         device = pick_device(member.trainer.accelerator)
-        classifier = prepare(load_classifier(system.entry["checkpoint"]).to(device), member)
+        trained = load_classifier(system.entry["checkpoint"]).to(device)
+        classifier = prepare(trained, member.engine, member.decision)
         decoded = kind, decode_settings(member.data)
         if decoded not in recordings:  # all systems of a kind classify the same samples
             workspace = open_workspace(member, Path(system.entry["checkpoint"]).parent)

@@ -18,9 +18,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.train import train_network
-from tex_lightning.learning.training import Training
 from tex_lightning.report.table import print_results
-from tex_lightning.runs.fold import results_frame, tested_network
+from tex_lightning.runs.fold import make_training, results_frame, tested_network
 from tex_lightning.runs.usable import find_too_small
 from tex_lightning.runs.workspace import (
     Workspace,
@@ -50,7 +49,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     none = Recordings(())
     workspace = Workspace(config, kind, stream.classes, none, none, store, directory)
     parts = Split(none, none, test)
-    training = Training(config, card, parts, store, directory, {}, stream)
+    training = replace(
+        make_training(workspace, card, parts, {}),
+        stream=stream,
+        views=config.pretrain.views,
+    )
     networks: dict[str, Any] = {kind: tested_network(workspace, train_network(training), parts)}
     seconds = time.perf_counter() - begin
     results = {**results_frame(workspace, networks, seconds), "tested_on": NOTE}
