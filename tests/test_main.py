@@ -138,7 +138,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
             ["task=frontier", "data.val_fold=2"],
             "task=frontier trains on all folds but the tested one",
         ),
-        (["decision.enoughs=[0.5,2]"], "decision.enoughs is 2"),
+        (["decision.confidence_thresholds=[0.5,2]"], "decision.confidence_thresholds is 2"),
         (
             ["task=stability", "stability.systems=[a]", "decision=sequential"],
             "decision=sequential is not read by task=stability",
