@@ -33,6 +33,16 @@ class SurfaceClassifier(nn.Module):
         haptic_features: None for VisualNet.
         image_features: None for HapticNet.
         network: HapticNet, VisualNet or FusionNet.
+
+    Example:
+        >>> import tex_lightning as tl, torch
+        >>> classifier = tl.load("RUN").classifier
+        >>> trace, photo = torch.randn(3, 24_000), torch.zeros(240, 240, 3, dtype=torch.uint8)
+        >>> classifier.logits(trace, photo).shape  # of classes and pairs of fragments
+        torch.Size([3, 50])
+        >>> vote = classifier.classify(trace, photo)
+        >>> vote.label in (0, 1, 2)
+        True
     """
 
     def __init__(self, card: Card) -> None:

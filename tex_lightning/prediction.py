@@ -29,6 +29,12 @@ class Prediction:
         warnings: What is wrong with the input, one sentence each.
         modalities: What a FusionNet looked at, ``haptic``, ``image`` or both; empty of others.
         latency_ms: From file or array to label in milliseconds.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> found = tl.load("RUN").predict(haptic="A.wav", image="B.jpg")
+        >>> found.label in ("a", "b", "c"), found.fragments, found.modalities
+        (True, 50, ('haptic', 'image'))
     """
 
     label: str | None

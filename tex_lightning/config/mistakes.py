@@ -5,13 +5,11 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.config import register
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.reading import keys_read
 from tex_lightning.errors import UserError, shorten
 
@@ -32,14 +30,14 @@ TYPES = {
 }
 # Ends of keys that were called otherwise.
 RENAMED = {
-    "decision.enough": "decision.confidence_threshold",
-    "decision.enoughs": "decision.confidence_thresholds",
+    "decision.confidence_threshold": "decision.confidence_threshold",
+    "decision.confidence_thresholds": "decision.confidence_thresholds",
     "fit.gamma": "fit.schedule.gamma",
     "fit.step_every": "fit.schedule.step_size",
     "fit.weight_decay": "fit.optimizer.weight_decay",
     "logger.tensorboard": "logger",
-    "settings.least_variance": "settings.min_variance",
-    "settings.most_side": "settings.max_side",
+    "settings.min_variance": "settings.min_variance",
+    "settings.max_side": "settings.max_side",
 }
 HYDRA_OWN = ("hydra", "hydra/")
 LAUNCHERS = "hydra/launcher"
@@ -113,14 +111,6 @@ def config_groups(conf: Path) -> dict[str, list[str]]:
         if parent == "experiment":
             groups.setdefault(parent, []).extend(f"{name}/{option}" for option in groups[group])
     return groups
-
-
-def compose_config(conf: Path, overrides: Sequence[str] = ()) -> DictConfig:
-    """The configuration as a command line composes it, wherever Hydra was before."""
-    register()
-    GlobalHydra.instance().clear()
-    with initialize_config_dir(str(conf), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
 
 
 def _keys(config: DictConfig, prefix: str) -> Iterator[str]:

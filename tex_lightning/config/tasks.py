@@ -10,6 +10,7 @@ SIDE = {"unit": "pixels", "least": 224, "most": 8192}  # one patch; what the ren
 ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
+SILENT = ("predict", "stream", "generate")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
 

@@ -137,13 +137,31 @@ def load_sample(sample: Sample, store: Store) -> tuple[Tensor | None, Tensor | N
 
 
 class SurfaceData(LightningDataModule):
-    """Loaders of training batches and validation samples."""
+    """Loaders of training batches and validation samples.
+
+    Args:
+        batches: An endless sequence, of which every epoch takes its part.
+        steps: Batches in an epoch.
+        validation: Whole samples; none leaves out validation.
+        num_workers: Processes that make batches; 0 makes them in this one.
+
+    Example:
+        >>> import numpy as np, tex_lightning as tl, torch
+        >>> from tex_lightning.data.banks import SpectrogramBank
+        >>> from tex_lightning.data.datamodule import TrainingBatches
+        >>> bank = SpectrogramBank([torch.rand(50, 300) for _ in range(4)], frames=192)
+        >>> traces = bank, np.array([0, 0, 1, 1])  # their classes
+        >>> batches = TrainingBatches(traces, None, batch_size=2, rotation=0, seed=0)
+        >>> data = tl.SurfaceData(batches, steps=5, validation=None, num_workers=0)
+        >>> [batch["spectrogram"].shape for batch in data.train_dataloader()][4]
+        torch.Size([2, 1, 50, 192])
+    """
 
     def __init__(
         self,
         batches: "TrainingBatches | GeneratedBatches",
         steps: int,
-        validation: SampleSet,
+        validation: SampleSet | None,
         num_workers: int,
     ) -> None:
         super().__init__()
@@ -182,7 +200,7 @@ class SurfaceData(LightningDataModule):
 
         Where there are fewer samples than processes, all take all, and the means are the same.
         """
-        if not len(self.validation):
+        if not self.validation:
             return []
         numbers = range(len(self.validation))
         return DataLoader(

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config, DecisionConfig
+from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
@@ -28,7 +28,8 @@ def calibrate(
     checkpoint: Path,
     samples: Sequence[Sample],
     store: Store,
-    config: Config,
+    engine: EngineConfig,
+    decision: DecisionConfig,
 ) -> None:
     """Fit the temperature, and the threshold of sequential decisions, and keep them in the card.
 
@@ -37,7 +38,8 @@ def calibrate(
         checkpoint: The file, which is rewritten.
         samples: Of the validation fold; without any nothing happens.
         store: Their recordings.
-        config: Of the run.
+        engine: How it runs.
+        decision: How it decides.
     """
     card = classifier.card
     if not samples or card.calibration:
@@ -47,9 +49,9 @@ def calibrate(
     labels = [card.classes.index(sample.label) for sample in samples]
     found = {"temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)
-    if config.decision.name == SEQUENTIAL and not card.baseline and card.kind != "visual":
-        fast = accelerate(classifier, config.engine)
-        found |= choose_confidence_threshold(fast, config.decision, samples, store)
+    if decision.name == SEQUENTIAL and not card.baseline and card.kind != "visual":
+        fast = accelerate(classifier, engine)
+        found |= choose_confidence_threshold(fast, decision, samples, store)
         classifier.card = replace(card, calibration=found)
     _keep(classifier.card, checkpoint)
 

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
-from tex_lightning.config import Config, DecisionConfig
+from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.decision.early_stopping import StoppingRule, is_confident
 from tex_lightning.decision.voting import Vote, max_vote, random_pairs
 from tex_lightning.errors import UserError
@@ -62,11 +62,13 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
     return SequentialClassifier(classifier, config)
 
 
-def prepare(classifier: SurfaceClassifier, config: Config) -> SurfaceClassifier:
+def prepare(
+    classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
+) -> SurfaceClassifier:
     """A classifier as testing and prediction run it: accelerated, and deciding as configured."""
-    fast = accelerate(classifier, config.engine)
-    fast.card = fast.card.deciding(config.decision)
-    return decide(fast, config.decision)
+    fast = accelerate(classifier, engine)
+    fast.card = fast.card.deciding(decision)
+    return decide(fast, decision)
 
 
 class SequentialClassifier(SurfaceClassifier):

@@ -138,7 +138,7 @@ def start_network(
         log.info(start_trunk(module.classifier, weights))
     if not isinstance(module, VisualModule) or isinstance(batches, GeneratedBatches):
         return
-    module.to(pick_device(training.config.trainer.accelerator))
+    module.to(pick_device(training.trainer.accelerator))
     if not module.network.has_hidden_layers:
         if weights is None:
             warn_of_random_weights(module.network.trunk)
@@ -150,7 +150,7 @@ def start_network(
 
 
 def _probe(training: Training, module: VisualModule, batches: TrainingBatches) -> None:
-    probe = training.config.model.visual.fit.probe
+    probe = training.model.visual.fit.probe
     if probe.steps == 0:
         return
     photos = len(training.parts.train.of("image").rows)

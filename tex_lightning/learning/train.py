@@ -74,9 +74,9 @@ def train_network(training: Training, *watchers: Callback) -> Path:
 
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
-    torch.manual_seed(training.config.seed)
+    torch.manual_seed(training.seed)
     module = MODULES[training.card.kind](
-        training.card.to_dict(), training.fit_values, training.config.seed
+        training.card.to_dict(), training.fit_values, training.seed
     )
     make = _make_data if training.stream is None else _make_stream
     data = make(training, module)
@@ -119,17 +119,16 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
     if kind != "haptic":
         patch = network.visual.patch if isinstance(network, FusionNet) else fit["patch"]
         rows = train.of("image").rows
-        recipe = training.config.model.visual.fit
+        recipe = training.model.visual.fit
         augmentation = Augmentation.of(recipe.perturb, recipe.perturbed_share)
         side = crop_side(patch, fit["rotation"])
         photo_bank = PhotoBank(rows, training.store, side, augmentation)
         photos = photo_bank, _class_indices(rows, training.card.classes)
     rotation = fit.get("rotation", 0.0)
-    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.config.seed)
+    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.seed)
     samples = make_samples(training.parts.val, kind)
     validation = SampleSet(samples, training.store, training.card.classes)
-    workers = training.config.data.num_workers
-    return SurfaceData(batches, fit["steps_per_epoch"], validation, workers)
+    return SurfaceData(batches, fit["steps_per_epoch"], validation, training.num_workers)
 
 
 def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
@@ -141,15 +140,14 @@ def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
         views = TraceViews(stream, features, fit["frames"])
     else:
         views = PhotoViews(stream, crop_side(fit["patch"], fit["rotation"]), fit["rotation"])
-    config = training.config
-    batches = GeneratedBatches(views, fit["batch_size"], config.pretrain.views, config.seed)
+    batches = GeneratedBatches(views, fit["batch_size"], training.views, training.seed)
     if isinstance(views, TraceViews):
         first = range(FITTED * fit["batch_size"])
         rendered = (batches.specimen(number) for number in track(first, "Spectrograms"))
         views.features.fit([each for specimen in rendered for each in specimen])
         views.features = deepcopy(views.features)  # stays on the CPU, with the loaders
     validation = SampleSet([], training.store, training.card.classes)
-    return SurfaceData(batches, fit["steps_per_epoch"], validation, config.data.num_workers)
+    return SurfaceData(batches, fit["steps_per_epoch"], validation, training.num_workers)
 
 
 def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tensor]:
@@ -164,7 +162,7 @@ def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tenso
     if fitted:
         start = SurfaceClassifier.from_checkpoint(training.unimodal["haptic"], "haptic")
         module.classifier.adopt_haptic_features(start)
-    device = pick_device(training.config.trainer.accelerator)
+    device = pick_device(training.trainer.accelerator)
     features.to(device)
     rows = training.parts.train.of("haptic").rows
     spectra = [
@@ -181,14 +179,14 @@ def _perturbed_magnitudes(
     training: Training, features: HapticFeatures, rows: tuple[Recording, ...]
 ) -> list[torch.Tensor]:
     """Spectrograms of all traces perturbed, once for each copy; seeded by recording and copy."""
-    recipe, device = training.config.model.haptic.fit, features.window.device
+    recipe, device = training.model.haptic.fit, features.window.device
     augmentation = Augmentation.of(recipe.perturb, rate=features.sampling_rate)
     if augmentation is None:
         return []
     spectra = []
     for copy in range(recipe.perturbed_copies):
         for number, row in enumerate(track(rows, "Perturbed spectrograms")):
-            rng = np.random.default_rng([training.config.seed, copy, number])
+            rng = np.random.default_rng([training.seed, copy, number])
             trace = torch.from_numpy(augmentation(np.array(training.store.trace(row)), rng))
             try:
                 spectra.append(features.magnitudes(trace.to(device)))

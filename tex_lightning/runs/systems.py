@@ -18,8 +18,8 @@ from tex_lightning.data.unusable import Unusable
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.report.opening import announce
 from tex_lightning.runfolder import SETTINGS
+from tex_lightning.runs.opening import announce
 from tex_lightning.runs.tested import recordings_to_test
 from tex_lightning.runs.usable import find_unusable
 from tex_lightning.stability.evaluator import Evaluator

@@ -19,8 +19,8 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.parts import UNIMODAL
-from tex_lightning.report.opening import announce
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
+from tex_lightning.runs.opening import announce
 from tex_lightning.runs.usable import find_unusable
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
