@@ -142,10 +142,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
             ["model.haptic.fit.weight_decay=0"],
             "model.haptic.fit.weight_decay is called model.haptic.fit.optimizer.weight_decay now.",
         ),
-        (
-            ["decision.confidence_threshold=0.5"],
-            "decision.confidence_threshold is called decision.confidence_threshold now.",
-        ),
+        (["decision.enough=0.5"], "decision.enough is called decision.confidence_threshold now."),
         (["decision.confidence_thresholds=[0.5,2]"], "decision.confidence_thresholds is 2"),
         (
             ["task=stability", "stability.systems=[a]", "decision=sequential"],

@@ -30,14 +30,14 @@ TYPES = {
 }
 # Ends of keys that were called otherwise.
 RENAMED = {
-    "decision.confidence_threshold": "decision.confidence_threshold",
-    "decision.confidence_thresholds": "decision.confidence_thresholds",
+    "decision.enough": "decision.confidence_threshold",
+    "decision.enoughs": "decision.confidence_thresholds",
     "fit.gamma": "fit.schedule.gamma",
     "fit.step_every": "fit.schedule.step_size",
     "fit.weight_decay": "fit.optimizer.weight_decay",
     "logger.tensorboard": "logger",
-    "settings.min_variance": "settings.min_variance",
-    "settings.max_side": "settings.max_side",
+    "settings.least_variance": "settings.min_variance",
+    "settings.most_side": "settings.max_side",
 }
 HYDRA_OWN = ("hydra", "hydra/")
 LAUNCHERS = "hydra/launcher"
