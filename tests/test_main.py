@@ -136,9 +136,14 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["data=folder", "data.root=/x", "data.name=mine"], "data.name is mine: choose"),
         (
             ["task=frontier", "data.val_fold=2"],
-            "task=frontier trains on all folds but the tested one",
+            "task=frontier leaves a fold of its own out: leave it null",
         ),
-        (["decision.enoughs=[0.5,2]"], "decision.enoughs is 2"),
+        (
+            ["model.haptic.fit.weight_decay=0"],
+            "model.haptic.fit.weight_decay is called model.haptic.fit.optimizer.weight_decay now.",
+        ),
+        (["decision.enough=0.5"], "decision.enough is called decision.confidence_threshold now."),
+        (["decision.confidence_thresholds=[0.5,2]"], "decision.confidence_thresholds is 2"),
         (
             ["task=stability", "stability.systems=[a]", "decision=sequential"],
             "decision=sequential is not read by task=stability",

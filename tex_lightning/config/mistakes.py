@@ -28,6 +28,17 @@ TYPES = {
     "is not a ListConfig": "a list, as in [0,1]",
     "is not a subclass of": "a value to one of its keys",
 }
+# Ends of keys that were called otherwise.
+RENAMED = {
+    "decision.enough": "decision.confidence_threshold",
+    "decision.enoughs": "decision.confidence_thresholds",
+    "fit.gamma": "fit.schedule.gamma",
+    "fit.step_every": "fit.schedule.step_size",
+    "fit.weight_decay": "fit.optimizer.weight_decay",
+    "logger.tensorboard": "logger",
+    "settings.least_variance": "settings.min_variance",
+    "settings.most_side": "settings.max_side",
+}
 HYDRA_OWN = ("hydra", "hydra/")
 LAUNCHERS = "hydra/launcher"
 
@@ -92,7 +103,8 @@ def config_groups(conf: Path) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for file in sorted(conf.rglob("*.yaml")):
         group = file.parent.relative_to(conf).as_posix()
-        if group != "." and file.stem != "base":
+        inner = group == "." or group.startswith("debug/")  # not a person's to choose
+        if not inner and file.stem != "base":
             groups.setdefault(group, []).append(file.stem)
     for group in list(groups):  # options in a subfolder, as in experiment=paper/haptic
         parent, _, name = group.rpartition("/")
@@ -121,6 +133,9 @@ def _check(
         if wrong and "(" not in (value or ""):
             return unknown_option(group, wrong[0], groups[group])
         return None
+    for old, new in RENAMED.items():
+        if key == old or key.endswith(f".{old}"):
+            return UserError(f"{key} is called {key.removesuffix(old)}{new} now.")
     if key not in _keys(config, "") and prefix != "+":
         near = _near_keys(key, config) or _close(key, [*_keys(config, ""), *groups])
         return UserError(

@@ -7,7 +7,7 @@ from typing import Any
 from tex_lightning.card import Card
 from tex_lightning.config import ModelConfig, TrainerConfig
 from tex_lightning.data.folds import Kind, Split
-from tex_lightning.data.generator import SpecimenStream
+from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.data.store import Store
 
 
@@ -44,7 +44,7 @@ class Training:
     callbacks: dict[str, Any]
     logger: dict[str, Any]
     num_workers: int
-    stream: SpecimenStream | None = None
+    stream: SpecimenGenerator | None = None
     views: int = 1
 
     @property

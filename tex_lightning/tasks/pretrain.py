@@ -11,7 +11,7 @@ from typing import Any, cast
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.data.folds import NEEDS, Kind, Split
-from tex_lightning.data.generator import RenderedStore, SpecimenStream
+from tex_lightning.data.generator import RenderedStore, SpecimenGenerator
 from tex_lightning.data.readers.synthetic import spec_of
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
@@ -38,13 +38,13 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     if (done := finished(directory)) is not None:
         return done
     kind = cast(Kind, config.model.kind)
-    least_side = check_networks(config)
-    stream = SpecimenStream(spec_of(config.data), NEEDS[kind][0], decode_settings(config.data))
+    min_side = check_networks(config)
+    stream = SpecimenGenerator(spec_of(config.data), NEEDS[kind][0], decode_settings(config.data))
     store, test = RenderedStore(stream), stream.unseen(config.pretrain.test)
     trained_on = {"stream": asdict(stream.spec), "seen": []}
     card = replace(configured_card(config, kind, stream.classes), trained_on=trained_on)
     features = HapticFeatures(**card.haptic_features) if kind == "haptic" else None
-    if too_small := find_too_small(Recordings(test.rows[:1]), store, features, least_side):
+    if too_small := find_too_small(Recordings(test.rows[:1]), store, features, min_side):
         raise UserError(too_small[0].reason)
     none = Recordings(())
     workspace = Workspace(config, kind, stream.classes, none, none, store, directory)
