@@ -42,7 +42,7 @@ def test_every_system_of_a_frontier_composes(path: Path):
 
 
 def test_tiny_frontier_has_two_folds_and_a_tiny_cross_validation_all():
-    assert composed("task=frontier", "debug=tiny").crossval.only == [0, 1]
+    assert composed("task=frontier", "debug=tiny").crossval.only == [0, 5]
     assert composed("task=frontier", "debug=tiny", "crossval.only=[3]").crossval.only == [3]
     assert composed("task=crossval", "debug=tiny").crossval.only is None
     assert composed("task=frontier").crossval.only is None
