@@ -24,6 +24,7 @@ from tex_lightning.config.model import (
     VisualConfig,
     VisualFitConfig,
 )
+from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     READS,
     CrossvalConfig,
@@ -114,7 +115,8 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def register() -> None:
-    """Make the schema known to Hydra under the name ``schema``."""
+    """Make the schema known to Hydra under the name ``schema``, and where users' files lie."""
+    register_folders()
     node = OmegaConf.structured(Config)
     recipes = [node.model[name].fit for name in ("haptic", "visual", "fusion")]
     nodes = [each[part] for each in recipes for part in ("optimizer", "schedule")]

@@ -6,10 +6,11 @@ all complaints are made at once.
 
 from collections.abc import Iterator
 from operator import attrgetter
+from typing import Any, cast
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 
-from tex_lightning.config import Config
+from tex_lightning.config import Config, flatten
 from tex_lightning.config.check_data import check_data
 from tex_lightning.config.check_model import check_model
 from tex_lightning.config.check_ranges import beyond
@@ -23,10 +24,16 @@ __all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares
 
 def check_missing(composed: DictConfig) -> None:
     """Refuse a configuration with open ``???`` values, naming all of them."""
-    missing = sorted(OmegaConf.missing_keys(composed))
+    missing = missing_keys(composed)
     if missing:
         example = " ".join(f"{key}=VALUE" for key in missing)
         raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
+
+
+def missing_keys(composed: DictConfig) -> list[str]:
+    """Dotted names of open ``???`` values; what refers to them is not open itself."""
+    values = cast(dict[str, Any], OmegaConf.to_container(composed, resolve=False))
+    return sorted(key for key, value in flatten(values).items() if value == MISSING)
 
 
 def check_known(composed: DictConfig) -> None:

@@ -6,10 +6,14 @@ from typing import Any
 
 from hydra.errors import InstantiationException
 from hydra.utils import get_class, instantiate
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from tex_lightning.errors import UserError
 
 TARGET = "_target_"
+OWN = "tex_lightning."
+INSTALL = "pip install 'tex_lightning[baselines]'"
 
 
 def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: ANN401
@@ -24,10 +28,7 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     Raises:
         UserError: If the class does not exist, lacks a library, or refuses the arguments.
     """
-    if TARGET not in node:
-        raise UserError(
-            f"{where} has no _target_; name the class there, as in package.module.Name."
-        )
+    _named(where, node)
     try:
         taken = inspect.signature(get_class(node[TARGET])).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
@@ -36,6 +37,69 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
         raise
     except Exception as error:  # a class of the user's may fail in any way
         raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+
+
+def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
+    """Build a dataclass that a node names; its fields' types hold for the node's values.
+
+    A class that is no dataclass, or has fields that the configuration has no type for, is built
+    without that check.
+
+    Raises:
+        UserError: As :func:`build`, and if a value is of the wrong type.
+    """
+    cls = find_class(where, node)
+    arguments = {key: value for key, value in node.items() if not key.startswith("_")}
+    try:
+        schema = OmegaConf.structured(cls)
+    except OmegaConfBaseException:
+        return build(where, node)
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
+    except UserError:
+        raise
+    except Exception as error:  # a class of the user's may fail in any way
+        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+
+
+def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
+    """The class that a node names.
+
+    Raises:
+        UserError: If there is none, or it lacks a library.
+    """
+    _named(where, node)
+    try:
+        return get_class(node[TARGET])
+    except Exception as error:  # a module of the user's may fail in any way
+        library = _lacking(error)
+        if library is not None and node[TARGET].startswith(OWN):
+            said = f"needs {library}, which is not installed; run: {INSTALL}"
+            raise UserError(f"{where} {said}") from error
+        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+
+
+def _named(where: str, node: Mapping[str, Any]) -> None:
+    if TARGET not in node:
+        raise UserError(
+            f"{where} has no _target_; name the class there, as in package.module.Name."
+        )
+
+
+def missing_library(node: Mapping[str, Any]) -> str | None:
+    """The library that a class of this package needs and that is not installed, or None."""
+    try:
+        get_class(node[TARGET])
+    except Exception as error:  # others are said when it is built
+        return _lacking(error)
+    return None
+
+
+def _lacking(error: BaseException | None) -> str | None:
+    """The module that was not found, in an error or its causes."""
+    while error is not None and not isinstance(error, ModuleNotFoundError):
+        error = error.__cause__
+    return None if error is None else error.name
 
 
 def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401

@@ -4,6 +4,7 @@ import difflib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, cast
 
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
@@ -13,6 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from tex_lightning.config import register
 from tex_lightning.config.reading import keys_read
+from tex_lightning.config.search import split_config_dir, user_folders
 from tex_lightning.errors import UserError, shorten
 
 MISTAKES = (HydraException, OmegaConfBaseException)
@@ -29,6 +31,13 @@ TYPES = {
     "is not Optional": "a value other than null",
     "is not a ListConfig": "a list, as in [0,1]",
     "is not a subclass of": "a value to one of its keys",
+}
+# Keys that once were, and those that do their work now.
+RENAMED = {
+    "data.split": "data.reader.split",
+    "data.group_by": "data.reader.group_by",
+    "model.settings": "model.baseline",
+    "model.visual.fragment": "model.visual.trunk.patch",
 }
 HYDRA_OWN = ("hydra", "hydra/")
 LAUNCHERS = "hydra/launcher"
@@ -48,7 +57,8 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         return UserError(f"{given} is not of the right type; give {wanted}.")
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
-    overrides = [argument for argument in arguments if not argument.startswith("-")]
+    _, rest = split_config_dir(arguments)
+    overrides = [argument for argument in rest if not argument.startswith("-")]
     if isinstance(error, OverflowError) or DIGITS in str(error):
         longest = shorten(max(overrides, key=len, default=""))
         return UserError(f"{longest} has too many digits; give a smaller number.")
@@ -90,12 +100,13 @@ def unknown_option(group: str, option: str, options: Sequence[str]) -> UserError
 
 
 def config_groups(conf: Path) -> dict[str, list[str]]:
-    """Options of every configuration group."""
+    """Options of every configuration group, the user's behind those of ``conf``."""
     groups: dict[str, list[str]] = {}
-    for file in sorted(conf.rglob("*.yaml")):
-        group = file.parent.relative_to(conf).as_posix()
-        if group != "." and file.stem != "base":
-            groups.setdefault(group, []).append(file.stem)
+    for folder in (conf, *user_folders()):
+        for file in sorted(folder.rglob("*.yaml")):
+            group = file.parent.relative_to(folder).as_posix()
+            if group != "." and file.stem not in ("base", *groups.get(group, ())):
+                groups.setdefault(group, []).append(file.stem)
     for group in list(groups):  # options in a subfolder, as in experiment=paper/haptic
         parent, _, name = group.rpartition("/")
         if parent == "experiment":
@@ -111,11 +122,11 @@ def compose_config(conf: Path, overrides: Sequence[str] = ()) -> DictConfig:
         return compose("config", overrides=list(overrides))
 
 
-def _keys(config: DictConfig, prefix: str) -> Iterator[str]:
-    for key in map(str, config):
+def _keys(values: dict[str, Any], prefix: str = "") -> Iterator[str]:
+    for key, value in values.items():
         yield f"{prefix}{key}"
-        if not OmegaConf.is_missing(config, key) and isinstance(config[key], DictConfig):
-            yield from _keys(config[key], f"{prefix}{key}.")
+        if isinstance(value, dict):
+            yield from _keys(value, f"{prefix}{key}.")
 
 
 def _check(
@@ -131,12 +142,23 @@ def _check(
         if wrong and "(" not in (value or ""):
             return unknown_option(group, wrong[0], groups[group])
         return None
-    if key not in _keys(config, "") and prefix != "+":
-        near = _near_keys(key, config) or _close(key, [*_keys(config, ""), *groups])
+    if (now := renamed(key)) is not None:
+        return UserError(f"The key {shorten(key)} is {shorten(now)} now; give it by that name.")
+    keys = list(_keys(cast(dict[str, Any], OmegaConf.to_container(config, resolve=False))))
+    if key not in keys and prefix != "+":
+        near = _near_keys(key, config) or _close(key, [*keys, *groups])
         return UserError(
             f"There is no key {shorten(key)}{_did_you_mean(near)}; "
             "`python -m tex_lightning --help=all` lists all."
         )
+    return None
+
+
+def renamed(key: str) -> str | None:
+    """The key that does the work of one that once was; None if it never was."""
+    for old, new in RENAMED.items():
+        if key == old or key.startswith(f"{old}."):
+            return new + key.removeprefix(old)
     return None
 
 
