@@ -33,7 +33,8 @@ class Card:
         decode: :class:`DecodeSettings` as a dictionary.
         haptic_features: Arguments of :class:`HapticFeatures`; empty for VisualNet.
         haptic_network: Arguments of :class:`HapticNet` but the classes.
-        visual_network: Arguments of :class:`VisualNet` but the classes.
+        visual_network: ``trunk`` as a node of the configuration, its ``width`` and ``norm``, and
+            arguments of :class:`VisualNet`.
         fusion: ``level`` of FusionNet; empty for the others.
         baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
             empty for our networks.
@@ -161,6 +162,8 @@ def _check(card: Card) -> None:
         normalisation = features.get("normalisation", "standard")
         _among("haptic_features.normalisation", normalisation, get_args(Normalisation))
         _number("haptic_features.sampling_rate", features.get("sampling_rate", 10_000), 1, 1e9)
+    if card.visual_network and not isinstance(card.visual_network.get("trunk"), dict):
+        raise CardError(f"its visual_network.trunk is {card.visual_network.get('trunk')!r}")
     for name, network in (("haptic", card.haptic_network), ("visual", card.visual_network)):
         if network:
             _number(f"{name}_network.width", network.get("width", 1), 0, MAX_WIDTH)

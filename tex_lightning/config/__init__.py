@@ -120,6 +120,7 @@ def register() -> None:
     node = OmegaConf.structured(Config)
     recipes = [node.model[name].fit for name in ("haptic", "visual", "fusion")]
     nodes = [each[part] for each in recipes for part in ("optimizer", "schedule")]
-    for opened in (node.trainer, node.callbacks, node.logger, *nodes):
+    nodes += [node.data.reader, node.model.visual.trunk, node.callbacks, node.logger]
+    for opened in (node.trainer, *nodes):
         OmegaConf.set_struct(opened, False)  # whoever they are passed to knows their keys
     ConfigStore.instance().store(name="schema", node=node)

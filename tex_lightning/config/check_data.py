@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from tex_lightning.config import DataConfig
 from tex_lightning.errors import shorten
 
+
 def check_data(data: DataConfig) -> Iterator[str]:
     """What cannot be meant of ``data``."""
     for key in ("root", "manifest"):

@@ -135,7 +135,11 @@ class HapticConfig:
 class VisualConfig:
     """VisualNet on one of several trunks."""
 
-    trunk: str = key("convolutions before FC1, set by model=NAME or model/trunk=NAME")
+    trunk: dict[str, Any] = key(
+        "class of the convolutions before FC1 and its own keys, set by model/trunk=NAME; it gets "
+        "width and norm",
+        factory=dict,
+    )
     width: float = key("factor on every channel count; 1 is the published size", **WIDTH)
     norm: str = key(
         "normalisation of activations; none for pretrained trunks without one", choices=NORMS
@@ -148,10 +152,6 @@ class VisualConfig:
     head: list[int] = key(
         "channels of FC1 and FC2 before the width; [] for FC3 alone", least=1, most=16_384
     )
-    fragment: int | None = key(
-        "side of what gives one prediction, of squeezenet; null is 224",
-        unit="pixels", least=1, most=2048, default=None,
-    )  # fmt: skip
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
 

@@ -24,7 +24,7 @@ from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
 from tex_lightning.runs.usable import find_unusable
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
-VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head", "fragment")
+VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
 
+
 class Reader(Protocol):
     """A data set: its fields are its keys, ``data.reader.FIELD``."""
 

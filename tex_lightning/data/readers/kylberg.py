@@ -86,7 +86,9 @@ def _read_class(folder: Path, by_surface: bool) -> list[Recording]:
         _check_counts(folder, patches)
     places = {name: place for place, name in enumerate(sorted(patches, key=natural_key))}
     return [
-        Recording(folder.name, "image", path, SURFACES.index(name[0]) if by_surface else places[name])
+        Recording(
+            folder.name, "image", path, SURFACES.index(name[0]) if by_surface else places[name]
+        )
         for name, paths in patches.items()
         for path in paths
     ]
