@@ -8,6 +8,7 @@ from typing import Any, Self, get_args
 import torch
 
 from tex_lightning.config import DecisionConfig
+from tex_lightning.config.trust import require_trust
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.decision.voting import RULES
@@ -73,6 +74,7 @@ class Card:
         Raises:
             KeyError: If a value is missing that has always been there.
             ValueError: If a value cannot be meant.
+            UserError: If it names a class of a package that is not trusted.
         """
         values = {**LATER, **stored}
         card = cls(**{entry.name: values[entry.name] for entry in fields(cls)})
@@ -80,6 +82,7 @@ class Card:
             card.haptic_features.setdefault("axes", "trace")
             card.haptic_features.setdefault("scale", "linear")
         _check(card)
+        require_trust("The checkpoint", [card.visual_network, card.baseline])
         return card
 
     def deciding(self, given: DecisionConfig) -> Self:

@@ -13,6 +13,7 @@ from omegaconf import DictConfig
 from tex_lightning.auto import resolve_auto
 from tex_lightning.config import Config
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
+from tex_lightning.config.trust import trust, trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
@@ -73,7 +74,8 @@ def run_task(composed: DictConfig, directory: Path) -> None:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
-    with kept_memory(), announced_once(config):
+    with kept_memory(), announced_once(config), trusting(config.trusted):
+        trust(config)
         if is_rank_zero():
             claim_folder(composed, config, directory.resolve())
         if config.model.name == AUTO:

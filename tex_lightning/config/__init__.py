@@ -75,6 +75,10 @@ class Config:
         "HapticNet; for several {TRUNK: FILE, haptic: FILE, ...}; null is random",
         default=None,
     )
+    trusted: list[str] = key(
+        "packages, beside installed plugins, whose classes a checkpoint may name: their code runs",
+        factory=list,
+    )
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)

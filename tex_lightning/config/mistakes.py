@@ -11,13 +11,14 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from tex_lightning.config import register
 from tex_lightning.config.reading import keys_read
 from tex_lightning.config.search import split_config_dir, user_folders
 from tex_lightning.errors import UserError, shorten
 
-MISTAKES = (HydraException, OmegaConfBaseException)
+MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 
 OVERRIDE = re.compile(r"^(?P<prefix>[+~]{0,2})(?P<key>[\w./@-]+)(?:=(?P<value>.*))?$", re.DOTALL)
 MERGING = "Error merging override "
@@ -30,6 +31,7 @@ TYPES = {
     "to string": "text",
     "is not Optional": "a value other than null",
     "is not a ListConfig": "a list, as in [0,1]",
+    "to Dict[": "a value to one of its keys, or choose it by its group, as in model/trunk=NAME",
     "is not a subclass of": "a value to one of its keys",
 }
 # Keys that once were, and those that do their work now.

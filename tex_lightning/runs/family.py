@@ -13,6 +13,7 @@ from hydra.core.hydra_config import HydraConfig
 from tex_lightning.baselines.registry import INSTALL, missing_library
 from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
+from tex_lightning.config.trust import trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.unusable import skipped_entry
@@ -82,6 +83,7 @@ def compose_family(config: Config, shared: Path, held: Sequence[str] = ()) -> It
         crossval = replace(member.crossval, share=str(shared))
         member = replace(member, task="crossval", crossval=crossval)
         check_config(member)
+        trust(member)
         yield Member(name, overrides, member)
 
 
