@@ -1,5 +1,6 @@
 """From a ``_target_`` of the configuration to the object that it names: the only place for it."""
 
+import difflib
 import inspect
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +10,7 @@ from hydra.utils import get_class, instantiate
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed, shorten
 
 TARGET = "_target_"
 OWN = "tex_lightning."
@@ -54,6 +55,14 @@ def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
         schema = OmegaConf.structured(cls)
     except OmegaConfBaseException:
         return build(where, node)
+    for key in arguments:
+        if key not in (known := list(map(str, schema.keys()))):
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f" (did you mean {where}.{near[0]}?)" if near else ""
+            raise UserError(
+                f"There is no key {where}.{shorten(key)}{hint}; {cls.__name__} has "
+                f"{listed(known) or 'none'}."
+            )
     try:
         return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
     except UserError:
@@ -120,5 +129,8 @@ def _reason(error: Exception) -> str:
     """The innermost cause in one line."""
     while isinstance(error, InstantiationException) and isinstance(error.__cause__, Exception):
         error = error.__cause__
-    said = " ".join(str(error).split()).rstrip(".")
+    lines = str(error).splitlines()
+    if isinstance(error, OmegaConfBaseException):  # what follows is of its own insides
+        lines = lines[:1]
+    said = " ".join(" ".join(lines).split()).rstrip(".")
     return f"{said or type(error).__name__}; correct its _target_ or arguments."

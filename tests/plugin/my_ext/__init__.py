@@ -63,6 +63,7 @@ class TextLogger(DummyLogger):
     def __init__(self, save_dir: str, version: str) -> None:
         super().__init__()
         self.path = Path(save_dir) / f"{version}.txt"
+        self.path.parent.mkdir(parents=True, exist_ok=True)
 
     def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
         with self.path.open("a") as file:
