@@ -37,7 +37,8 @@ class Card:
         visual_network: ``trunk`` as a node of the configuration, its ``width`` and ``norm``, and
             arguments of :class:`VisualNet`.
         fusion: ``level`` of FusionNet; empty for the others.
-        baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
+        baseline: ``name`` of a baseline, its ``node`` of the configuration, the ``budget`` that it
+            was given and the ``weights`` it started from;
             empty for our networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule``, and ``reject_below``.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and

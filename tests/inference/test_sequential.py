@@ -251,7 +251,7 @@ def test_a_mean_of_probabilities_is_refused():
 
 def test_a_baseline_is_refused():
     model = classifier("haptic")
-    model.card = replace(model.card, baseline={"name": "rocket", "settings": {}})
+    model.card = replace(model.card, baseline={"name": "rocket"})
     with pytest.raises(UserError, match="rocket looks at the whole recording"):
         decide(model, CONFIG)
     assert decide(model, replace(CONFIG, name="max_vote")) is model

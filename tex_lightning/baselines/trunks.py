@@ -43,7 +43,7 @@ class TrunkBaseline(Baseline):
     def __post_init__(self) -> None:
         if self.trunk not in TRUNKS:
             raise UserError(
-                f"model.settings.trunk={self.trunk} is unknown; choose one of {', '.join(TRUNKS)}."
+                f"model.baseline.trunk={self.trunk} is unknown; choose one of {', '.join(TRUNKS)}."
             )
         self.frozen: Trunk | None = None
         self.pixels = ImageFeatures()

@@ -81,10 +81,6 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     try:
         return get_class(node[TARGET])
     except Exception as error:  # a module of the user's may fail in any way
-        library = _lacking(error)
-        if library is not None and node[TARGET].startswith(OWN):
-            said = f"needs {library}, which is not installed; run: {INSTALL}"
-            raise UserError(f"{where} {said}") from error
         raise UserError(f"{where} cannot be made: {_reason(error)}") from error
 
 
@@ -98,17 +94,13 @@ def _named(where: str, node: Mapping[str, Any]) -> None:
 def missing_library(node: Mapping[str, Any]) -> str | None:
     """The library that a class of this package needs and that is not installed, or None."""
     try:
-        get_class(node[TARGET])
-    except Exception as error:  # others are said when it is built
-        return _lacking(error)
+        get_class(node.get(TARGET, ""))
+    except Exception as failure:  # others are said when it is built
+        error: BaseException | None = failure
+        while error is not None and not isinstance(error, ModuleNotFoundError):
+            error = error.__cause__
+        return error.name if error and str(node.get(TARGET)).startswith(OWN) else None
     return None
-
-
-def _lacking(error: BaseException | None) -> str | None:
-    """The module that was not found, in an error or its causes."""
-    while error is not None and not isinstance(error, ModuleNotFoundError):
-        error = error.__cause__
-    return None if error is None else error.name
 
 
 def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401

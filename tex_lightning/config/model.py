@@ -180,11 +180,10 @@ class ModelConfig:
 
     name: str = key("model, set by model=NAME")
     kind: str = key("what it looks at, set by model=NAME", choices=("haptic", "visual", "fusion"))
-    baseline: str | None = key(
-        "system of tex_lightning/baselines that is fitted instead of a network", default=None
-    )
-    settings: dict[str, Any] = key(
-        "of the baseline; its file in conf/model explains them", factory=dict
+    baseline: dict[str, Any] | None = key(
+        "class of a system that is fitted instead of a network, and its own keys, which its file "
+        "in conf/model explains",
+        default=None,
     )
     budget: float = key(
         "factor on the baseline's steps, kernels and components; below 1 to try it",

@@ -30,7 +30,7 @@ def trusting(packages: Sequence[str]) -> Iterator[None]:
 
 def trust(config: Config) -> None:
     """Trust what a configuration lists, and the packages of the classes that it trains with."""
-    named = [*targets(config.model.visual.trunk)]
+    named = targets([config.model.visual.trunk, config.model.baseline])
     _LISTED.set(_LISTED.get() | {*config.trusted, *map(_package, named)})
 
 

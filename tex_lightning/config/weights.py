@@ -37,7 +37,7 @@ def pick_weights(config: Config) -> Config:
         )
     model = config.model
     if model.baseline is not None:
-        return replace(config, weights=given.get(model.settings.get("trunk")))
+        return replace(config, weights=given.get(model.baseline.get("trunk")))
     if model.kind == "haptic":
         return replace(config, weights=given.get(HAPTIC))
     visual, haptic = given.get(own), given.get(HAPTIC)

@@ -10,9 +10,9 @@ from typing import Any
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 
-from tex_lightning.baselines.registry import INSTALL, missing_library
 from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
+from tex_lightning.config.instantiation import INSTALL, missing_library
 from tex_lightning.config.trust import trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.recordings import Recordings
