@@ -5,6 +5,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from conftest import CLASSES, make_photo
@@ -13,6 +14,8 @@ from PIL import Image
 import tex_lightning as tl
 from tex_lightning.card import read_checkpoint
 from tex_lightning.config.search import use_config_dir
+from tex_lightning.perturbations.scene import Scene
+from tex_lightning.perturbations.table import read_severities
 
 HERE = Path(__file__).parent
 CONF = ["--config-dir", HERE / "my_ext" / "conf"]
@@ -78,11 +81,27 @@ def test_they_evaluate_predict_and_are_perturbed(cli, run, data, flat, tmp_path)
     )
     assert json.loads(outcome.out)["label"] in CLASSES
     outcome = cli(
-        *known, "task=stability", f"stability.systems=[{run}]", "stability.only=[jpeg]",
+        *known, "task=stability", f"stability.systems=[{run}]", "stability.only=[stains,jpeg]",
+        f"stability.severities=[{HERE}/my_ext/severities.yaml]",
         "logger=text", f"hydra.run.dir={tmp_path}/s",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
-    assert [*results(tmp_path / "s")["systems"]] == ["small"]
+    found = results(tmp_path / "s")
+    assert [*found["systems"]["small"]["perturbation_errors"]] == ["stains", "jpeg"]
+    assert found["perturbations"]["stains"]["function"] == "my_ext.stains"
+
+
+def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, tmp_path):
+    outcome = cli(
+        *CONF, *data, "model=nearest", "model.baseline.power=1", f"hydra.run.dir={tmp_path}"
+    )
+    assert outcome.status == 0, outcome.err
+    assert results(tmp_path)["networks"]["visual"]["correct"] == 3
+    given = [f"checkpoint={tmp_path}", f"image={flat}/beta_0.png", "task=predict"]
+    assert "my_ext is not trusted" in cli(*CONF, *given).err
+    outcome = cli(*CONF, *given, "trusted=[my_ext]")
+    assert json.loads(outcome.out)["label"] == "beta"
+    assert tl.load(tmp_path, trusted=["my_ext"]).classifier.baseline.power == 1
 
 
 def test_a_sweep_tests_a_fold_of_the_users_data(cli, data, tmp_path):
@@ -182,3 +201,32 @@ def test_an_installed_package_brings_its_files_and_is_trusted(
     outcome = cli("task=predict", f"checkpoint={run}", f"image={flat}/beta_0.png")
     assert json.loads(outcome.out)["label"] in CLASSES
     assert tl.load(run).card.kind == "visual"
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("{function: my_ext.nothing, unit: a, levels: [0, 1, 2, 3, 4, 5]}", "nothing"),
+        ("{function: my_ext.stains, unit: a, levels: [0, 1]}", "has no six levels"),
+        ("{unit: a, levels: [0, 1, 2, 3, 4, 5]}", "names no function"),
+    ],
+)
+def test_a_wrong_line_of_severities_is_said_before_any_work(cli, tmp_path, line, said):
+    path = tmp_path / "own.yaml"
+    path.write_text(f"image:\n  mine: {line}\n")
+    outcome = cli(
+        "task=stability", "stability.systems=[none]", f"stability.severities=[{path}]",
+        f"hydra.run.dir={tmp_path}/r",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert said in outcome.err
+    assert "write {image:" in outcome.err
+
+
+def test_a_users_function_changes_the_photo():
+    own = read_severities(HERE / "my_ext" / "severities.yaml")["stains"]
+    photo = np.full((40, 40, 3), 200, np.uint8)
+    scene = Scene(np.random.default_rng(0), 0.0, lambda: photo)
+    stained = own.apply(photo, 4.5, scene)  # between 0.6 and 0.9
+    assert (stained == 0).all(axis=2).mean() == pytest.approx(0.75, abs=0.05)
+    assert (photo == 200).all()

@@ -14,6 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from tex_lightning.config import register
+from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.reading import keys_read
 from tex_lightning.config.search import split_config_dir, user_folders
 from tex_lightning.errors import UserError, shorten
@@ -148,7 +149,8 @@ def _check(
         return UserError(f"The key {shorten(key)} is {shorten(now)} now; give it by that name.")
     keys = list(_keys(cast(dict[str, Any], OmegaConf.to_container(config, resolve=False))))
     if key not in keys and prefix != "+":
-        near = _near_keys(key, config) or _close(key, [*keys, *groups])
+        own = _near_in_node(key, keys)
+        near = own or _near_keys(key, config) or _close(key, [*keys, *groups])
         return UserError(
             f"There is no key {shorten(key)}{_did_you_mean(near)}; "
             "`python -m tex_lightning --help=all` lists all."
@@ -168,6 +170,15 @@ def _chosen(overrides: Sequence[str], groups: dict[str, list[str]]) -> list[str]
     """The overrides that choose an option which exists, such as ``model=fusion``."""
     pairs = (override.partition("=") for override in overrides)
     return [f"{group}={option}" for group, _, option in pairs if option in groups.get(group, ())]
+
+
+def _near_in_node(word: str, keys: Sequence[str]) -> list[str]:
+    """Keys beside a wrong one in a node that names a class, whose keys the schema does not know."""
+    node, _, leaf = word.rpartition(".")
+    if f"{node}.{TARGET}" not in keys:
+        return []
+    own = [key.rpartition(".")[2] for key in keys if key.rpartition(".")[0] == node]
+    return [f"{node}.{name}" for name in _close(leaf, own)]
 
 
 def _near_keys(word: str, config: DictConfig) -> list[str]:

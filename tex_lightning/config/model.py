@@ -87,6 +87,11 @@ class VisualFitConfig(FitConfig):
 
     patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
     rotation: float = key("largest random rotation either way", **ROTATION)
+    augmentation: dict[str, Any] | None = key(
+        "class, of Kornia or the like, that changes VisualNet's training patches (batch, 3, side, "
+        "side) in [0, 1] after the rotation; null leaves them",
+        default=None,
+    )
     perturb: list[str] = key(PERTURB)
     perturbed_share: float = key(
         "share of the patches that is perturbed, where perturb names anything", **SHARE

@@ -230,6 +230,11 @@ class StabilityConfig:
     only: list[str] | None = key(
         "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
     )
+    severities: list[str] = key(
+        "files of further perturbations, in the form of "
+        "tex_lightning/perturbations/severities.yaml and with the function of each by its dotted path",
+        factory=list,
+    )
     limit: int | None = key(
         "most test samples of a class in a fold; null takes all", least=1, default=None
     )

@@ -2,14 +2,19 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
+import numpy as np
+import torch
 from lightning import Callback
 from lightning.pytorch.loggers.logger import DummyLogger
-from torch import nn
+from torch import Tensor, nn
 
+from tex_lightning.baselines.base import Baseline
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.networks.blocks import Window
 from tex_lightning.networks.trunks import Trunk
+from tex_lightning.perturbations.scene import Scene
 
 CONVOLUTION, POOL = Window(8, 8), Window(4, 4)
 
@@ -68,3 +73,40 @@ class TextLogger(DummyLogger):
     def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
         with self.path.open("a") as file:
             file.write(f"{step} {metrics}\n")
+
+
+@dataclass
+class NearestSlope(Baseline):
+    """The class whose mean slope of brightness is nearest."""
+
+    power: float
+
+    kind: ClassVar = "visual"
+
+    def fit(self, recordings, labels, seed) -> None:
+        slopes = np.array([self._slope(photo) for photo in recordings])
+        means = [slopes[labels == label].mean() for label in range(labels.max() + 1)]
+        self.means = torch.tensor(means)
+
+    def logits(self, recording) -> Tensor:
+        distance = (self.means - self._slope(recording)).abs() ** self.power
+        return -distance[:, None]
+
+    def _slope(self, photo: np.ndarray) -> float:
+        return sum(float((np.diff(photo * 1.0, axis=axis) ** 2).mean()) for axis in (0, 1)) ** 0.5
+
+    def state(self) -> dict[str, Tensor]:
+        return {"means": self.means}
+
+    def load_state(self, state: dict[str, Tensor]) -> None:
+        self.means = state["means"]
+
+    def count_parameters(self) -> int:
+        return self.means.numel()
+
+
+def stains(recording: np.ndarray, share: float, scene: Scene) -> np.ndarray:
+    """Black out a share of the pixels."""
+    stained = recording.copy()
+    stained[scene.rng.random(recording.shape[:2]) < share] = 0
+    return stained
