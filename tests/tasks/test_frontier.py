@@ -171,9 +171,9 @@ def test_sequential_decision_counts_the_arithmetic_that_was_done(measured):
         macs = {row["system"]: row["macs"] for row in csv.DictReader(stream)}
     outcomes = predictions(measured, "hapticnet_w0.5_sequential", 0)
     with outcomes.open() as stream:
-        evidence = [float(row["evidence"]) for row in csv.DictReader(stream)]
+        relative_macs = [float(row["relative_macs"]) for row in csv.DictReader(stream)]
     done = int(macs["hapticnet_w0.5_sequential"]) / int(macs["hapticnet_w0.5"])
-    assert done == pytest.approx(sum(evidence) / len(evidence), rel=1e-4)
+    assert done == pytest.approx(sum(relative_macs) / len(relative_macs), rel=1e-4)
     assert macs["minirocket"] == ""
 
 

@@ -42,12 +42,12 @@ class DecisionConfig:
         "sequential: most chance that what is left out would change the label; 0 takes none",
         **CHANCE,
     )
-    enough: float = key(
+    confidence_threshold: float = key(
         "sequential: mean probability at which one modality, or the beginning of a trace, decides",
         **SHARE,
     )
     calibrated: bool = key(
-        "sequential: a checkpoint's own threshold, chosen on its validation fold, replaces enough"
+        "sequential: a checkpoint's own confidence_threshold, chosen on its validation fold, counts"
     )
     disagreement: float = key(
         "share of decisions that may differ from the full one when that threshold is chosen",
@@ -55,8 +55,8 @@ class DecisionConfig:
     )
     confidence: float = key("of the bound on that share (Clopper-Pearson)", **CHANCE)
     alphas: list[float] = key("values of alpha drawn in the curves", **CHANCE)
-    enoughs: list[float] = key(
-        "values of enough drawn in the curves, and those the threshold is chosen among", **SHARE
+    confidence_thresholds: list[float] = key(
+        "values of confidence_threshold drawn in the curves, among which one is chosen", **SHARE
     )
 
 

@@ -20,7 +20,7 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 
 if TYPE_CHECKING:
-    from tex_lightning.data.generated_batches import StreamBatches
+    from tex_lightning.data.generated_batches import GeneratedBatches
 
 Batch = dict[str, Tensor]
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
@@ -141,7 +141,7 @@ class SurfaceData(LightningDataModule):
 
     def __init__(
         self,
-        batches: "TrainingBatches | StreamBatches",
+        batches: "TrainingBatches | GeneratedBatches",
         steps: int,
         validation: SampleSet,
         num_workers: int,

@@ -49,12 +49,12 @@ def calibrate(
     classifier.card = replace(card, calibration=found)
     if config.decision.name == SEQUENTIAL and not card.baseline and card.kind != "visual":
         fast = accelerate(classifier, config.engine)
-        found |= choose_enough(fast, config.decision, samples, store)
+        found |= choose_confidence_threshold(fast, config.decision, samples, store)
         classifier.card = replace(card, calibration=found)
     _keep(classifier.card, checkpoint)
 
 
-def choose_enough(
+def choose_confidence_threshold(
     classifier: SurfaceClassifier,
     decision: DecisionConfig,
     samples: Sequence[Sample],
@@ -67,13 +67,13 @@ def choose_enough(
     Samples that share a recording count as one, which differs if any of them does.
 
     Returns:
-        ``enough`` and the Clopper-Pearson bound ``disagreement`` that it holds; nothing if the
-        strictest threshold has no such bound.
+        ``confidence_threshold`` and the Clopper-Pearson bound ``disagreement`` that it holds;
+        nothing if the strictest threshold has no such bound.
     """
     labels, units = full_labels(classifier, samples, store), independent(samples)
     found: dict[str, float] = {}
-    for enough in sorted(decision.enoughs, reverse=True):
-        tried = replace(decision, calibrated=False, enough=enough)
+    for threshold in sorted(decision.confidence_thresholds, reverse=True):
+        tried = replace(decision, calibrated=False, confidence_threshold=threshold)
         votes = sequential_votes(classifier, tried, samples, store)
         differing = {
             unit
@@ -83,12 +83,12 @@ def choose_enough(
         bound = upper_bound(len(differing), len(set(units)), decision.confidence)
         if bound > decision.disagreement:
             break
-        found = {"enough": enough, "disagreement": bound}
+        found = {"confidence_threshold": threshold, "disagreement": bound}
     if not found:
         log.warning(
             "The validation fold has too few samples, or too many differing decisions, to bound "
-            "these by decision.disagreement=%g; decision.enough=%g is used as it is.",
-            decision.disagreement, decision.enough,
+            "these by decision.disagreement=%g; decision.confidence_threshold=%g is used as it is.",
+            decision.disagreement, decision.confidence_threshold,
         )  # fmt: skip
     return found
 

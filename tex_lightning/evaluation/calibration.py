@@ -36,7 +36,7 @@ def calibration(outcomes: Sequence[Outcome], classes: list[str]) -> dict[str, fl
     )
     places = np.array([classes.index(outcome.label) for outcome in outcomes])
     truth = np.eye(len(classes))[places]
-    confidence, correct = confidences(outcomes), rights(outcomes)
+    confidence, correct = confidences(outcomes), correct_votes(outcomes)
     likelihoods = table[np.arange(len(table)), places]
     return {
         "ece": float(
@@ -55,7 +55,7 @@ def confidences(outcomes: Sequence[Outcome]) -> Array:
     return np.array([outcome.class_probabilities[outcome.predicted] for outcome in outcomes])
 
 
-def rights(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
+def correct_votes(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
     """Whether each vote is right."""
     return np.array([outcome.label == outcome.predicted for outcome in outcomes])
 
@@ -86,7 +86,7 @@ def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, flo
         of those, None if there is none.
     """
     accepted = confidences(outcomes) >= reject_below
-    right = rights(outcomes)[accepted]
+    right = correct_votes(outcomes)[accepted]
     return {
         "reject_below": reject_below,
         "coverage": float(accepted.mean()),
@@ -112,7 +112,7 @@ def unknown_auroc(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[
 
 def calibration_figure(outcomes: Sequence[Outcome], title: str) -> Figure:
     """Reliability in 15 bins, and error against coverage."""
-    confidence, correct = confidences(outcomes), rights(outcomes)
+    confidence, correct = confidences(outcomes), correct_votes(outcomes)
     figure = Figure(figsize=(9, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
     edges = np.linspace(0, 1, BINS + 1)
@@ -128,7 +128,7 @@ def calibration_figure(outcomes: Sequence[Outcome], title: str) -> Figure:
     )
     for n in used:
         left.text((edges[n] + edges[n + 1]) / 2, 0.02, int((place == n).sum()), ha="center", size=6)
-    left.set(xlim=(0, 1), ylim=(0, 1), xlabel="mean probability of the label", ylabel="right votes")
+    left.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="correct votes")
     coverage, wrong = risk_coverage(confidence, correct)
     right.plot(coverage, wrong, drawstyle="steps-post", color="#cc6677")
     right.set(xlim=(0, 1), ylim=(0, None), xlabel="share with a label", ylabel="wrong, of all")

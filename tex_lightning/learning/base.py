@@ -21,7 +21,7 @@ APART = 1 << 50  # between the dropout of two processes, more than seeds and epo
 class SurfaceModule(LightningModule, ABC):
     """Train a :class:`SurfaceClassifier` on fragments.
 
-    Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of right
+    Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
     with a validation fold ``val/loss``, ``val/fragment_accuracy`` and ``val/vote_accuracy``.
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import TrainingBatches
-from tex_lightning.data.generated_batches import StreamBatches
+from tex_lightning.data.generated_batches import GeneratedBatches
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
@@ -128,7 +128,7 @@ def _describe(card: Card) -> str:
 
 
 def start_network(
-    training: Training, module: SurfaceModule, batches: TrainingBatches | StreamBatches
+    training: Training, module: SurfaceModule, batches: TrainingBatches | GeneratedBatches
 ) -> None:
     """Fill the trunk with the given weights and teach VisualNet's head what they see.
 
@@ -143,7 +143,7 @@ def start_network(
     weights = training.weights
     if weights is not None:
         log.info(start_trunk(module.classifier, weights))
-    if not isinstance(module, VisualModule) or isinstance(batches, StreamBatches):
+    if not isinstance(module, VisualModule) or isinstance(batches, GeneratedBatches):
         return
     module.to(pick_device(training.config.trainer.accelerator))
     if not module.network.has_hidden_layers:

@@ -17,8 +17,8 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.banks import PhotoBank, SpectrogramBank
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches, load_trace
 from tex_lightning.data.folds import Kind, make_samples
-from tex_lightning.data.generated_batches import PhotoViews, StreamBatches, TraceViews
-from tex_lightning.data.generator import SpecimenStream
+from tex_lightning.data.generated_batches import GeneratedBatches, PhotoViews, TraceViews
+from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.data.recordings import Recording
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -134,7 +134,7 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
 
 def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
     """Batches of specimens rendered on the way; HapticNet's normalisation is that of the first."""
-    fit, stream = training.fit_values, cast(SpecimenStream, training.stream)
+    fit, stream = training.fit_values, cast(SpecimenGenerator, training.stream)
     views: TraceViews | PhotoViews
     if training.card.kind == "haptic":
         features = cast(HapticFeatures, module.classifier.haptic_features)
@@ -142,7 +142,7 @@ def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
     else:
         views = PhotoViews(stream, crop_side(fit["patch"], fit["rotation"]), fit["rotation"])
     config = training.config
-    batches = StreamBatches(views, fit["batch_size"], config.pretrain.views, config.seed)
+    batches = GeneratedBatches(views, fit["batch_size"], config.pretrain.views, config.seed)
     if isinstance(views, TraceViews):
         first = range(FITTED * fit["batch_size"])
         rendered = (batches.specimen(number) for number in track(first, "Spectrograms"))

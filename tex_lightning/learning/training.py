@@ -7,7 +7,7 @@ from typing import Any
 from tex_lightning.card import Card
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Kind, Split
-from tex_lightning.data.generator import SpecimenStream
+from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.data.store import Store
 
 
@@ -31,7 +31,7 @@ class Training:
     store: Store
     directory: Path
     unimodal: dict[Kind, Path]
-    stream: SpecimenStream | None = None
+    stream: SpecimenGenerator | None = None
 
     @property
     def final(self) -> Path:

@@ -60,7 +60,7 @@ def report_network(
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     entry = {
         **summarise(outcomes),
-        **believed(outcomes, classes, decider.card.reject_below),
+        **calibration_metrics(outcomes, classes, decider.card.reject_below),
         **network_facts(classifier, samples[0], store),
         "fit_seconds": stored["fit_seconds"],
         "checkpoint": str(checkpoint.resolve()),
@@ -71,7 +71,7 @@ def report_network(
     return entry, outcomes
 
 
-def believed(
+def calibration_metrics(
     outcomes: Sequence[Outcome], classes: list[str], reject_below: float | None
 ) -> dict[str, Any]:
     """What ``results.json`` says of the probabilities, and of the samples left without a label."""

@@ -37,8 +37,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     both = replace(test, rows=test.rows + unknown.rows)
-    features, least_side = classifier.haptic_features, classifier.least_side
-    skipped = find_unusable(both, store, features, least_side, skip_bad=config.data.skip_bad)
+    features, min_side = classifier.haptic_features, classifier.min_side
+    skipped = find_unusable(both, store, features, min_side, skip_bad=config.data.skip_bad)
     bad = [each.recording for each in skipped]
     announce(config, both.without(bad), store, skipped)
     samples = make_samples(test.without(bad), kind)

@@ -160,7 +160,7 @@ def _macs(system: Measured) -> int | None:
     macs: int | None = system.entry["macs_per_sample"]
     if macs is None:
         return None
-    return round(macs * fmean(outcome.evidence for outcome in system.outcomes))
+    return round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
 
 
 def _candidates(measured: list[Measured], timings: Timings) -> list[Candidate]:

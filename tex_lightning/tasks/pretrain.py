@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from tex_lightning.config import Config
 from tex_lightning.data.folds import NEEDS, Kind, Split
-from tex_lightning.data.generator import RenderedStore, SpecimenStream
+from tex_lightning.data.generator import RenderedStore, SpecimenGenerator
 from tex_lightning.data.readers.synthetic import spec_of
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
@@ -39,8 +39,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     if (done := finished(directory)) is not None:
         return done
     kind = cast(Kind, config.model.kind)
-    least_side = check_networks(config)
-    stream = SpecimenStream(
+    min_side = check_networks(config)
+    stream = SpecimenGenerator(
         spec_of(config.data.classes, config.data.synthetic),
         NEEDS[kind][0],
         decode_settings(config.data),
@@ -49,7 +49,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     trained_on = {"stream": asdict(stream.spec), "seen": []}
     card = replace(configured_card(config, kind, stream.classes), trained_on=trained_on)
     features = HapticFeatures(**card.haptic_features) if kind == "haptic" else None
-    if too_small := find_too_small(Recordings(test.rows[:1]), store, features, least_side):
+    if too_small := find_too_small(Recordings(test.rows[:1]), store, features, min_side):
         raise UserError(too_small[0].reason)
     none = Recordings(())
     workspace = Workspace(config, kind, stream.classes, none, none, store, directory)

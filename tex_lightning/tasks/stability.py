@@ -1,4 +1,4 @@
-"""Find where systems fail: perturb their test recordings by degrees and see what is voted."""
+"""Find where systems fail: perturb their test recordings at increasing severity and vote."""
 
 import logging
 import time
