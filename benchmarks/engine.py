@@ -23,6 +23,7 @@ from tex_lightning.data.folds import Kind
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.macs import count_macs
 from tex_lightning.networks.blocks import Norm
+from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.profiling.roofline import gemm_gflops, gflops, products
 from tex_lightning.profiling.timing import interleaved
 
@@ -90,6 +91,8 @@ def make_classifier(
     """A classifier of 16 classes whose scores vary, as a trained one's do."""
     torch.manual_seed(0)
     network = {"width": width, "norm": norm, "dropout": 0.5}
+    convolutions = TRUNKS[trunk]
+    node = {"_target_": f"{convolutions.__module__}.{convolutions.__name__}"}
     card = Card(
         kind=kind,
         classes=[f"class{number}" for number in range(16)],
@@ -97,7 +100,7 @@ def make_classifier(
         decision={"pairs": 1000, "seed": 0},
         haptic_features={"normalisation": "standard"} if kind == "haptic" else {},
         haptic_network=network if kind == "haptic" else {},
-        visual_network={**network, "trunk": trunk} if kind == "visual" else {},
+        visual_network={**network, "trunk": node} if kind == "visual" else {},
     )
     classifier = SurfaceClassifier(card).eval()
     for layer in classifier.network.head.modules():

@@ -16,6 +16,8 @@ from tex_lightning.__main__ import main
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.networks.trunks import TRUNKS
+from tex_lightning.networks.visualnet import VisualNet
 
 # The same examples every time, and no deadline: machines that run tests are often busy.
 # 50 examples of each property: twice as many took a minute more, and the suite has ten
@@ -39,6 +41,24 @@ def shared() -> Path:
 def cache(tmp_path_factory) -> Path:
     """One cache for all tests, so that synthetic surfaces are rendered once."""
     return tmp_path_factory.mktemp("cache")
+
+
+def trunk_node(name: str) -> dict[str, object]:
+    """A published trunk as a card names it."""
+    cls = TRUNKS[name]
+    return {"_target_": f"{cls.__module__}.{cls.__name__}"}
+
+
+def visualnet(
+    classes: int,
+    trunk: str = "alexnet_caffe",
+    *,
+    width: float = 1.0,
+    norm: str = "batch",
+    **options: object,
+) -> VisualNet:
+    """A VisualNet on a published trunk."""
+    return VisualNet(classes, TRUNKS[trunk](width=width, norm=norm), **options)
 
 
 def ramp(frames: int, start: int) -> torch.Tensor:
@@ -134,7 +154,9 @@ def untrained(tmp_path_factory) -> Path:
             decision={"pairs": 50, "seed": 0, "rule": "vote", "reject_below": None},
             haptic_features={} if kind == "visual" else {"axes": "frame", "scale": "mel"},
             haptic_network={} if kind == "visual" else network,
-            visual_network={} if kind == "haptic" else {**network, "trunk": "alexnet_caffe"},
+            visual_network={}
+            if kind == "haptic"
+            else {**network, "trunk": trunk_node("alexnet_caffe")},
             fusion={"level": "fc2"} if kind == "fusion" else {},
         )
         model = SurfaceClassifier(card)

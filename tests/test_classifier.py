@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import torch
+from conftest import trunk_node
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier, content_seed
@@ -19,7 +20,9 @@ def card(kind: str, pairs: int = 200) -> Card:
         decision={"pairs": pairs, "seed": 0},
         haptic_features={} if kind == "visual" else {"axes": "frame", "scale": "mel"},
         haptic_network={} if kind == "visual" else NETWORK,
-        visual_network={} if kind == "haptic" else {**NETWORK, "trunk": "alexnet_caffe"},
+        visual_network={}
+        if kind == "haptic"
+        else {**NETWORK, "trunk": trunk_node("alexnet_caffe")},
         fusion={"level": "fc2"} if kind == "fusion" else {},
     )
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from conftest import trunk_node
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
@@ -41,7 +42,7 @@ def classifier(kind: str, normalisation: str = "standard", pairs: int = 200) -> 
         decision={"pairs": pairs, "seed": 0},
         haptic_features={} if kind == "visual" else haptic,
         haptic_network={} if kind == "visual" else network,
-        visual_network={} if kind == "haptic" else {**network, "trunk": "tcnn"},
+        visual_network={} if kind == "haptic" else {**network, "trunk": trunk_node("tcnn")},
         fusion={"level": "fc2"} if kind == "fusion" else {},
     )
     model = SurfaceClassifier(card).eval().requires_grad_(False)

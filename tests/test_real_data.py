@@ -30,7 +30,7 @@ def test_imagenet_weights_and_a_manifest_run_from_reading_to_results(cli, shared
         "data=manifest",
         f"data.manifest={shared}/data/surfaces10.csv",
         "data.classes=2",
-        "model.visual.fragment=112",
+        "model.visual.trunk.patch=112",
         f"weights={shared}/weights/squeezenet_v1.0_imagenet.npz",
         "debug=tiny",
         f"hydra.run.dir={tmp_path}",

@@ -11,7 +11,9 @@ from omegaconf import DictConfig
 from tex_lightning.config import CONF, register
 from tex_lightning.config.arguments import quote_files
 from tex_lightning.config.job import current_job
+from tex_lightning.config.search import use_config_dir
 from tex_lightning.config.usage import answer, asks
+from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake
 from tex_lightning.ranks import is_rank_zero, join_quietly
 
@@ -58,6 +60,10 @@ def main() -> int:
     # Hydra then raises its errors instead of printing and exiting with status 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     STARTED.clear()
+    try:
+        use_config_dir(sys.argv[1:])
+    except UserError as error:
+        return complain(error)
     if asks(sys.argv[1:]):
         return _answer(sys.argv[1:])
     if not is_rank_zero():

@@ -8,6 +8,7 @@ from typing import Any, Self, get_args
 import torch
 
 from tex_lightning.config import DecisionConfig
+from tex_lightning.config.trust import require_trust
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.decision.voting import RULES
@@ -33,9 +34,11 @@ class Card:
         decode: :class:`DecodeSettings` as a dictionary.
         haptic_features: Arguments of :class:`HapticFeatures`; empty for VisualNet.
         haptic_network: Arguments of :class:`HapticNet` but the classes.
-        visual_network: Arguments of :class:`VisualNet` but the classes.
+        visual_network: ``trunk`` as a node of the configuration, its ``width`` and ``norm``, and
+            arguments of :class:`VisualNet`.
         fusion: ``level`` of FusionNet; empty for the others.
-        baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
+        baseline: ``name`` of a baseline, its ``node`` of the configuration, the ``budget`` that it
+            was given and the ``weights`` it started from;
             empty for this package's networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule``, and ``reject_below``.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
@@ -72,6 +75,7 @@ class Card:
         Raises:
             KeyError: If a value is missing that has always been there.
             ValueError: If a value cannot be meant.
+            UserError: If it names a class of a package that is not trusted.
         """
         values = {**LATER, **stored}
         card = cls(**{entry.name: values[entry.name] for entry in fields(cls)})
@@ -79,6 +83,7 @@ class Card:
             card.haptic_features.setdefault("axes", "trace")
             card.haptic_features.setdefault("scale", "linear")
         _check(card)
+        require_trust("The checkpoint", [card.visual_network, card.baseline])
         return card
 
     def deciding(self, given: DecisionConfig) -> Self:
@@ -161,6 +166,8 @@ def _check(card: Card) -> None:
         normalisation = features.get("normalisation", "standard")
         _among("haptic_features.normalisation", normalisation, get_args(Normalisation))
         _number("haptic_features.sampling_rate", features.get("sampling_rate", 10_000), 1, 1e9)
+    if card.visual_network and not isinstance(card.visual_network.get("trunk"), dict):
+        raise CardError(f"its visual_network.trunk is {card.visual_network.get('trunk')!r}")
     for name, network in (("haptic", card.haptic_network), ("visual", card.visual_network)):
         if network:
             _number(f"{name}_network.width", network.get("width", 1), 0, MAX_WIDTH)

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.card import Card, damaged, read_checkpoint
+from tex_lightning.config.instantiation import TARGET, build
 from tex_lightning.data.folds import NEEDS, Kind
 from tex_lightning.decision.voting import RULES, Vote, random_pairs
 from tex_lightning.errors import UserError
@@ -22,8 +23,12 @@ from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import window_size
+
+TRUNK = "model.visual.trunk"
+SHARED = ("width", "norm")  # keys of VisualNet that its trunk takes as well
 
 
 class SurfaceClassifier(nn.Module):
@@ -261,16 +266,33 @@ def check_side(height: int, width: int, least: int) -> None:
         )
 
 
+def build_visualnet(card: Card) -> VisualNet:
+    """The VisualNet that a card describes; its trunk gets those of width and norm that it takes.
+
+    Raises:
+        UserError: If the trunk cannot be made or is none.
+    """
+    values = dict(card.visual_network)
+    node, shared = values.pop("trunk"), {key: values.pop(key) for key in SHARED if key in values}
+    trunk = build(TRUNK, node, **shared)
+    if not isinstance(trunk, Trunk):
+        raise UserError(
+            f"{TRUNK} names {node[TARGET]}, which is no trunk; derive it from "
+            f"{Trunk.__module__}.{Trunk.__name__}."
+        )
+    return VisualNet(len(card.classes), trunk, **values)
+
+
 def build_network(card: Card) -> HapticNet | VisualNet | FusionNet:
     """The network that a card describes, with random weights."""
     classes = len(card.classes)
     if card.kind == "haptic":
         return HapticNet(classes, **card.haptic_network)
     if card.kind == "visual":
-        return VisualNet(classes, **card.visual_network)
+        return build_visualnet(card)
     return FusionNet(
         HapticNet(classes, **card.haptic_network),
-        VisualNet(classes, **card.visual_network),
+        build_visualnet(card),
         classes=classes,
         level=cast(Level, card.fusion["level"]),
     )

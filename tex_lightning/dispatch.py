@@ -11,6 +11,7 @@ from tex_lightning.auto import resolve_auto
 from tex_lightning.config import Config, flatten
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
 from tex_lightning.config.job import Job
+from tex_lightning.config.trust import trust, trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
@@ -71,7 +72,8 @@ def run_task(composed: DictConfig, job: Job) -> None:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
-    with kept_memory(), announced_once(config):
+    with kept_memory(), announced_once(config), trusting(config.trusted):
+        trust(config)
         if is_rank_zero():
             values = {**asdict(config), "trainer": vars(config.trainer)}  # Lightning's flags too
             claim_folder(composed, flatten(values), job)

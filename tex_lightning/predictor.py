@@ -1,6 +1,7 @@
 """A trained system that classifies files and arrays, as the command line and Python use it."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.trust import trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.arrays import as_photo, as_trace
 from tex_lightning.data.decode import decode_image, read_trace, to_rate
@@ -39,13 +41,15 @@ Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"
 
 
-def load(path: str | Path, *overrides: str) -> "Predictor":
+def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Predictor":
     """Load a trained network or baseline.
 
     Args:
         path: A checkpoint or the run folder that holds it.
         *overrides: What ``task=predict`` takes on the command line, such as ``"top_k=5"``,
             ``"decision.reject_below=0.7"``, ``"engine=reference"``, ``"trainer.accelerator=cpu"``.
+        trusted: Packages, beside installed plugins, whose classes the checkpoint may name; their
+            code runs.
 
     Raises:
         UserError: If there is no such checkpoint, or an override cannot be meant.
@@ -56,7 +60,9 @@ def load(path: str | Path, *overrides: str) -> "Predictor":
         >>> model.card.classes
         ['a', 'b', 'c']
     """
-    return Predictor(load_classifier(find_checkpoint(path)), _compose(path, overrides))
+    config = _compose(path, overrides)
+    with trusting([*config.trusted, *trusted]):
+        return Predictor(load_classifier(find_checkpoint(path)), config)
 
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:

@@ -20,7 +20,7 @@ WORK = ("checkpoints", "folds", "systems", "predictions", "results.json", "trial
 FREE_KEYS = (
     "crossval.", "frontier.only", "frontier.max", "frontier.min", "logger.", "data.cache_dir",
     "data.num_workers", "trainer.accelerator", "trainer.devices", "trainer.num_nodes",
-    "trainer.strategy", "trainer.threads", "callbacks.",
+    "trainer.strategy", "trainer.threads", "callbacks.", "trusted", "data.reader.cache_dir",
 )  # fmt: skip
 
 

@@ -133,7 +133,7 @@ def test_command_line(cli, surfaces, tmp_path, model):
         pytest.skip("there is no trunk vgg_m")
     outcome = cli(
         f"model={model}", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
-        "debug=tiny", f"hydra.run.dir={tmp_path}", "model.settings.max_side=100",
+        "debug=tiny", f"hydra.run.dir={tmp_path}", "model.baseline.max_side=100",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert "random weights" in outcome.err

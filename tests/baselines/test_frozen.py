@@ -75,7 +75,7 @@ def test_budget_leaves_one_strength():
     ],
 )
 def test_wrong_settings(changes, named):
-    with pytest.raises(UserError, match=rf"model\.settings\.{named}"):
+    with pytest.raises(UserError, match=rf"model\.baseline\.{named}"):
         baseline(**changes)
 
 

@@ -63,6 +63,6 @@ def test_networks_only_tasks_say_what_they_were_given(checkpoint, cli):
 
 
 def test_wrong_setting_is_named(cli):
-    outcome = cli("model=minirocket", "+model.settings.kernel=5")
+    outcome = cli("model=minirocket", "+model.baseline.kernel=5")
     assert outcome.status == 2
     assert "kernel" in outcome.err

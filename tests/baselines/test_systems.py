@@ -77,7 +77,7 @@ def test_two_classes(fitted, configured):
 
 @pytest.mark.parametrize("name", [name for name in QUICK if name != "minirocket"])
 def test_command_line(name, surfaces, cli, tmp_path):
-    changes = [f"model.settings.{key}={value}" for key, value in QUICK[name].items()]
+    changes = [f"model.baseline.{key}={value}" for key, value in QUICK[name].items()]
     outcome = cli(
         f"model={name}", "data=folder", f"data.root={surfaces}", f"hydra.run.dir={tmp_path}/run",
         *changes,

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from conftest import trunk_node
 from torch import nn
 
 from tex_lightning.card import Card
@@ -46,7 +47,9 @@ def classifier(kind: str, norm: str = "batch", level: str = "fc2") -> SurfaceCla
         decision={"pairs": 200, "seed": 0},
         haptic_features={} if kind == "visual" else {"normalisation": "standard"},
         haptic_network={} if kind == "visual" else network,
-        visual_network={} if kind == "haptic" else {**network, "trunk": "alexnet_caffe"},
+        visual_network={}
+        if kind == "haptic"
+        else {**network, "trunk": trunk_node("alexnet_caffe")},
         fusion={"level": level} if kind == "fusion" else {},
     )
     model = SurfaceClassifier(card)

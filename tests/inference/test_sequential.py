@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from conftest import trunk_node
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
@@ -42,7 +43,9 @@ def classifier(kind: str, level: str = "fc2", **calibration: float) -> SurfaceCl
         decision={"pairs": 200, "seed": 0},
         haptic_features={} if kind == "visual" else {"axes": "frame", "normalisation": "standard"},
         haptic_network={} if kind == "visual" else network,
-        visual_network={} if kind == "haptic" else {**network, "trunk": "alexnet_caffe"},
+        visual_network={}
+        if kind == "haptic"
+        else {**network, "trunk": trunk_node("alexnet_caffe")},
         fusion={"level": level} if kind == "fusion" else {},
         calibration=calibration,
     )
@@ -248,7 +251,7 @@ def test_a_mean_of_probabilities_is_refused():
 
 def test_a_baseline_is_refused():
     model = classifier("haptic")
-    model.card = replace(model.card, baseline={"name": "rocket", "settings": {}})
+    model.card = replace(model.card, baseline={"name": "rocket"})
     with pytest.raises(UserError, match="rocket looks at the whole recording"):
         decide(model, CONFIG)
     assert decide(model, replace(CONFIG, name="max_vote")) is model

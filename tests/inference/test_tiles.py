@@ -2,13 +2,14 @@
 
 import pytest
 import torch
+from conftest import visualnet
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from torch import nn
 
 from tex_lightning.inference.tiles import in_tiles, layer_windows, split_axis
-from tex_lightning.networks import HapticNet, VisualNet
+from tex_lightning.networks import HapticNet
 from tex_lightning.networks.trunks import TRUNKS
 
 NARROW = 0.03
@@ -20,7 +21,7 @@ def network(name: str) -> nn.Module:
     net = (
         HapticNet(3, width=NARROW, norm="lrn")
         if name == "haptic"
-        else VisualNet(3, trunk=name, width=NARROW, norm=norm)
+        else visualnet(3, trunk=name, width=NARROW, norm=norm)
     )
     for layer in net.modules():
         if isinstance(layer, nn.Conv2d):  # zero biases would hide what padding does

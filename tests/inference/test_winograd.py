@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from conftest import trunk_node
 from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
@@ -34,7 +35,9 @@ def classifier(kind: str = "haptic", norm: str = "batch") -> SurfaceClassifier:
         decision={"pairs": 10, "seed": 0},
         haptic_features={"axes": "frame"} if kind == "haptic" else {},
         haptic_network=network if kind == "haptic" else {},
-        visual_network={**network, "trunk": "alexnet_caffe"} if kind == "visual" else {},
+        visual_network={**network, "trunk": trunk_node("alexnet_caffe")}
+        if kind == "visual"
+        else {},
     )
     model = SurfaceClassifier(card)
     for layer in model.modules():

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import torch
+from conftest import trunk_node
 from sklearn.linear_model import LogisticRegression
 
 from tex_lightning.card import Card
@@ -41,7 +42,12 @@ def module_of(classes, probe=PROBE):
         classes=[str(number) for number in range(classes)],
         decode=DecodeSettings().to_dict(),
         decision={"pairs": 10, "seed": 0},
-        visual_network={"trunk": "squeezenet", "width": 0.1, "norm": "none", "head": []},
+        visual_network={
+            "trunk": trunk_node("squeezenet"),
+            "width": 0.1,
+            "norm": "none",
+            "head": [],
+        },
     )
     torch.manual_seed(0)
     fit = {"head_factor": 1.0, "probe": probe}

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from conftest import trunk_node
 from torch import nn
 
 from tex_lightning.card import Card
@@ -39,7 +40,7 @@ def module(kind: str, **changes):
         decode=DecodeSettings().to_dict(),
         decision={"pairs": 10, "seed": 0},
         haptic_network=NETWORK,
-        visual_network={**NETWORK, "trunk": "alexnet_caffe"},
+        visual_network={**NETWORK, "trunk": trunk_node("alexnet_caffe")},
         fusion={"level": "fc2"},
     )
     torch.manual_seed(0)

@@ -6,13 +6,13 @@ from itertools import count
 
 import pytest
 import torch
+from conftest import trunk_node, visualnet
 from torch import nn
 
 from tex_lightning.card import Card
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.learning.probe import _fold_standardisation, probe_head
 from tex_lightning.learning.visual import VisualModule
-from tex_lightning.networks import VisualNet
 
 COLOURS = torch.tensor([[200, 40, 40], [40, 200, 40], [40, 40, 200]], dtype=torch.uint8)
 
@@ -31,7 +31,7 @@ def visual_module(norm: str = "none") -> VisualModule:
         classes=["a", "b", "c"],
         decode=DecodeSettings().to_dict(),
         decision={"pairs": 10, "seed": 0},
-        visual_network={"trunk": "tcnn", "width": 0.1, "norm": norm, "dropout": 0.2},
+        visual_network={"trunk": trunk_node("tcnn"), "width": 0.1, "norm": norm, "dropout": 0.2},
     )
     probe = {"steps": 60, "passes": 1, "batch_size": 8, "learning_rate": 1e-2}
     fit = {"patch": 224, "label_smoothing": 0.0, "head_factor": 1.0, "probe": probe}
@@ -58,7 +58,7 @@ def test_the_head_learns_and_the_trunk_stays(norm):
 def test_folding_equals_standardised_features(norm):
     """On training statistics; under batch normalisation the shift is subtracted there."""
     torch.manual_seed(0)
-    network = VisualNet(3, trunk="tcnn", width=0.1, norm=norm, dropout=0.0).train()
+    network = visualnet(3, trunk="tcnn", width=0.1, norm=norm, dropout=0.0).train()
     features = 5 * torch.rand(16, network.trunk.out_channels, 6, 6) ** 3
     mean, std = (
         statistic(features, dim=(0, 2, 3), keepdim=True) for statistic in (torch.mean, torch.std)

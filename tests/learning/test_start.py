@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from conftest import trunk_node
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
@@ -18,7 +19,7 @@ NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
 
 def classifier(kind: str, classes: int, **changes) -> SurfaceClassifier:
     haptic = kind == "haptic"
-    network = {**NETWORK, **({} if haptic else {"trunk": "tcnn"}), **changes}
+    network = {**NETWORK, **({} if haptic else {"trunk": trunk_node("tcnn")}), **changes}
     return SurfaceClassifier(
         Card(
             kind=kind,
@@ -59,7 +60,7 @@ def test_the_trunk_is_taken_and_the_head_is_not(kind, tmp_path):
     [
         ("haptic", {"width": 0.2}, "set model.haptic.width=0.2 as it was trained"),
         ("visual", {"norm": "lrn", "width": 0.2}, "set model.visual.width=0.2 model.visual.norm=l"),
-        ("visual", {"trunk": "alexnet_caffe"}, "set model.visual.trunk=alexnet_caffe"),
+        ("visual", {"trunk": trunk_node("alexnet_caffe")}, "set model.visual.trunk=.*CaffeAlexNet"),
     ],
 )
 def test_another_trunk_is_refused_with_what_to_set(kind, changes, message, tmp_path):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import scipy.io
 import torch
+from conftest import visualnet as make
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from scipy.signal import correlate
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks import VisualNet
 from tex_lightning.networks.caffemodel import read_caffemodel
 from tex_lightning.networks.weights import load_trunk_weights
 
@@ -139,7 +139,7 @@ def write_mat(path, arrays, *, nested=True, mean=True):
 
 
 def visualnet(trunk, norm="lrn"):
-    return VisualNet(3, trunk=trunk, norm=norm).eval()
+    return make(3, trunk=trunk, norm=norm).eval()
 
 
 def photo():
@@ -179,7 +179,7 @@ def test_caffemodel_gives_caffes_conv1_and_the_other_layers_as_they_are(tmp_path
     path = write_caffemodel(tmp_path / "a.caffemodel", arrays)
     net = visualnet(trunk)
     convolutions = 3 if trunk == "tcnn" else 5
-    message = load_trunk_weights(net, path)
+    message = load_trunk_weights(net.trunk, path)
     assert message == f"{trunk} trunk from {path} (caffe layout, {2 * convolutions} tensors)"
     bgr = photo()[::-1] - np.array([104.0, 117.0, 123.0])[:, None, None]
     assert_conv1(net, trunk, bgr, *arrays["conv1"])
@@ -190,7 +190,7 @@ def test_caffemodel_gives_caffes_conv1_and_the_other_layers_as_they_are(tmp_path
 def test_grouped_convolutions_see_their_half_of_the_channels(tmp_path):
     arrays = fabricate(ALEXNET)
     net = visualnet("alexnet_caffe")
-    load_trunk_weights(net, write_caffemodel(tmp_path / "a.caffemodel", arrays))
+    load_trunk_weights(net.trunk, write_caffemodel(tmp_path / "a.caffemodel", arrays))
     x = np.random.default_rng(2).standard_normal((384, 6, 6))
     weight, bias = arrays["conv4"]
     with torch.no_grad():
@@ -206,7 +206,7 @@ def test_grouped_convolutions_see_their_half_of_the_channels(tmp_path):
 def test_mat_gives_matconvnets_conv1_less_the_mean_colour_of_the_file(tmp_path, trunk, nested):
     arrays = fabricate(SHAPES[trunk])
     net = visualnet(trunk)
-    load_trunk_weights(net, write_mat(tmp_path / "a.mat", arrays, nested=nested))
+    load_trunk_weights(net.trunk, write_mat(tmp_path / "a.mat", arrays, nested=nested))
     assert_conv1(net, trunk, photo() - COLOUR[:, None, None], *arrays["conv1"])
     weight = net.trunk.layers.conv3[0].weight.detach().numpy()
     np.testing.assert_array_equal(weight, arrays["conv3"][0])
@@ -215,7 +215,7 @@ def test_mat_gives_matconvnets_conv1_less_the_mean_colour_of_the_file(tmp_path, 
 def test_mat_without_a_mean_image_takes_caffes(tmp_path):
     arrays = fabricate(VGG_M)
     net = visualnet("vgg_m")
-    load_trunk_weights(net, write_mat(tmp_path / "a.mat", arrays, mean=False))
+    load_trunk_weights(net.trunk, write_mat(tmp_path / "a.mat", arrays, mean=False))
     rgb = photo() - np.array([123.0, 117.0, 104.0])[:, None, None]
     assert_conv1(net, "vgg_m", rgb, *arrays["conv1"])
 
@@ -233,7 +233,7 @@ def test_vgg_m_normalises_as_its_files_say():
 
 def refused(net, path, *parts):
     with pytest.raises(UserError) as caught:
-        load_trunk_weights(net, path)
+        load_trunk_weights(net.trunk, path)
     assert str(caught.value).startswith("weights")
     assert all(part in str(caught.value) for part in parts), caught.value
 

@@ -2,8 +2,9 @@
 
 import pytest
 import torch
+from conftest import visualnet
 
-from tex_lightning.networks import FusionNet, HapticNet, VisualNet
+from tex_lightning.networks import FusionNet, HapticNet
 
 CLASSES = 5
 
@@ -11,7 +12,7 @@ CLASSES = 5
 def unimodal(norm="none"):
     torch.manual_seed(0)
     haptic = HapticNet(4, width=0.05, norm=norm)
-    visual = VisualNet(3, trunk="tcnn", width=0.05, norm=norm)
+    visual = visualnet(3, trunk="tcnn", width=0.05, norm=norm)
     return haptic, visual
 
 
@@ -61,7 +62,7 @@ def test_parts_sum_to_the_scores():
 def test_a_start_from_scores_adds_the_scores_of_both_networks(level):
     torch.manual_seed(0)
     haptic = HapticNet(CLASSES, width=0.05).eval()
-    visual = VisualNet(CLASSES, trunk="tcnn", width=0.05).eval()
+    visual = visualnet(CLASSES, trunk="tcnn", width=0.05).eval()
     for score_layer in (haptic.head.score_layer, visual.head.score_layer):
         torch.nn.init.normal_(score_layer.weight)
         torch.nn.init.normal_(score_layer.bias)
@@ -88,7 +89,7 @@ def test_several_pairs_need_pairs(sides):
 
 
 def test_paper_parameter_counts():
-    haptic, visual = HapticNet(69, norm="lrn"), VisualNet(69, norm="lrn")
+    haptic, visual = HapticNet(69, norm="lrn"), visualnet(69, norm="lrn")
     unused = 2 * (250 * 69 + 69)
     count = {
         level: sum(
@@ -117,7 +118,7 @@ def test_state_loads_into_a_fresh_network(level):
     trained = fusion(level, norm="batch").eval()
     torch.manual_seed(9)
     haptic = HapticNet(4, width=0.05)
-    visual = VisualNet(3, trunk="tcnn", width=0.05)
+    visual = visualnet(3, trunk="tcnn", width=0.05)
     fresh = FusionNet(haptic, visual, classes=CLASSES, level=level).eval()
     fresh.load_state_dict(trained.state_dict())
     sample = inputs(192, 224, 224)

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from conftest import visualnet as make
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -63,7 +63,7 @@ def save_npz(path, state):
 
 
 def visualnet(trunk="squeezenet", norm="none", **options):
-    return VisualNet(3, trunk=trunk, norm=norm, **options).eval()
+    return make(3, trunk=trunk, norm=norm, **options).eval()
 
 
 def photo(side=64):
@@ -103,7 +103,7 @@ def assert_conv1_equals_caffe(net, weight, bias, stride):
 @needs_squeezenet
 def test_npz_conv1_equals_caffe():
     net = visualnet()
-    message = load_trunk_weights(net, SQUEEZENET)
+    message = load_trunk_weights(net.trunk, SQUEEZENET)
     assert message == f"squeezenet trunk from {SQUEEZENET} (caffe layout, 52 tensors)"
     with np.load(SQUEEZENET) as raw:
         assert_conv1_equals_caffe(net, raw["conv1.weight"], raw["conv1.bias"], stride=2)
@@ -119,7 +119,7 @@ def test_npz_conv1_equals_caffe():
 def test_npz_features_tell_textures_apart():
     """Two crops of a texture are closer to each other than to another texture."""
     net = visualnet()
-    load_trunk_weights(net, str(SQUEEZENET))
+    load_trunk_weights(net.trunk, str(SQUEEZENET))
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 256, (300, 300, 3), dtype=np.uint8)
     stripes = np.broadcast_to((np.arange(300) % 12 < 6)[None, :, None] * 255, (300, 300, 3))
@@ -135,7 +135,7 @@ def test_caffe_alexnet(tmp_path, trunk):
     state = fabricate(ALEXNET_CAFFE)
     net = visualnet(trunk, norm="lrn")
     head = [p.clone() for p in net.head.parameters()]
-    message = load_trunk_weights(net, save_npz(tmp_path / "alexnet.npz", state))
+    message = load_trunk_weights(net.trunk, save_npz(tmp_path / "alexnet.npz", state))
     assert f"{trunk} trunk" in message
     weight, bias = state["conv1.weight"].numpy(), state["conv1.bias"].numpy()
     assert_conv1_equals_caffe(net, weight, bias, stride=4)
@@ -163,7 +163,7 @@ def test_torchvision_layout_is_copied(tmp_path, trunk, shapes, pairs):
     path = tmp_path / "weights.pth"
     torch.save(state, path)
     net = visualnet(trunk)
-    message = load_trunk_weights(net, path)
+    message = load_trunk_weights(net.trunk, path)
     convolutions = sum(isinstance(each, torch.nn.Conv2d) for each in net.trunk.modules())
     assert message == f"{trunk} trunk from {path} (torchvision layout, {2 * convolutions} tensors)"
     loaded = net.trunk.state_dict()
@@ -177,7 +177,7 @@ def test_features_are_the_published_ones_divided_by_one_number(tmp_path):
     state = fabricate(ALEXNET_TORCHVISION)
     torch.save(state, tmp_path / "weights.pth")
     net, published = visualnet(trunk), visualnet(trunk)
-    load_trunk_weights(net, tmp_path / "weights.pth")
+    load_trunk_weights(net.trunk, tmp_path / "weights.pth")
     names = published.trunk.layouts["torchvision"].items()
     kinds = ("weight", "bias")
     published.trunk.load_state_dict(
@@ -211,9 +211,9 @@ def test_official_weights_are_fetched_once(hub, monkeypatch, by_address):
     url = official.as_uri()
     monkeypatch.setattr(type(net.trunk), "imagenet_url", url)
     source = url if by_address else "imagenet"
-    assert str(folder / official.name) in load_trunk_weights(net, source)
+    assert str(folder / official.name) in load_trunk_weights(net.trunk, source)
     official.unlink()
-    load_trunk_weights(net, source)
+    load_trunk_weights(net.trunk, source)
 
 
 def test_fetched_file_must_have_the_digest_of_its_name(hub, monkeypatch):
@@ -222,7 +222,7 @@ def test_fetched_file_must_have_the_digest_of_its_name(hub, monkeypatch):
     altered = official.rename(official.with_name("alexnet-01234567.pth"))
     monkeypatch.setattr(type(net.trunk), "imagenet_url", altered.as_uri())
     with pytest.raises(UserError, match=r"could not fetch .*invalid hash value"):
-        load_trunk_weights(net, "imagenet")
+        load_trunk_weights(net.trunk, "imagenet")
     assert not list(folder.iterdir())
 
 
@@ -242,7 +242,7 @@ def test_no_network(hub, monkeypatch):
     monkeypatch.setattr(torch.hub, "download_url_to_file", refuse)
     place = hub[0] / "squeezenet1_0-b66bff10.pth"
     with pytest.raises(UserError) as caught:
-        load_trunk_weights(visualnet(), "imagenet")
+        load_trunk_weights(visualnet().trunk, "imagenet")
     text = str(caught.value)
     assert "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth" in text
     assert "no route to host" in text
@@ -252,7 +252,7 @@ def test_no_network(hub, monkeypatch):
 def refused(net, source, *parts):
     before = {name: value.clone() for name, value in net.state_dict().items()}
     with pytest.raises(UserError) as caught:
-        load_trunk_weights(net, source)
+        load_trunk_weights(net.trunk, source)
     text = str(caught.value)
     assert text.startswith("weights")
     assert all(part in text for part in parts), text

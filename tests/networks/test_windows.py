@@ -2,11 +2,11 @@
 
 import pytest
 import torch
+from conftest import visualnet
 from torch import nn
 
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.trunks import TRUNKS
-from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.windows import (
     WindowNet,
     batches,
@@ -53,12 +53,12 @@ def test_the_twin_of_hapticnet_equals_the_network_on_each_window(norm):
 
 @pytest.mark.parametrize(("trunk", "norm"), VISUAL)
 def test_the_twin_of_visualnet_equals_the_network_on_each_window(trunk, norm):
-    network = lively(VisualNet(5, trunk=trunk, width=0.125, norm=norm))
+    network = lively(visualnet(5, trunk=trunk, width=0.125, norm=norm))
     check_twin(network, noise(1, 3, 224, 224 + network.stride))
 
 
 def test_the_literal_reading_of_fc1_has_smaller_windows():
-    network = lively(VisualNet(5, width=0.125, norm="none", fc1_kernel=1))
+    network = lively(visualnet(5, width=0.125, norm="none", fc1_kernel=1))
     assert network.output_size(*window_size(network)) == (1, 1)
     side = network.min_side + 2 * network.stride
     check_twin(network, noise(1, 3, side, side))
@@ -68,7 +68,7 @@ def test_windows_stand_where_the_predictions_do():
     haptic = HapticNet(3, width=0.1)
     grid = cut_windows(haptic, noise(1, 1, 50, 1996))
     assert grid.shape == (1, 113, 1, 50, 192)  # and the 114th prediction has no full window
-    visual = VisualNet(3, width=0.1)
+    visual = visualnet(3, width=0.1)
     x = torch.arange(3 * 300 * 400.0).reshape(1, 3, 300, 400)
     grid = cut_windows(visual, x)
     assert grid.shape[:2] == (3, 6)
@@ -78,7 +78,7 @@ def test_windows_stand_where_the_predictions_do():
 
 
 def test_batches_hold_every_window_once_in_order():
-    network = VisualNet(3, width=0.1)
+    network = visualnet(3, width=0.1)
     grid = cut_windows(network, noise(1, 3, 256, 288))
     every = list(batches(grid, 4))
     assert [len(batch) for batch in every] == [4, 2]

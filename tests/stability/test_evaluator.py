@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from conftest import trunk_node
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
@@ -23,7 +24,7 @@ def fusion(request) -> SurfaceClassifier:
         decision={"pairs": 200, "seed": 3},
         haptic_features={"axes": "frame", "scale": "mel"},
         haptic_network=NETWORK,
-        visual_network={**NETWORK, "trunk": "tcnn"},
+        visual_network={**NETWORK, "trunk": trunk_node("tcnn")},
         fusion={"level": request.param},
     )
     classifier = SurfaceClassifier(card).eval()

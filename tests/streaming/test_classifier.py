@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from conftest import trunk_node
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -210,7 +211,7 @@ def test_other_networks_are_refused():
     card = replace(
         CARD,
         kind="visual",
-        visual_network={"trunk": "tcnn", "width": 0.1, "norm": "none"},
+        visual_network={"trunk": trunk_node("tcnn"), "width": 0.1, "norm": "none"},
     )
     with pytest.raises(UserError, match="visual network"):
         StreamingClassifier(SurfaceClassifier(card))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from conftest import trunk_node
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
@@ -98,7 +99,7 @@ def card(level: str) -> Card:
         decision={"pairs": 10, "seed": 0},
         haptic_features={"sampling_rate": 10_000.0},
         haptic_network={"width": 0.1},
-        visual_network={"width": 0.1, "trunk": "tcnn"},
+        visual_network={"width": 0.1, "trunk": trunk_node("tcnn")},
         fusion={"level": level},
     )
 

@@ -53,10 +53,10 @@ class RawNetwork(Baseline):
 
     def __post_init__(self) -> None:
         if not 0 < self.sparsity < 1 or not 0 <= self.dropout < 1:
-            raise UserError("model.settings: sparsity must be within (0, 1), dropout [0, 1).")
+            raise UserError("model.baseline: sparsity must be within (0, 1), dropout [0, 1).")
         if min(self.patches, self.steps) < 1 or self.batch_size < 2 or self.learning_rate <= 0:
             raise UserError(
-                "model.settings: patches, steps and learning_rate must be positive, batch_size at "
+                "model.baseline: patches, steps and learning_rate must be positive, batch_size at "
                 "least 2."
             )
         self.scale = 1.0
@@ -75,7 +75,7 @@ class RawNetwork(Baseline):
         samples = int(self.fragment_seconds * self.sampling_rate)
         if samples < fragment_length(1):
             raise UserError(
-                f"model.settings.fragment_seconds={self.fragment_seconds:g} is less than "
+                f"model.baseline.fragment_seconds={self.fragment_seconds:g} is less than "
                 f"{fragment_length(1) / self.sampling_rate:g} s, the network's shortest; raise it."
             )
         spare = samples - fragment_length(1)

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.baselines.registry import make_baseline
+from tex_lightning.baselines.making import make_baseline
 from tex_lightning.card import Card, damaged, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier, check_finite, check_side
 from tex_lightning.data.datamodule import load_trace
@@ -37,7 +37,8 @@ class BaselineClassifier(SurfaceClassifier):
         haptic = card.kind == "haptic"
         self.haptic_features = HapticFeatures(**card.haptic_features) if haptic else None
         self.image_features = None
-        self.baseline: Baseline = make_baseline(card.baseline["name"], card.baseline["settings"])
+        name, node, budget = (card.baseline[key] for key in ("name", "node", "budget"))
+        self.baseline: Baseline = make_baseline(name, node, budget)
         self.baseline.sampling_rate = card.settings.sampling_rate
 
     @property

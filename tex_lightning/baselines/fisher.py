@@ -56,11 +56,11 @@ class FisherVectors(TrunkBaseline):
         super().__post_init__()
         if not self.scales or min(self.components, self.photos, self.descriptors) < 1:
             raise UserError(
-                "model.settings: scales must not be empty, and components, photos and descriptors "
+                "model.baseline: scales must not be empty, and components, photos and descriptors "
                 "are at least 1."
             )
         if not self.cost > 0:
-            raise UserError(f"model.settings.cost is {self.cost}: choose a positive number.")
+            raise UserError(f"model.baseline.cost is {self.cost}: choose a positive number.")
         self.map_side = max(self.min_side, self.MIN_SIDE)
         self.min_side = math.ceil(self.map_side / 2 ** max(self.scales))
         self.fitted: State = {}

@@ -54,10 +54,10 @@ class FrozenLinear(TrunkBaseline):
             given = getattr(self, key)
             if not given or not set(given) <= set(allowed):
                 raise UserError(
-                    f"model.settings.{key} is {given}: choose from {', '.join(allowed)}."
+                    f"model.baseline.{key} is {given}: choose from {', '.join(allowed)}."
                 )
         if not self.strengths or min(self.strengths) <= 0:
-            raise UserError(f"model.settings.strengths is {self.strengths}: give positive numbers.")
+            raise UserError(f"model.baseline.strengths is {self.strengths}: give positive numbers.")
 
     def with_budget(self, budget: float) -> Self:
         """Fewer strengths to choose from."""

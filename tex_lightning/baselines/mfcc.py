@@ -48,14 +48,14 @@ class Cepstra:
             UserError: Naming the settings and what they may be.
         """
         if self.spacing not in SPACINGS:
-            raise UserError(f"model.settings.spacing={self.spacing}: use {' or '.join(SPACINGS)}.")
+            raise UserError(f"model.baseline.spacing={self.spacing}: use {' or '.join(SPACINGS)}.")
         if min(self.window_seconds, self.hop_seconds, self.highest_hz) <= 0:
             raise UserError(
-                "model.settings: window_seconds, hop_seconds, highest_hz must exceed 0."
+                "model.baseline: window_seconds, hop_seconds, highest_hz must exceed 0."
             )
         if not 1 <= self.first <= self.last <= self.filters:
             raise UserError(
-                f"model.settings: coefficients {self.first} to {self.last} are not among 1 to "
+                f"model.baseline: coefficients {self.first} to {self.last} are not among 1 to "
                 f"{self.filters}; make 1 <= first <= last <= filters."
             )
 
@@ -69,7 +69,7 @@ class Cepstra:
         """
         if self.highest_hz > sampling_rate / 2:
             raise UserError(
-                f"model.settings.highest_hz={self.highest_hz:g} exceeds half the sampling rate, "
+                f"model.baseline.highest_hz={self.highest_hz:g} exceeds half the sampling rate, "
                 f"{sampling_rate / 2:g} Hz; lower it."
             )
         length = max(1, round(self.window_seconds * sampling_rate))

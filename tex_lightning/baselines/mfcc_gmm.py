@@ -40,7 +40,7 @@ class MfccMixtures(Baseline, Cepstra):
         self.check()
         if self.components < 1 or self.min_variance <= 0:
             raise UserError(
-                "model.settings: components must be at least 1 and min_variance exceed 0."
+                "model.baseline: components must be at least 1 and min_variance exceed 0."
             )
         self.mixtures: list[Any] = []
 

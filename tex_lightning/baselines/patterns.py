@@ -45,7 +45,7 @@ class LocalBinaryPatterns(EstimatorBaseline):
         super().__post_init__()
         if not self.radii or min(self.radii) < 1 or not self.strength > 0:
             raise UserError(
-                "model.settings: radii are at least 1 pixel, and strength is a positive number."
+                "model.baseline: radii are at least 1 pixel, and strength is a positive number."
             )
         self.min_side = 2 * max(self.radii) + 1
 

@@ -13,8 +13,7 @@ from torch import Tensor, nn
 from tex_lightning.baselines.base import Array, Baseline, State
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
-from tex_lightning.networks.trunks import TRUNKS, Trunk
-from tex_lightning.networks.visualnet import VisualNet
+from tex_lightning.networks.trunks import TRUNKS, Trunk, published
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
 
 PREFIX = "trunk."
@@ -44,7 +43,7 @@ class TrunkBaseline(Baseline):
     def __post_init__(self) -> None:
         if self.trunk not in TRUNKS:
             raise UserError(
-                f"model.settings.trunk={self.trunk} is unknown; choose one of {', '.join(TRUNKS)}."
+                f"model.baseline.trunk={self.trunk} is unknown; choose one of {', '.join(TRUNKS)}."
             )
         self.frozen: Trunk | None = None
         self.pixels = ImageFeatures()
@@ -58,9 +57,9 @@ class TrunkBaseline(Baseline):
 
     def load_weights(self, source: str) -> str:
         """Fill the trunk; see :func:`~tex_lightning.networks.weights.load_trunk_weights`."""
-        visual = _published(self.trunk)
-        message = load_trunk_weights(visual, source)
-        self._freeze(visual.trunk)
+        trunk = published(self.trunk)
+        message = load_trunk_weights(trunk, source)
+        self._freeze(trunk)
         return message
 
     def require_weights(self, seed: int) -> None:
@@ -69,7 +68,7 @@ class TrunkBaseline(Baseline):
             return
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self._freeze(_published(self.trunk).trunk)
+            self._freeze(published(self.trunk))
         warn_of_random_weights(self.network)
 
     def _freeze(self, trunk: Trunk) -> None:
@@ -102,7 +101,7 @@ class TrunkBaseline(Baseline):
 
     def load_state(self, state: State) -> None:
         """Read the trunk back."""
-        trunk = _published(self.trunk).trunk
+        trunk = published(self.trunk)
         trunk.load_state_dict(
             {
                 name.removeprefix(PREFIX): value
@@ -120,13 +119,8 @@ class TrunkBaseline(Baseline):
 def layer_names(trunk: str) -> list[str]:
     """Names of a trunk's layers up to the pooling that ends it."""
     with torch.device("meta"):  # its shape without its weights
-        layers = _published(trunk).trunk.layers
+        layers = published(trunk).layers
     return [name for name, _ in layers.named_children()][:-1]
-
-
-def _published(name: str) -> VisualNet:
-    """The network with a trunk that pretrained weights fit."""
-    return VisualNet(2, trunk=name, norm="lrn" if "lrn" in TRUNKS[name].norms else "none")
 
 
 def _least_side(trunk: type[Trunk]) -> int:

@@ -24,6 +24,7 @@ from tex_lightning.config.model import (
     VisualConfig,
     VisualFitConfig,
 )
+from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     READS,
     SILENT,
@@ -75,6 +76,10 @@ class Config:
         "HapticNet; for several {TRUNK: FILE, haptic: FILE, ...}; null is random",
         default=None,
     )
+    trusted: list[str] = key(
+        "packages, beside installed plugins, whose classes a checkpoint may name: their code runs",
+        factory=list,
+    )
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)
@@ -116,9 +121,11 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
+    register_folders()
     node = OmegaConf.structured(Config)
     recipes = [node.model[name].fit for name in ("haptic", "visual", "fusion")]
     nodes = [each[part] for each in recipes for part in ("optimizer", "schedule")]
-    for opened in (node.trainer, node.callbacks, node.logger, *nodes):
+    nodes += [node.data.reader, node.model.visual.trunk, node.callbacks, node.logger]
+    for opened in (node.trainer, *nodes):
         OmegaConf.set_struct(opened, False)  # whoever they are passed to knows their keys
     ConfigStore.instance().store(name="tex_lightning_schema", node=node)

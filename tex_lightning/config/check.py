@@ -6,10 +6,11 @@ all complaints are made at once.
 
 from collections.abc import Iterator
 from operator import attrgetter
+from typing import Any, cast
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 
-from tex_lightning.config import Config
+from tex_lightning.config import Config, flatten
 from tex_lightning.config.check_data import check_data
 from tex_lightning.config.check_model import check_model
 from tex_lightning.config.check_ranges import beyond
@@ -20,13 +21,22 @@ from tex_lightning.errors import UserError, shorten
 
 __all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares"]
 
+# Null in the schema, so that their type is not known there.
+OPTIONAL = ("model.baseline", "model.visual.fit.augmentation")
+
 
 def check_missing(composed: DictConfig) -> None:
     """Refuse a configuration with open ``???`` values, naming all of them."""
-    missing = sorted(OmegaConf.missing_keys(composed))
+    missing = missing_keys(composed)
     if missing:
         example = " ".join(f"{key}=VALUE" for key in missing)
         raise UserError(f"No value for {', '.join(missing)}; add {example} to the command.")
+
+
+def missing_keys(composed: DictConfig) -> list[str]:
+    """Dotted names of open ``???`` values; what refers to them is not open itself."""
+    values = cast(dict[str, Any], OmegaConf.to_container(composed, resolve=False))
+    return sorted(key for key, value in flatten(values).items() if value == MISSING)
 
 
 def check_known(composed: DictConfig) -> None:
@@ -45,7 +55,7 @@ def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]
             continue  # see check_flags
         if key not in known.keys():  # noqa: SIM118  (`in known` is false for open values)
             yield f"{prefix}{key}"
-        elif OmegaConf.get_type(known, key) is dict:
+        elif OmegaConf.get_type(known, key) is dict or f"{prefix}{key}" in OPTIONAL:
             continue  # of classes that check them themselves
         elif OmegaConf.is_dict(known._get_node(key)) and not OmegaConf.is_missing(given, key):
             yield from _unknown(given[key], known[key], f"{prefix}{key}.")

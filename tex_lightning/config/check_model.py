@@ -10,8 +10,6 @@ from tex_lightning.perturbations.augment import trainable
 
 def check_model(model: ModelConfig) -> Iterator[str]:
     """What cannot be meant of ``model``."""
-    if model.baseline is None and model.settings:
-        yield "model.settings belong to a baseline, and this model has none: leave them out"
     head = list(model.visual.head)
     if len(head) not in (0, 2):
         given = shorten(head)

@@ -6,7 +6,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import choice, within
 from tex_lightning.config.data import RENDERED_RATE
 from tex_lightning.config.tasks import SECONDS
-from tex_lightning.perturbations.table import perturbations
+from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
 PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
@@ -156,8 +156,11 @@ def _stability(config: Config) -> Iterator[str]:
         yield "stability.systems names nothing: give run folders or checkpoints, e.g. [RUN]"
     if stability.systems and not testing:
         yield f"stability.systems is read by task=stability alone, not by task={config.task}"
+    if stability.severities and not testing:
+        yield f"stability.severities is read by task=stability alone, not by task={config.task}"
+    own = [name for path in stability.severities for name in read_severities(path)]
     for name in stability.only or []:
-        yield from choice("stability.only", name, tuple(perturbations()))
+        yield from choice("stability.only", name, (*perturbations(), *own))
     if stability.only is not None and not stability.only:
         yield "stability.only names nothing: leave it null for all perturbations"
     for fold in stability.folds or []:

@@ -1,6 +1,7 @@
 """Where recordings come from."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from tex_lightning.config.keys import SEED, key
 
@@ -28,13 +29,9 @@ class DataConfig:
     manifest: str | None = key(
         "CSV with the columns label,modality,path,group; of data=tum the photos' classes"
     )
-    split: str | None = key(
-        "half that data=lmt108 reads", choices=("training", "testing"), default=None
+    reader: dict[str, Any] = key(
+        "class that reads the data set and its own keys, set by data=NAME", factory=dict
     )
-    group_by: str | None = key(
-        "what makes a fold of data=kylberg: a patch of all surfaces, or one of four surfaces",
-        choices=("patch", "surface"), default=None,
-    )  # fmt: skip
     classes: int | None = key(
         "only the first so many classes in the order of their names; null takes all",
         least=2, default=None,

@@ -1,15 +1,20 @@
 """From a ``_target_`` of the configuration to the object that it names: the only place for it."""
 
+import difflib
 import inspect
 from collections.abc import Mapping
 from typing import Any
 
 from hydra.errors import InstantiationException
 from hydra.utils import get_class, instantiate
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed, shorten
 
 TARGET = "_target_"
+OWN = "tex_lightning."
+INSTALL = "pip install 'tex_lightning[baselines]'"
 
 
 def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: ANN401
@@ -24,10 +29,7 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     Raises:
         UserError: If the class does not exist, lacks a library, or refuses the arguments.
     """
-    if TARGET not in node:
-        raise UserError(
-            f"{where} has no _target_; name the class there, as in package.module.Name."
-        )
+    _named(where, node)
     try:
         taken = inspect.signature(get_class(node[TARGET])).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
@@ -36,6 +38,69 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
         raise
     except Exception as error:  # a class of the user's may fail in any way
         raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+
+
+def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
+    """Build a dataclass that a node names; its fields' types hold for the node's values.
+
+    A class that is no dataclass, or has fields that the configuration has no type for, is built
+    without that check.
+
+    Raises:
+        UserError: As :func:`build`, and if a value is of the wrong type.
+    """
+    cls = find_class(where, node)
+    arguments = {key: value for key, value in node.items() if not key.startswith("_")}
+    try:
+        schema = OmegaConf.structured(cls)
+    except OmegaConfBaseException:
+        return build(where, node)
+    for key in arguments:
+        if key not in (known := list(map(str, schema.keys()))):
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f" (did you mean {where}.{near[0]}?)" if near else ""
+            raise UserError(
+                f"There is no key {where}.{shorten(key)}{hint}; {cls.__name__} has "
+                f"{listed(known) or 'none'}."
+            )
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
+    except UserError:
+        raise
+    except Exception as error:  # a class of the user's may fail in any way
+        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+
+
+def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
+    """The class that a node names.
+
+    Raises:
+        UserError: If there is none, or it lacks a library.
+    """
+    _named(where, node)
+    try:
+        return get_class(node[TARGET])
+    except Exception as error:  # a module of the user's may fail in any way
+        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+
+
+def _named(where: str, node: Mapping[str, Any]) -> None:
+    if TARGET not in node:
+        raise UserError(
+            f"{where} has no _target_; name the class there, as in package.module.Name."
+        )
+
+
+def missing_library(node: Mapping[str, Any]) -> str | None:
+    """The library that a class of this package needs and that is not installed, or None."""
+    try:
+        get_class(node.get(TARGET, ""))
+    except Exception as failure:  # others are said when it is built
+        error: BaseException | None = failure
+        while error is not None and not isinstance(error, ModuleNotFoundError):
+            error = error.__cause__
+        return error.name if error and str(node.get(TARGET)).startswith(OWN) else None
+    return None
 
 
 def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
@@ -56,5 +121,8 @@ def _reason(error: Exception) -> str:
     """The innermost cause in one line."""
     while isinstance(error, InstantiationException) and isinstance(error.__cause__, Exception):
         error = error.__cause__
-    said = " ".join(str(error).split()).rstrip(".")
+    lines = str(error).splitlines()
+    if isinstance(error, OmegaConfBaseException):  # what follows is of its own insides
+        lines = lines[:1]
+    said = " ".join(" ".join(lines).split()).rstrip(".")
     return f"{said or type(error).__name__}; correct its _target_ or arguments."

@@ -4,16 +4,20 @@ import difflib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, cast
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from tex_lightning.config.composition import compose_config
+from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.reading import keys_read
+from tex_lightning.config.search import split_config_dir, user_folders
 from tex_lightning.errors import UserError, shorten
 
-MISTAKES = (HydraException, OmegaConfBaseException)
+MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a user's own files
 
 OVERRIDE = re.compile(r"^(?P<prefix>[+~]{0,2})(?P<key>[\w./@-]+)(?:=(?P<value>.*))?$", re.DOTALL)
 MERGING = "Error merging override "
@@ -26,18 +30,23 @@ TYPES = {
     "to string": "text",
     "is not Optional": "a value other than null",
     "is not a ListConfig": "a list, as in [0,1]",
+    "to Dict[": "a value to one of its keys, or choose it by its group, as in model/trunk=NAME",
     "is not a subclass of": "a value to one of its keys",
 }
-# Ends of keys that were called otherwise.
+# Keys that were called otherwise, or their ends behind a dot.
 RENAMED = {
+    "data.group_by": "data.reader.group_by",
+    "data.split": "data.reader.split",
     "decision.enough": "decision.confidence_threshold",
     "decision.enoughs": "decision.confidence_thresholds",
     "fit.gamma": "fit.schedule.gamma",
     "fit.step_every": "fit.schedule.step_size",
     "fit.weight_decay": "fit.optimizer.weight_decay",
     "logger.tensorboard": "logger",
-    "settings.least_variance": "settings.min_variance",
-    "settings.most_side": "settings.max_side",
+    "model.settings.least_variance": "model.baseline.min_variance",
+    "model.settings.most_side": "model.baseline.max_side",
+    "model.settings": "model.baseline",
+    "model.visual.fragment": "model.visual.trunk.patch",
 }
 HYDRA_OWN = ("hydra", "hydra/")
 LAUNCHERS = "hydra/launcher"
@@ -57,7 +66,8 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         return UserError(f"{given} is not of the right type; give {wanted}.")
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
-    overrides = [argument for argument in arguments if not argument.startswith("-")]
+    _, rest = split_config_dir(arguments)
+    overrides = [argument for argument in rest if not argument.startswith("-")]
     if isinstance(error, OverflowError) or DIGITS in str(error):
         longest = shorten(max(overrides, key=len, default=""))
         return UserError(f"{longest} has too many digits; give a smaller number.")
@@ -99,13 +109,14 @@ def unknown_option(group: str, option: str, options: Sequence[str]) -> UserError
 
 
 def config_groups(conf: Path) -> dict[str, list[str]]:
-    """Options of every configuration group."""
+    """Options of every configuration group, the user's behind those of ``conf``."""
     groups: dict[str, list[str]] = {}
-    for file in sorted(conf.rglob("*.yaml")):
-        group = file.parent.relative_to(conf).as_posix()
-        inner = group == "." or group.startswith("debug/")  # not a person's to choose
-        if not inner and file.stem != "base":
-            groups.setdefault(group, []).append(file.stem)
+    for folder in (conf, *user_folders()):
+        for file in sorted(folder.rglob("*.yaml")):
+            group = file.parent.relative_to(folder).as_posix()
+            inner = group == "." or group.startswith("debug/")  # not a person's to choose
+            if not inner and file.stem not in ("base", *groups.get(group, ())):
+                groups.setdefault(group, []).append(file.stem)
     for group in list(groups):  # options in a subfolder, as in experiment=paper/haptic
         parent, _, name = group.rpartition("/")
         if parent == "experiment":
@@ -113,11 +124,11 @@ def config_groups(conf: Path) -> dict[str, list[str]]:
     return groups
 
 
-def _keys(config: DictConfig, prefix: str) -> Iterator[str]:
-    for key in map(str, config):
+def _keys(values: dict[str, Any], prefix: str = "") -> Iterator[str]:
+    for key, value in values.items():
         yield f"{prefix}{key}"
-        if not OmegaConf.is_missing(config, key) and isinstance(config[key], DictConfig):
-            yield from _keys(config[key], f"{prefix}{key}.")
+        if isinstance(value, dict):
+            yield from _keys(value, f"{prefix}{key}.")
 
 
 def _check(
@@ -133,11 +144,12 @@ def _check(
         if wrong and "(" not in (value or ""):
             return unknown_option(group, wrong[0], groups[group])
         return None
-    for old, new in RENAMED.items():
-        if key == old or key.endswith(f".{old}"):
-            return UserError(f"{key} is called {key.removesuffix(old)}{new} now.")
-    if key not in _keys(config, "") and prefix != "+":
-        near = _near_keys(key, config) or _close(key, [*_keys(config, ""), *groups])
+    if (now := renamed(key)) is not None:
+        return UserError(f"The key {shorten(key)} is {shorten(now)} now; give it by that name.")
+    keys = list(_keys(cast(dict[str, Any], OmegaConf.to_container(config, resolve=False))))
+    if key not in keys and prefix != "+":
+        own = _near_in_node(key, keys)
+        near = own or _near_keys(key, config) or _close(key, [*keys, *groups])
         return UserError(
             f"There is no key {shorten(key)}{_did_you_mean(near)}; "
             "`python -m tex_lightning --help=all` lists all."
@@ -145,10 +157,29 @@ def _check(
     return None
 
 
+def renamed(key: str) -> str | None:
+    """The key that does the work of one that once was; None if it never was."""
+    for old, new in RENAMED.items():
+        if key == old or key.startswith(f"{old}."):
+            return new + key.removeprefix(old)
+        if key.endswith(f".{old}"):
+            return key.removesuffix(old) + new
+    return None
+
+
 def _chosen(overrides: Sequence[str], groups: dict[str, list[str]]) -> list[str]:
     """The overrides that choose an option which exists, such as ``model=fusion``."""
     pairs = (override.partition("=") for override in overrides)
     return [f"{group}={option}" for group, _, option in pairs if option in groups.get(group, ())]
+
+
+def _near_in_node(word: str, keys: Sequence[str]) -> list[str]:
+    """Keys beside a wrong one in a node that names a class, whose keys the schema does not know."""
+    node, _, leaf = word.rpartition(".")
+    if f"{node}.{TARGET}" not in keys:
+        return []
+    own = [key.rpartition(".")[2] for key in keys if key.rpartition(".")[0] == node]
+    return [f"{node}.{name}" for name in _close(leaf, own)]
 
 
 def _near_keys(word: str, config: DictConfig) -> list[str]:

@@ -87,6 +87,11 @@ class VisualFitConfig(FitConfig):
 
     patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
     rotation: float = key("largest random rotation either way", **ROTATION)
+    augmentation: dict[str, Any] | None = key(
+        "class, of Kornia or the like, that changes VisualNet's training patches (batch, 3, side, "
+        "side) in [0, 1] after the rotation; null leaves them",
+        default=None,
+    )
     perturb: list[str] = key(PERTURB)
     perturbed_share: float = key(
         "share of the patches that is perturbed, where perturb names anything", **SHARE
@@ -135,7 +140,11 @@ class HapticConfig:
 class VisualConfig:
     """VisualNet on one of several trunks."""
 
-    trunk: str = key("convolutions before FC1, set by model=NAME or model/trunk=NAME")
+    trunk: dict[str, Any] = key(
+        "class of the convolutions before FC1 and its own keys, set by model/trunk=NAME; it gets "
+        "width and norm",
+        factory=dict,
+    )
     width: float = key("factor on every channel count; 1 is the published size", **WIDTH)
     norm: str = key(
         "normalisation of activations; none for pretrained trunks without one", choices=NORMS
@@ -148,10 +157,6 @@ class VisualConfig:
     head: list[int] = key(
         "channels of FC1 and FC2 before the width; [] for FC3 alone", least=1, most=16_384
     )
-    fragment: int | None = key(
-        "side of what gives one prediction, of squeezenet; null is 224",
-        unit="pixels", least=1, most=2048, default=None,
-    )  # fmt: skip
     fit: VisualFitConfig = field(default_factory=VisualFitConfig)
 
 
@@ -180,11 +185,10 @@ class ModelConfig:
 
     name: str = key("model, set by model=NAME")
     kind: str = key("what it looks at, set by model=NAME", choices=("haptic", "visual", "fusion"))
-    baseline: str | None = key(
-        "system of tex_lightning/baselines that is fitted instead of a network", default=None
-    )
-    settings: dict[str, Any] = key(
-        "of the baseline; its file in conf/model explains them", factory=dict
+    baseline: dict[str, Any] | None = key(
+        "class of a system that is fitted instead of a network, and its own keys, which its file "
+        "in conf/model explains",
+        default=None,
     )
     budget: float = key(
         "factor on the baseline's steps, kernels and components; below 1 to try it",

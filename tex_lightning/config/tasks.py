@@ -231,6 +231,11 @@ class StabilityConfig:
     only: list[str] | None = key(
         "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
     )
+    severities: list[str] = key(
+        "files of further perturbations, each with the dotted path of its function, else as "
+        "tex_lightning/perturbations/severities.yaml",
+        factory=list,
+    )
     limit: int | None = key(
         "most test samples of a class in a fold; null takes all", least=1, default=None
     )
@@ -244,16 +249,18 @@ class StabilityConfig:
 
 
 # The keys and sections that each task reads.
-_TRAINING = ("seed", "data", "model", "decision", "engine", "trainer", "callbacks", "logger")
+_TRAINING = (
+    "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
+)  # fmt: skip
 _RUNNING = ("trainer.accelerator", "trainer.threads")  # all that is read without training
-_CLASSIFYING = ("checkpoint", "haptic", "data.file_rate", "engine", *_RUNNING)
+_CLASSIFYING = ("checkpoint", "trusted", "haptic", "data.file_rate", "engine", *_RUNNING)
 READS = {
     "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run"),
     "crossval": ("weights", *_TRAINING, "crossval"),
-    "evaluate": ("checkpoint", "seed", "data", "decision", "engine", *_RUNNING),
+    "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
     "predict": (*_CLASSIFYING, "image", "top_k", "predict", "decision"),
     "stream": (*_CLASSIFYING, "stream", "decision.reject_below"),
-    "stability": ("stability", "seed", "data", "engine", "logger", *_RUNNING),
+    "stability": ("stability", "trusted", "seed", "data", "engine", "logger", *_RUNNING),
     "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
     "profile": (
         *_CLASSIFYING, "image", "seed", "profile", "model", "data.sampling_rate",

@@ -1,13 +1,14 @@
 """Which pretrained weights a model starts from, where a sweep gives some for several trunks."""
 
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import Config
+from tex_lightning.config.instantiation import TARGET
 from tex_lightning.errors import UserError
-from tex_lightning.networks.trunks import TRUNKS
+from tex_lightning.networks.trunks import TRUNKS, name_trunk
 
 HAPTIC = "haptic"  # HapticNet has one trunk, which goes by this name
 
@@ -28,17 +29,25 @@ def pick_weights(config: Config) -> Config:
     given = config.weights
     if given is None or isinstance(given, str):
         return config
-    if not isinstance(given, dict) or not set(given) <= {HAPTIC, *TRUNKS}:
+    own = _trunk_name(config.model.visual.trunk)
+    if not isinstance(given, dict) or not set(given) <= {HAPTIC, own, *TRUNKS}:
         raise UserError(
             f"weights={given} is not understood; give one file, address or `imagenet`, or one for "
             f"each trunk as {{TRUNK: FILE}} with trunks of {HAPTIC}, {', '.join(TRUNKS)}."
         )
     model = config.model
     if model.baseline is not None:
-        return replace(config, weights=given.get(model.settings.get("trunk")))
+        return replace(config, weights=given.get(model.baseline.get("trunk")))
     if model.kind == "haptic":
         return replace(config, weights=given.get(HAPTIC))
-    visual, haptic = given.get(model.visual.trunk), given.get(HAPTIC)
+    visual, haptic = given.get(own), given.get(HAPTIC)
     if model.kind == "visual" or haptic is None:
         return replace(config, weights=visual)
     return replace(config, weights={"haptic": haptic, "visual": visual})
+
+
+def _trunk_name(node: dict[str, Any]) -> str:
+    """What the trunk goes by in ``weights``: its published name, or that of its class."""
+    module, _, name = str(node.get(TARGET)).rpartition(".")
+    known = (cls for cls in TRUNKS.values() if (cls.__module__, cls.__name__) == (module, name))
+    return next(map(name_trunk, known), name)

@@ -50,7 +50,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     card, network = classifier.card, classifier.network
     start = starting_classifier(source, card)
     if start is None:
-        return load_trunk_weights(cast(VisualNet, network), source)
+        return load_trunk_weights(cast(VisualNet, network).trunk, source)
     theirs = cast(HapticNet | VisualNet, start.network).trunk.state_dict()
     cast(HapticNet | VisualNet, network).trunk.load_state_dict(theirs)
     return f"Trunk from {source}, {_describe(start.card)}."
@@ -86,7 +86,7 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
     ours, theirs = _shape(card), _shape(start.card)
     other = {key: value for key, value in theirs.items() if ours[key] != value}
     if other:
-        said = " ".join(f"model.{card.kind}.{key}={value}" for key, value in other.items())
+        said = " ".join(f"model.{card.kind}.{key}={_said(value)}" for key, value in other.items())
         said = said.replace("model.haptic.sampling_rate", "data.sampling_rate")
         raise UserError(f"weights: the trunk in {source} is another; set {said} as it was trained.")
     return start
@@ -95,6 +95,13 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
 def _shape(card: Card) -> dict[str, Any]:
     values = {**card.haptic_features, **(card.haptic_network or card.visual_network)}
     return {key: values[key] for key in SHAPING[card.kind]}
+
+
+def _said(value: Any) -> str:  # noqa: ANN401
+    """A value as one types it."""
+    if not isinstance(value, dict):
+        return str(value)
+    return "{" + ",".join(f"{key}:{_said(each)}" for key, each in value.items()) + "}"
 
 
 def name_source(source: str) -> str:

@@ -6,9 +6,8 @@ from typing import cast
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import Head, Level, Norm, Window, conv_block, scaled
-from tex_lightning.networks.trunks import TRUNKS, Trunk
-from tex_lightning.networks.trunks.squeezenet import SqueezeNetTrunk
+from tex_lightning.networks.blocks import Head, Level, Window, conv_block, scaled
+from tex_lightning.networks.trunks import Trunk, name_trunk
 
 
 class VisualNet(nn.Module):
@@ -20,17 +19,11 @@ class VisualNet(nn.Module):
 
     Args:
         classes: Number of materials.
-        trunk: "alexnet_caffe" is the paper's VisualNet, "tcnn" its VisualNet-TCNN;
-            "alexnet_torchvision" and "squeezenet" have ImageNet weights at hand.
-        width: Factor on every channel count except ``classes``; 1 is the published size.
-        norm: "batch" trains from scratch; "lrn" is the paper's, for the Caffe trunks; "none" for
-            pretrained trunks without normalisation.
+        trunk: Convolutions before FC1, whose width and normalisation FC1 and FC2 have too.
         dropout: Probability of dropping an input of FC2 and FC3 while training.
         fc1_kernel: Side of FC1's kernel; None takes the trunk's.
         head: Channel counts of FC1 and FC2, before ``width``; none lets FC3 score the trunk's
             features as they are, which are then those of level "fc2".
-        fragment: Side in pixels of an input that gives one prediction, of SqueezeNet; None takes
-            the trunk's.
 
     Attributes:
         patch: Side in pixels of an input that gives one prediction (with the trunk's FC1).
@@ -38,11 +31,12 @@ class VisualNet(nn.Module):
         stride: Pixels between neighbouring predictions.
 
     Raises:
-        UserError: The trunk is unknown or cannot have this normalisation, or needs an FC1.
+        UserError: The trunk needs an FC1.
 
     Example:
         >>> import tex_lightning as tl, torch
-        >>> network = tl.VisualNet(classes=3, width=0.1).eval()
+        >>> from tex_lightning.networks.trunks.alexnet import CaffeAlexNet
+        >>> network = tl.VisualNet(3, CaffeAlexNet(width=0.1, norm="batch")).eval()
         >>> network(torch.rand(1, 3, 300, 400)).shape
         torch.Size([1, 3, 4, 7])
     """
@@ -50,21 +44,14 @@ class VisualNet(nn.Module):
     def __init__(
         self,
         classes: int,
+        trunk: Trunk,
         *,
-        trunk: str = "alexnet_caffe",
-        width: float = 1.0,
-        norm: Norm = "batch",
         dropout: float = 0.5,
         fc1_kernel: int | None = None,
         head: Sequence[int] = (300, 250),
-        fragment: int | None = None,
     ) -> None:
         super().__init__()
-        if trunk not in TRUNKS:
-            raise UserError(
-                f"model.visual.trunk={trunk} is unknown; choose one of {', '.join(TRUNKS)}."
-            )
-        self.trunk = _make_trunk(trunk, width, norm, fragment)
+        self.trunk, norm = trunk, trunk.norm
         self.fc1_kernel = self.trunk.fc1_kernel if fc1_kernel is None else fc1_kernel
         self.patch = self.trunk.patch
         self.min_side = self.trunk.smallest_side(self.fc1_kernel)
@@ -72,7 +59,7 @@ class VisualNet(nn.Module):
         self.classes = classes
         hidden, self.hidden = nn.Sequential(), self.trunk.out_channels
         if head:
-            fc1, self.hidden = (scaled(channels, width) for channels in head)
+            fc1, self.hidden = (scaled(channels, trunk.width) for channels in head)
             hidden = nn.Sequential(
                 conv_block(self.trunk.out_channels, fc1, self.fc1_kernel, norm=norm),
                 nn.Dropout(dropout),
@@ -80,8 +67,9 @@ class VisualNet(nn.Module):
             )
         elif not self.trunk.textures:
             raise UserError(
-                f"model.visual.head=[] lets FC3 score the features of {trunk} as they are, and "
-                "only those of squeezenet are made for it; give channels of FC1 and FC2."
+                f"model.visual.head=[] lets FC3 score the features of {name_trunk(type(trunk))} as "
+                "they are, and only those of squeezenet are made for it; give channels of FC1 and "
+                "FC2."
             )
         self.head = Head(hidden, self.hidden, classes, dropout)
 
@@ -127,14 +115,3 @@ class VisualNet(nn.Module):
         fc1 = Window(self.fc1_kernel)
         rows, columns = (fc1.output(self.trunk.output_side(side)) for side in (height, width))
         return rows, columns
-
-
-def _make_trunk(name: str, width: float, norm: Norm, fragment: int | None) -> Trunk:
-    if fragment is None:
-        return TRUNKS[name](width=width, norm=norm)
-    if not issubclass(TRUNKS[name], SqueezeNetTrunk):
-        raise UserError(
-            f"model.visual.fragment={fragment} sets the window of squeezenet's features, and "
-            f"{name} has its own; leave it out."
-        )
-    return SqueezeNetTrunk(width=width, norm=norm, patch=fragment)

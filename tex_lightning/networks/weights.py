@@ -15,9 +15,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.networks.caffemodel import read_caffemodel
 from tex_lightning.networks.matconvnet import read_matconvnet
-from tex_lightning.networks.trunks import TRUNKS, Trunk
+from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
-from tex_lightning.networks.visualnet import VisualNet
 
 log = logging.getLogger(__name__)
 
@@ -39,14 +38,14 @@ class CaffeInput(NamedTuple):
     bgr: bool = True
 
 
-def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
-    """Load ImageNet weights into the trunk of ``visual``; its head stays as it is.
+def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
+    """Load ImageNet weights into a trunk of VisualNet.
 
     The features are the published ones divided by one number, so that their root mean square on
     noise is 1: far from it, a freshly drawn head does not train. Texture features stay as they are.
 
     Args:
-        visual: A network of width 1 without batch normalisation.
+        trunk: Of width 1 without batch normalisation.
         source: A .caffemodel file, a .mat file of MatConvNet or a .npz file with Caffe's names
             (their input convention, BGR or RGB in 0-255 less the mean, is folded into the first
             convolution, so that the network keeps the input it documents; of a mean image the
@@ -61,7 +60,6 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
         UserError: The file is missing, unreadable or of another network, cannot be fetched, or
             the trunk cannot take it.
     """
-    trunk = visual.trunk
     _check_trunk(trunk)
     path = _find(trunk, str(source))
     layout = LAYOUT_OF_SUFFIX.get(path.suffix)
@@ -71,7 +69,7 @@ def load_trunk_weights(visual: VisualNet, source: str | Path) -> str:
         usable = [suffix for suffix, known in LAYOUT_OF_SUFFIX.items() if known in trunk.layouts]
         raise UserError(
             f"weights: {path} is in the {layout} layout, which {_name(trunk)} does not have; use"
-            f" {_listed(usable)}, or another model.visual.trunk."
+            f" {_listed(usable)}, or another model/trunk."
         )
     content, caffe_input = _read(path)
     state = _select(trunk, content, layout, path)
@@ -97,10 +95,15 @@ def _listed(suffixes: list[str]) -> str:
 
 
 def _name(trunk: Trunk) -> str:
-    return next(name for name, known in TRUNKS.items() if known is type(trunk))
+    return name_trunk(type(trunk))
 
 
 def _check_trunk(trunk: Trunk) -> None:
+    if not trunk.layouts:
+        raise UserError(
+            f"weights: {_name(trunk)} says of no weight file how its layers are called there (its "
+            "layouts); leave weights out."
+        )
     if trunk.width != 1:
         raise UserError(
             f"weights: pretrained weights need model.visual.width=1, not {trunk.width}."
@@ -193,13 +196,13 @@ def _select(
             if name not in content:
                 raise UserError(
                     f"weights: {path} has no {name}, so it is not a {layout} file of"
-                    f" {_name(trunk)}; give another file or another model.visual.trunk."
+                    f" {_name(trunk)}; give another file or another model/trunk."
                 )
             if tuple(content[name].shape) != shape:
                 raise UserError(
                     f"weights: {name} in {path} has shape {tuple(content[name].shape)} but"
                     f" {_name(trunk)} needs {shape}; give another file or another"
-                    " model.visual.trunk."
+                    " model/trunk."
                 )
             state[target] = content[name].float()
             if not state[target].isfinite().all():

@@ -8,10 +8,11 @@ from statistics import fmean
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.baselines.registry import INSTALL, missing_library
 from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.check import check_config
+from tex_lightning.config.instantiation import INSTALL, missing_library
 from tex_lightning.config.job import Job
+from tex_lightning.config.trust import trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
@@ -93,6 +94,7 @@ def compose_family(
         crossval = replace(member.crossval, share=str(job.directory / NETWORKS))
         member = replace(member, task="crossval", crossval=crossval)
         check_config(member)
+        trust(member)
         yield Member(name, overrides, member)
 
 

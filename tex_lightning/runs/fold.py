@@ -54,7 +54,7 @@ def trunk_weights(config: Config) -> str | None:
     """Where the visual trunk's weights came from, if there is one; else those of HapticNet's."""
     model = config.model
     if model.kind != "haptic":
-        trunk = model.baseline is None or "trunk" in model.settings
+        trunk = model.baseline is None or "trunk" in model.baseline
         given = config.weights_of("visual") or model.fusion.visual_checkpoint
         return (RANDOM if given is None else name_source(given)) if trunk else None
     given = config.weights_of("haptic")

@@ -1,10 +1,10 @@
 """What every training task starts with: recordings, store, classifier card, run folder."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from tex_lightning.baselines.registry import make_baseline
+from tex_lightning.baselines.making import make_baseline
 from tex_lightning.card import DECISION, Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, ModelConfig
@@ -24,7 +24,7 @@ from tex_lightning.runs.opening import announce
 from tex_lightning.runs.usable import find_unusable
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
-VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head", "fragment")
+VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def check_networks(config: Config) -> int:
     """
     model = config.model
     if model.baseline is not None:
-        baseline = make_baseline(model.baseline, model.settings, model.budget)
+        baseline = make_baseline(model.name, model.baseline, model.budget)
         if config.weights is not None:
             baseline.load_weights(config.weights)
         return baseline.min_side
@@ -207,10 +207,13 @@ def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
 
 
 def _baseline(model: ModelConfig, weights: str | None) -> dict[str, Any]:
-    """Name and settings, its budget applied, and the weights it started from."""
-    name = cast(str, model.baseline)
-    settings = asdict(make_baseline(name, model.settings, model.budget))
-    return {"name": name, "settings": settings, "weights": weights}
+    """What makes it again, and the weights it started from."""
+    return {
+        "name": model.name,
+        "node": model.baseline,
+        "budget": model.budget,
+        "weights": weights,
+    }
 
 
 def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:

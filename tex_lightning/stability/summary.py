@@ -34,7 +34,7 @@ def summarise_system(system: System, trials: Sequence[Trial], reference: Errors)
     if not own:
         return entry
     clean = Trial(system, own[0].perturbation, 0, own[0].labels, own[0].clean, own[0].clean)
-    held = {name for name in errors if perturbations()[name].held_out}
+    held = {trial.perturbation.name for trial in own if trial.perturbation.held_out}
     worst = max(errors, key=lambda name: errors[name])
     classes = _class_accuracy(own)
     lowest = min(classes, key=lambda name: classes[name])

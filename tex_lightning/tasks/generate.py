@@ -29,7 +29,7 @@ def run(config: Config, job: Job) -> None:
         raise UserError(
             f"generate.out={out} cannot be made ({error.strerror}); name another folder."
         ) from error
-    spec = spec_of(config.data)
+    spec = spec_of(config.data.classes, config.data.synthetic)
     if config.generate.layout == "tum":
         write_tum(spec, out)
         recordings = read_tum(out)

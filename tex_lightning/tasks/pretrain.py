@@ -39,7 +39,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         return done
     kind = cast(Kind, config.model.kind)
     min_side = check_networks(config)
-    stream = SpecimenGenerator(spec_of(config.data), NEEDS[kind][0], decode_settings(config.data))
+    stream = SpecimenGenerator(
+        spec_of(config.data.classes, config.data.synthetic),
+        NEEDS[kind][0],
+        decode_settings(config.data),
+    )
     store, test = RenderedStore(stream), stream.unseen(config.pretrain.test)
     trained_on = {"stream": asdict(stream.spec), "seen": []}
     card = replace(configured_card(config, kind, stream.classes), trained_on=trained_on)

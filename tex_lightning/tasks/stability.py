@@ -13,7 +13,7 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.loggers import log_stability
-from tex_lightning.perturbations.table import Perturbation, perturbations
+from tex_lightning.perturbations.table import Perturbation, perturbations, read_severities
 from tex_lightning.progress import track
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.stability_figures import stability_figures
@@ -67,7 +67,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 def _chosen(config: Config, systems: Sequence[System]) -> list[Perturbation]:
     """Those asked for that some system meets; what is left out is said."""
-    known, only = perturbations(), config.stability.only
+    known, only = dict(perturbations()), config.stability.only
+    for path in config.stability.severities:
+        known |= read_severities(path)
     asked = list(known.values()) if only is None else [known[name] for name in only]
     chosen = [each for each in asked if any(system.meets(each) for system in systems)]
     left_out = [each.name for each in asked if each not in chosen]

@@ -94,7 +94,7 @@ def test_lmt108_has_one_recording_for_three_axes_and_a_photo_beside_it(tiny):
     for row in rows:
         assert row.path.stem.endswith(f"_train{row.group + 1}")
     assert {row.sampling_rate for row in rows.of("haptic")} == {10_000.0}
-    other = read(*given, "data.split=testing")
+    other = read(*given, "data.reader.split=testing")
     assert {row.path.parent.name for row in other} == {"Testing"}
     assert len(other) == 40
 
@@ -114,7 +114,7 @@ def test_lmt108_names_what_is_missing_or_misspelt(copy):
     shutil.rmtree(movement)
     with pytest.raises(UserError, match=r"holds no LABEL_Movement_X_train1\.txt files"):
         read(*given)
-    testing = [*given, "data.split=testing"]
+    testing = [*given, "data.reader.split=testing"]
     photos = root / "ImageScans" / "NoFlash" / "Testing"
     double = shutil.copy(photos / "G2Brick_Image_1_test1.jpg", photos / "G2Brick_Image_2_test1.jpg")
     with pytest.raises(UserError, match="have the same number; keep one of them"):
@@ -135,7 +135,7 @@ def test_kylberg_groups_by_patch_or_by_surface(tiny):
     assert sorted(row.group for row in rows) == sorted([*range(160)] * 2)
     fold = {row.path.stem.split("-")[1] for row in rows if row.group % 10 == 3}
     assert fold == set("abcd")
-    surfaces = read(*given, "data.group_by=surface", "data.folds=4")
+    surfaces = read(*given, "data.reader.group_by=surface", "data.folds=4")
     for row in surfaces:
         assert row.path.stem.split("-")[1] == "abcd"[row.group]
 
@@ -195,10 +195,11 @@ def test_kth_tips2b_names_what_is_wrong(copy):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["data=kylberg", "data.group_by=surface"], "give data.folds=4"),
-        (["data=kylberg", "data.group_by=surfaces"], "did you mean surface?"),
-        (["data=lmt108", "data.split=both"], "choose training, testing"),
-        (["data=tum", "data.split=testing"], "data=tum does not read it: use data=lmt108"),
+        (["data=kylberg", "data.reader.group_by=surface"], "give data.folds=4"),
+        (["data=kylberg", "data.reader.group_by=surfaces"], "did you mean surface?"),
+        (["data=lmt108", "data.reader.split=both"], "choose training, testing"),
+        (["data=lmt108", "data.split=testing"], "data.split is data.reader.split now"),
+        (["data=tum", "data.reader.splt=testing"], "no key data.reader.splt"),
         (["data=folder", "data.resize=256"], "turn one off"),
         (["task=evaluate", "checkpoint=a", "data.inverted=true", "data.test_fold=null"], "number"),
     ],
@@ -232,7 +233,7 @@ def test_lmt108_end_to_end_with_predictions_from_one_axis_path(cli, tmp_path):
             {key: value for key, value in answer.items() if key not in ("haptic", "latency_ms")}
         )
     assert shares[0] == shares[1]
-    other = ["task=evaluate", f"checkpoint={checkpoint}", "data.split=testing"]
+    other = ["task=evaluate", f"checkpoint={checkpoint}", "data.reader.split=testing"]
     everything = run(cli, tmp_path / "other", *other, *given, "data.test_fold=null")
     assert everything["haptic"]["test_samples"] == 20
 

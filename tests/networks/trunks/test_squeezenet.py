@@ -2,15 +2,16 @@
 
 import pytest
 import torch
+from conftest import visualnet
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks import VisualNet
 from tex_lightning.networks.blocks import Window
 from tex_lightning.networks.trunks.squeezenet import (
     TEXTURES,
     SqueezeNetTrunk,
     TextureFeatures,
 )
+from tex_lightning.networks.visualnet import VisualNet
 
 
 def maps_of(trunk, image):
@@ -61,23 +62,21 @@ def test_a_feature_that_hardly_varies_is_not_blown_up():
 
 
 def test_only_texture_features_are_scored_as_they_are():
-    assert VisualNet(3, trunk="squeezenet", head=[]).feature_size("fc2") == 3304
+    assert visualnet(3, trunk="squeezenet", head=[]).feature_size("fc2") == 3304
     with pytest.raises(UserError, match="give channels of FC1 and FC2"):
-        VisualNet(3, trunk="alexnet_caffe", head=[])
+        visualnet(3, trunk="alexnet_caffe", head=[])
 
 
 def test_a_fragment_of_half_the_side_gives_as_many_predictions_on_a_halved_photo():
-    whole = VisualNet(3, trunk="squeezenet", head=[], width=0.1)
-    half = VisualNet(3, trunk="squeezenet", head=[], width=0.1, fragment=112)
+    whole = visualnet(3, trunk="squeezenet", head=[], width=0.1)
+    half = VisualNet(3, SqueezeNetTrunk(width=0.1, norm="batch", patch=112), head=[])
     assert half.patch == 112
     assert 2 * half.stride == whole.stride
     assert half.output_size(112, 112) == (1, 1)
     assert half.output_size(612, 816) == whole.output_size(1224, 1632)
 
 
-def test_a_fragment_smaller_than_a_position_or_of_another_trunk_is_refused():
+def test_a_fragment_smaller_than_a_position_is_refused():
     with pytest.raises(UserError, match="choose 21 pixels or more"):
-        VisualNet(3, trunk="squeezenet", head=[], fragment=20)
-    assert VisualNet(3, trunk="squeezenet", head=[], fragment=21).min_side == 21
-    with pytest.raises(UserError, match="alexnet_caffe has its own"):
-        VisualNet(3, fragment=112)
+        SqueezeNetTrunk(width=0.1, norm="none", patch=20)
+    assert SqueezeNetTrunk(width=0.1, norm="none", patch=21).min_side == 21

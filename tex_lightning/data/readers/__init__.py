@@ -1,31 +1,20 @@
 """Readers: each maps a data set on disk to the one table of recordings."""
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 from tex_lightning.config import DataConfig
+from tex_lightning.config.instantiation import build_typed
 from tex_lightning.data.rates import stated_rate
-from tex_lightning.data.readers import (
-    folder,
-    kth_tips2b,
-    kylberg,
-    lmt108,
-    manifest,
-    synthetic,
-    tum,
-)
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
 
-READERS: dict[str, Callable[[DataConfig], Recordings]] = {
-    "synthetic": synthetic.read,
-    "folder": folder.read,
-    "manifest": manifest.read,
-    "tum": tum.read,
-    "lmt108": lmt108.read,
-    "kylberg": kylberg.read,
-    "kth_tips2b": kth_tips2b.read,
-}
+
+class Reader(Protocol):
+    """A data set: its fields are its keys, ``data.reader.FIELD``."""
+
+    def read(self) -> Recordings:
+        """The table of its recordings."""
 
 
 def read_recordings(config: DataConfig) -> Recordings:
@@ -34,7 +23,8 @@ def read_recordings(config: DataConfig) -> Recordings:
     Raises:
         UserError: If the data set is missing, incomplete or has fewer classes than asked for.
     """
-    recordings = READERS[config.name](config)
+    reader: Reader = build_typed("data.reader", config.reader)
+    recordings = reader.read()
     classes = recordings.classes
     if config.classes is not None and config.classes > len(classes):
         raise UserError(

@@ -5,9 +5,9 @@ is read as it lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config import DataConfig
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.rates import RATES_TABLE
 from tex_lightning.data.recordings import (
@@ -25,19 +25,29 @@ SUFFIXES: dict[Modality, tuple[str, ...]] = {"haptic": TRACE_SUFFIXES, "image": 
 SHOWN = 3  # names of a folder that nothing was read from
 
 
-def read(config: DataConfig) -> Recordings:
-    """Read ``data.root``; a file's place in the natural order of names is its group."""
-    return read_folder(Path(str(config.root)).expanduser())
+@dataclass
+class FolderReader:
+    """One's own data.
+
+    Attributes:
+        root: Folder with a folder for each class.
+    """
+
+    root: str
+
+    def read(self) -> Recordings:
+        """Read the folder; a file's place in the natural order of names is its group."""
+        return read_folder(Path(self.root).expanduser())
 
 
-def own_folder(config: DataConfig) -> Path:
-    """``data.root``, or the folder in it that is called like the data set.
+def own_folder(root: str, name: str) -> Path:
+    """``root``, or the folder in it that is called like the data set.
 
     So one ``data.root`` serves a sweep over several data sets.
     """
-    root = Path(str(config.root)).expanduser()
-    inner = root / config.name
-    return inner if inner.is_dir() else root
+    folder = Path(root).expanduser()
+    inner = folder / name
+    return inner if inner.is_dir() else folder
 
 
 def read_folder(root: Path) -> Recordings:

@@ -7,9 +7,9 @@ four folds are the four samples. The paper trains on one sample and tests on the
 """
 
 import difflib
+from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config import DataConfig
 from tex_lightning.data.readers.folder import own_folder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
@@ -31,9 +31,19 @@ SAMPLES = "abcd"
 SCALES, IMAGES = range(2, 11), range(1, 13)
 
 
-def read(config: DataConfig) -> Recordings:
-    """Read the data set under ``data.root``."""
-    return read_kth_tips2b(own_folder(config))
+@dataclass
+class KthTips2bReader:
+    """KTH-TIPS-2b.
+
+    Attributes:
+        root: Folder with a folder for each class, or the one that holds it as ``kth_tips2b``.
+    """
+
+    root: str
+
+    def read(self) -> Recordings:
+        """Read the data set."""
+        return read_kth_tips2b(own_folder(self.root, "kth_tips2b"))
 
 
 def read_kth_tips2b(root: Path) -> Recordings:

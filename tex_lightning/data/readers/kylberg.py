@@ -2,7 +2,7 @@
 
 Files are ``{class}/{class}-{surface}-p{number}.png``; ``surface`` is one of a to d, the four pieces
 of material that a class was cut from. The rotated set has ``-r30`` and so on behind the number.
-With ``data.group_by=patch`` the place of a patch in its class decides its fold, so that every fold
+With ``group_by=patch`` the place of a patch in its class decides its fold, so that every fold
 has patches of all surfaces, as random divisions have: training and test share them. With
 ``surface`` a fold is a surface, and nothing is tested whose neighbour was trained on. Rotations of
 a patch always stay together.
@@ -10,19 +10,49 @@ a patch always stay together.
 
 import re
 from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config import DataConfig
+from tex_lightning.config.check_ranges import choice
 from tex_lightning.data.readers.folder import own_folder
 from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
 
 PATCHES = 160
+SURFACES = "abcd"  # from which the patches of one class are cut
+GROUPS = ("patch", "surface")
 
 
-def read(config: DataConfig) -> Recordings:
-    """Read the data set under ``data.root``, grouped by ``data.group_by``."""
-    return read_kylberg(own_folder(config), by_surface=config.group_by == "surface")
+@dataclass
+class KylbergReader:
+    """The Kylberg texture data set.
+
+    Attributes:
+        root: Folder with a folder for each class, or the one that holds it as ``kylberg``.
+        group_by: What makes a fold: ``patch`` of all surfaces, or one of four source ``surface``s.
+        folds: Number of folds.
+
+    Raises:
+        UserError: If ``group_by`` is unknown, or surfaces do not make so many folds.
+    """
+
+    root: str
+    group_by: str
+    folds: int
+
+    def __post_init__(self) -> None:
+        for complaint in choice("data.reader.group_by", self.group_by, GROUPS):
+            raise UserError(f"{complaint}.")
+        if self.group_by == "surface" and self.folds != len(SURFACES):
+            raise UserError(
+                f"data.reader.group_by=surface makes a fold of each source surface, but data.folds "
+                f"is {self.folds}: give data.folds={len(SURFACES)}."
+            )
+
+    def read(self) -> Recordings:
+        """Read the data set."""
+        folder = own_folder(self.root, "kylberg")
+        return read_kylberg(folder, by_surface=self.group_by == "surface")
 
 
 def read_kylberg(root: Path, *, by_surface: bool) -> Recordings:
@@ -56,7 +86,9 @@ def _read_class(folder: Path, by_surface: bool) -> list[Recording]:
         _check_counts(folder, patches)
     places = {name: place for place, name in enumerate(sorted(patches, key=natural_key))}
     return [
-        Recording(folder.name, "image", path, "abcd".index(name[0]) if by_surface else places[name])
+        Recording(
+            folder.name, "image", path, SURFACES.index(name[0]) if by_surface else places[name]
+        )
         for name, paths in patches.items()
         for path in paths
     ]

@@ -3,15 +3,16 @@
 Accelerations are ``AccelScansComponents/Movement/.../{label}_Movement_{X,Y,Z}_train{n}.txt``:
 10 kHz, one axis a file, which decoding puts together. Photos are
 ``ImageScans/NoFlash/.../{label}_Image_{i}_train{n}.jpg``. Ten recordings per class are for
-training and ten for testing (``test`` instead of ``train``); ``data.split`` says which of the two
+training and ten for testing (``test`` instead of ``train``); ``split`` says which of the two
 are read. The number of a recording decides its fold.
 """
 
 import re
 from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config import DataConfig
+from tex_lightning.config.check_ranges import choice
 from tex_lightning.data.recordings import Modality, Recording, Recordings
 from tex_lightning.errors import UserError
 
@@ -24,9 +25,28 @@ FOLDERS: dict[Modality, Path] = {
 }
 
 
-def read(config: DataConfig) -> Recordings:
-    """Read the split ``data.split`` of the database under ``data.root``."""
-    return read_lmt108(Path(str(config.root)).expanduser(), str(config.split))
+@dataclass
+class Lmt108Reader:
+    """LMT-108.
+
+    Attributes:
+        root: Folder of the database.
+        split: Half that is read, ``training`` or ``testing``.
+
+    Raises:
+        UserError: If there is no such half.
+    """
+
+    root: str
+    split: str
+
+    def __post_init__(self) -> None:
+        for complaint in choice("data.reader.split", self.split, tuple(MARKS)):
+            raise UserError(f"{complaint}.")
+
+    def read(self) -> Recordings:
+        """Read one half."""
+        return read_lmt108(Path(self.root).expanduser(), self.split)
 
 
 def read_lmt108(root: Path, split: str) -> Recordings:

@@ -9,9 +9,9 @@ that order does not hold, ``data.manifest`` names the photos' classes instead.
 
 import re
 from collections import defaultdict
+from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config import DataConfig
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,
@@ -25,9 +25,21 @@ PER_CLASS = 10
 RATE = 10_000.0
 
 
-def read(config: DataConfig) -> Recordings:
-    """Read the database under ``data.root``; ``data.manifest`` may name the photos' classes."""
-    return read_tum(Path(str(config.root)).expanduser(), config.manifest)
+@dataclass
+class TumReader:
+    """The TUM haptic texture database.
+
+    Attributes:
+        root: Folder of the database.
+        manifest: File that names the photos' classes; None where their order does.
+    """
+
+    root: str
+    manifest: str | None
+
+    def read(self) -> Recordings:
+        """Read the training part of the database."""
+        return read_tum(Path(self.root).expanduser(), self.manifest)
 
 
 def read_tum(root: Path, manifest: str | None = None) -> Recordings:

@@ -1,5 +1,6 @@
-"""Convolutional trunks of VisualNet, by the name used in the configuration."""
+"""Convolutional trunks of VisualNet, by the names that published weights go by."""
 
+from tex_lightning.networks.blocks import Norm
 from tex_lightning.networks.trunks.alexnet import CaffeAlexNet, TorchvisionAlexNet
 from tex_lightning.networks.trunks.base import Trunk
 from tex_lightning.networks.trunks.squeezenet import SqueezeNetTrunk
@@ -14,4 +15,16 @@ TRUNKS: dict[str, type[Trunk]] = {
     "vgg_m": VggMTrunk,
 }
 
-__all__ = ["TRUNKS", "Trunk"]
+__all__ = ["TRUNKS", "Trunk", "name_trunk", "published"]
+
+
+def published(name: str) -> Trunk:
+    """A trunk that its published weights fit, with random ones."""
+    cls = TRUNKS[name]
+    norm: Norm = "lrn" if "lrn" in cls.norms else "none"
+    return cls(width=1, norm=norm)
+
+
+def name_trunk(cls: type[Trunk]) -> str:
+    """What a class of trunks goes by: its published name, or the class's own."""
+    return next((name for name, known in TRUNKS.items() if known is cls), cls.__name__)

@@ -23,10 +23,11 @@ class Trunk(nn.Module):
         geometry: The layers that change the side of the map, in order.
         fc1_kernel: Side of FC1's kernel that makes one prediction out of a ``patch``.
         patch: Side in pixels of an input that gives one prediction.
-        final: Names of the convolutions of the last map before the features.
+        final: Names of the convolutions of the last map before the features, for weight files.
         textures: Whether the features are statistics of textures, one vector for a ``patch``,
             which FC3 can score as they are.
-        layouts: For each layout of weight files, the file's name of every convolution here.
+        layouts: For each layout of weight files, the file's name of every convolution here; empty
+            where there are none.
         imagenet_url: Official ImageNet weights in the torchvision layout, if there are any.
         out_channels: Channel count of the features.
 
@@ -42,9 +43,9 @@ class Trunk(nn.Module):
     geometry: tuple[Window, ...]
     fc1_kernel: ClassVar[int]
     patch: int = 224
-    final: ClassVar[tuple[str, ...]]
+    final: ClassVar[tuple[str, ...]] = ()
     textures: ClassVar[bool] = False
-    layouts: ClassVar[Mapping[Layout, Mapping[str, str]]]
+    layouts: ClassVar[Mapping[Layout, Mapping[str, str]]] = {}
     imagenet_url: ClassVar[str | None] = None
     out_channels: int
 

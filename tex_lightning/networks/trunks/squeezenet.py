@@ -119,7 +119,7 @@ def _pooling(patch: int) -> Window:
         positions = window.output(positions)
     if positions < 1:
         raise UserError(
-            f"model.visual.fragment={patch} is less than one position of squeezenet; choose "
+            f"model.visual.trunk.patch={patch} is less than one position of squeezenet; choose "
             "21 pixels or more."
         )
     return Window(positions, max(1, patch // SPACING))

@@ -1,0 +1,65 @@
+"""Kornia's operations on the training patches of VisualNet, and nowhere else."""
+
+import json
+
+import pytest
+import torch
+from conftest import trunk_node
+
+from tex_lightning.card import Card
+from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.errors import UserError
+from tex_lightning.learning.visual import VisualModule
+
+FLIP = {"_target_": "kornia.augmentation.RandomHorizontalFlip", "p": 1.0}
+INVERT = {"_target_": "kornia.augmentation.RandomInvert", "p": 1.0}  # 1 - x of pixels in [0, 1]
+
+
+def module(augmentation: dict | None) -> VisualModule:
+    network = {"trunk": trunk_node("tcnn"), "width": 0.05, "norm": "batch"}
+    card = Card(
+        kind="visual",
+        classes=["a", "b"],
+        decode=DecodeSettings().to_dict(),
+        decision={"pairs": 10, "seed": 0},
+        visual_network=network,
+    )
+    fit = {"patch": 224, "head_factor": 1.0, "augmentation": augmentation}
+    return VisualModule(card.to_dict(), fit, 0)
+
+
+@pytest.fixture
+def batch() -> dict[str, torch.Tensor]:
+    torch.manual_seed(0)
+    crop = torch.randint(0, 256, (2, 3, 224, 224), dtype=torch.uint8)
+    return {"crop": crop, "degrees": torch.zeros(2)}
+
+
+def test_a_container_changes_training_patches_alone(batch):
+    (plain,) = module(None).inputs(batch)
+    both = {"_target_": "kornia.augmentation.AugmentationSequential", "_args_": [FLIP, INVERT]}
+    augmented = module(both)
+    (changed,) = augmented.inputs(batch)
+    features = augmented.classifier.image_features
+    expected = 1 - (plain * features.std + features.mean).flip(3)
+    torch.testing.assert_close(changed, (expected - features.mean) / features.std)
+    (left,) = augmented.eval().inputs(batch)
+    assert torch.equal(left, plain)
+    assert not [name for name in augmented.state_dict() if "augmentation" in name]
+
+
+def test_what_fails_on_patches_is_said(batch):
+    wrong = module({"_target_": "kornia.augmentation.RandomCrop", "size": "a"})
+    with pytest.raises(UserError, match=r"model\.visual\.fit\.augmentation"):
+        wrong.inputs(batch)
+
+
+def test_an_augmentation_comes_through_the_command_line(cli, surfaces, tmp_path):
+    outcome = cli(
+        "model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
+        "model.visual.width=0.1", "debug=tiny", "trainer.threads=1", f"hydra.run.dir={tmp_path}",
+        "model.visual.fit.augmentation={_target_: kornia.augmentation.RandomHorizontalFlip, p: 1}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    settings = json.loads((tmp_path / "settings.json").read_text())
+    assert settings["model.visual.fit.augmentation.p"] == 1

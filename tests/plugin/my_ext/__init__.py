@@ -1,0 +1,112 @@
+"""Parts of a user's own, as the package finds them: nothing of it is edited."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import torch
+from lightning import Callback
+from lightning.pytorch.loggers.logger import DummyLogger
+from torch import Tensor, nn
+
+from tex_lightning.baselines.base import Baseline
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.networks.blocks import Window
+from tex_lightning.networks.trunks import Trunk
+from tex_lightning.perturbations.scene import Scene
+
+CONVOLUTION, POOL = Window(8, 8), Window(4, 4)
+
+
+@dataclass
+class FlatReader:
+    """Reads FOLDER/CLASS_NUMBER.png."""
+
+    folder: str
+    suffix: str = ".png"
+
+    def read(self) -> Recordings:
+        rows = []
+        for path in sorted(Path(self.folder).glob(f"*{self.suffix}")):
+            label, _, number = path.stem.partition("_")
+            rows.append(Recording(label, "image", path, int(number)))
+        return Recordings(tuple(rows))
+
+
+class SmallTrunk(Trunk):
+    """One convolution and a pooling."""
+
+    norms = ("batch", "none")
+    geometry = (CONVOLUTION, POOL)
+    fc1_kernel = 7
+
+    def __init__(self, *, width: float, norm: str, channels: int) -> None:
+        self.channels = channels
+        super().__init__(width=width, norm=norm)
+
+    def build(self) -> nn.Sequential:
+        self.out_channels = self.channels
+        layers = nn.Conv2d(3, self.channels, CONVOLUTION.kernel, CONVOLUTION.stride)
+        return nn.Sequential(layers, nn.ReLU(), POOL.max_pool())
+
+
+class Diary(Callback):
+    """Writes a line for every epoch."""
+
+    def __init__(self, path: str) -> None:
+        self.path = Path(path)
+
+    def on_train_epoch_end(self, trainer: object, pl_module: object) -> None:
+        with self.path.open("a") as file:
+            file.write(f"{pl_module.current_epoch}\n")
+
+
+class TextLogger(DummyLogger):
+    """Writes metrics as lines."""
+
+    def __init__(self, save_dir: str, version: str) -> None:
+        super().__init__()
+        self.path = Path(save_dir) / f"{version}.txt"
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+
+    def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
+        with self.path.open("a") as file:
+            file.write(f"{step} {metrics}\n")
+
+
+@dataclass
+class NearestSlope(Baseline):
+    """The class whose mean slope of brightness is nearest."""
+
+    power: float
+
+    kind: ClassVar = "visual"
+
+    def fit(self, recordings, labels, seed) -> None:
+        slopes = np.array([self._slope(photo) for photo in recordings])
+        means = [slopes[labels == label].mean() for label in range(labels.max() + 1)]
+        self.means = torch.tensor(means)
+
+    def logits(self, recording) -> Tensor:
+        distance = (self.means - self._slope(recording)).abs() ** self.power
+        return -distance[:, None]
+
+    def _slope(self, photo: np.ndarray) -> float:
+        return sum(float((np.diff(photo * 1.0, axis=axis) ** 2).mean()) for axis in (0, 1)) ** 0.5
+
+    def state(self) -> dict[str, Tensor]:
+        return {"means": self.means}
+
+    def load_state(self, state: dict[str, Tensor]) -> None:
+        self.means = state["means"]
+
+    def count_parameters(self) -> int:
+        return self.means.numel()
+
+
+def stains(recording: np.ndarray, share: float, scene: Scene) -> np.ndarray:
+    """Black out a share of the pixels."""
+    stained = recording.copy()
+    stained[scene.rng.random(recording.shape[:2]) < share] = 0
+    return stained

@@ -1,0 +1,232 @@
+"""A user's own parts through the real command line; nothing of the package is edited."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from conftest import CLASSES, make_photo
+from PIL import Image
+
+import tex_lightning as tl
+from tex_lightning.card import read_checkpoint
+from tex_lightning.config.search import use_config_dir
+from tex_lightning.perturbations.scene import Scene
+from tex_lightning.perturbations.table import read_severities
+
+HERE = Path(__file__).parent
+CONF = ["--config-dir", HERE / "my_ext" / "conf"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def importable():
+    """As the current folder is, or an installed package."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(HERE))
+        yield
+    use_config_dir([])
+
+
+@pytest.fixture(scope="module")
+def flat(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("flat")
+    for kind, label in enumerate(CLASSES):
+        for number in range(10):
+            Image.fromarray(make_photo(kind, number)).save(folder / f"{label}_{number}.png")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def data(flat) -> list[str]:
+    return ["data=flat", f"data.reader.folder={flat}", "trainer.threads=1", "debug=tiny"]
+
+
+@pytest.fixture(scope="module")
+def run(run_once, data, tmp_path_factory) -> Path:
+    diary = tmp_path_factory.mktemp("diary") / "diary.txt"
+    parts = ["model=small", "callbacks=[diary]", f"callbacks.diary.path={diary}", "logger=text"]
+    folder = run_once(*CONF, *data, *parts, "model.visual.trunk.channels=6")
+    shutil.copy(diary, folder / "diary.txt")
+    return folder
+
+
+def results(folder: Path) -> dict:
+    return json.loads((folder / "results.json").read_text())
+
+
+def test_reader_trunk_callback_and_logger_of_a_user_train(run):
+    found = results(run)
+    assert (found["data"], found["model"], found["classes"]) == ("flat", "small", list(CLASSES))
+    assert found["networks"]["visual"]["test_samples"] == 3
+    assert (run / "diary.txt").read_text() == "0\n1\n"
+    lines = (run / "visual.txt").read_text()
+    assert "train/loss" in lines
+    assert "test/vote_accuracy" in lines
+    content = read_checkpoint(run / "checkpoints" / "visual.ckpt")
+    card = content["hyper_parameters"]["card"]
+    assert card["visual_network"]["trunk"] == {"_target_": "my_ext.SmallTrunk", "channels": 6}
+    assert content["state_dict"]["classifier.network.trunk.layers.0.weight"].shape == (6, 3, 8, 8)
+
+
+def test_they_evaluate_predict_and_are_perturbed(cli, run, data, flat, tmp_path):
+    known = [*CONF, *data, "trusted=[my_ext]"]
+    outcome = cli(*known, "task=evaluate", f"checkpoint={run}", f"hydra.run.dir={tmp_path}/a")
+    assert outcome.status == 0, outcome.err
+    assert results(tmp_path / "a")["networks"]["visual"]["test_samples"] == 3
+    outcome = cli(
+        *CONF, "trusted=[my_ext]", "task=predict", f"checkpoint={run}", f"image={flat}/beta_0.png"
+    )
+    assert json.loads(outcome.out)["label"] in CLASSES
+    outcome = cli(
+        *known, "task=stability", f"stability.systems=[{run}]", "stability.only=[stains,jpeg]",
+        f"stability.severities=[{HERE}/my_ext/severities.yaml]",
+        "logger=text", f"hydra.run.dir={tmp_path}/s",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    found = results(tmp_path / "s")
+    assert [*found["systems"]["small"]["perturbation_errors"]] == ["stains", "jpeg"]
+    assert found["perturbations"]["stains"]["function"] == "my_ext.stains"
+
+
+def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, tmp_path):
+    outcome = cli(
+        *CONF, *data, "model=nearest", "model.baseline.power=1", f"hydra.run.dir={tmp_path}"
+    )
+    assert outcome.status == 0, outcome.err
+    assert results(tmp_path)["networks"]["visual"]["correct"] == 3
+    given = [f"checkpoint={tmp_path}", f"image={flat}/beta_0.png", "task=predict"]
+    assert "my_ext is not trusted" in cli(*CONF, *given).err
+    outcome = cli(*CONF, *given, "trusted=[my_ext]")
+    assert json.loads(outcome.out)["label"] == "beta"
+    assert tl.load(tmp_path, trusted=["my_ext"]).classifier.baseline.power == 1
+
+
+def test_a_sweep_tests_a_fold_of_the_users_data(cli, data, tmp_path):
+    outcome = cli(
+        "-m", *CONF, *data, "task=crossval", "crossval.only=[3]", "model=visual",
+        "model/trunk=small", "seed=5", "logger=text", f"hydra.sweep.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert results(tmp_path / "0")["networks"]["visual"]["folds"][0]["fold"] == 3
+
+
+def test_help_and_near_matches_know_the_users_files(cli, tmp_path):
+    listing = " ".join(cli("--help=all", f"--config-dir={CONF[1]}").out.split())
+    assert "| tum | flat" in listing
+    assert "| vgg_m | small" in listing
+    assert "did you mean small" in cli(*CONF, "model=smal").err
+    where = f"hydra.run.dir={tmp_path}"
+    assert "add data.reader.folder=VALUE" in cli(*CONF, "data=flat", where).err
+    wrong = [*CONF, "data=flat", "data.reader.folder=.", "model=small", where]
+    assert "did you mean data.reader.suffix?" in cli(*wrong, "data.reader.sufix=.jpg").err
+    assert (
+        "unexpected keyword argument 'chanels'" in cli(*wrong, "model.visual.trunk.chanels=1").err
+    )
+    outcome = cli("--config-dir=/no/such", "model=small")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "--config-dir=/no/such is no folder" in outcome.err
+
+
+def test_a_broken_file_of_the_user_ends_in_one_sentence(cli, tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "bad.yaml").write_text("name: {a: ???}\n")
+    outcome = cli(f"--config-dir={tmp_path}", "data=bad")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert f"{tmp_path}/data/bad.yaml" in outcome.err
+
+
+def test_the_current_folder_is_importable_with_the_flag(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [each for each in sys.path if each not in ("", str(tmp_path))])
+    use_config_dir(["model=small"])
+    assert str(tmp_path) not in sys.path
+    (tmp_path / "conf").mkdir()
+    use_config_dir(["--config-dir", "conf"])
+    assert sys.path[-1] == str(tmp_path)
+
+
+def forge(run: Path, path: Path, target: str) -> Path:
+    """The checkpoint with another class for its trunk."""
+    content = torch.load(run / "checkpoints" / "visual.ckpt", weights_only=True)
+    content["hyper_parameters"]["card"]["visual_network"]["trunk"] = {"_target_": target}
+    torch.save(content, path)
+    return path
+
+
+def test_code_of_an_unknown_package_does_not_run(cli, run, flat, monkeypatch, tmp_path):
+    (tmp_path / "sneaky.py").write_text("open('ran', 'w').close()\nclass Trunk: pass\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    checkpoint = forge(run, tmp_path / "a.ckpt", "sneaky.Trunk")
+    given = ["task=predict", f"checkpoint={checkpoint}", f"image={flat}/beta_0.png"]
+    outcome = cli(*given)
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "names the class sneaky.Trunk" in outcome.err
+    assert "trusted=[sneaky]" in outcome.err
+    with pytest.raises(tl.UserError, match="sneaky is not trusted"):
+        tl.load(checkpoint)
+    assert not (tmp_path / "ran").exists()
+    assert "sneaky" not in sys.modules
+    assert "which is no trunk" in cli(*given, "trusted=[sneaky]").err
+    assert (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("target", ["tex_lightning.__main__.os.system", "tex_lightning.card.Path"])
+def test_a_trusted_package_does_not_lend_its_name(run, tmp_path, target):
+    with pytest.raises(tl.UserError, match=r"cannot be made|pathlib is not trusted"):
+        tl.load(forge(run, tmp_path / "a.ckpt", target))
+
+
+def test_python_trusts_what_it_is_told_to(run, flat):
+    with pytest.raises(tl.UserError, match="my_ext is not trusted"):
+        tl.load(run)
+    model = tl.load(run, trusted=["my_ext"])
+    assert model.predict(image=flat / "beta_0.png").label in CLASSES
+
+
+def test_an_installed_package_brings_its_files_and_is_trusted(
+    cli, run, flat, monkeypatch, tmp_path
+):
+    info = tmp_path / "my_ext-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my_ext\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[tex_lightning.plugins]\nmy_ext = my_ext\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    listing = " ".join(cli("task=fit", "model=small", "--help").out.split())
+    assert "| tum | flat" in listing
+    assert "add data.reader.folder=VALUE" in cli("data=flat", f"hydra.run.dir={tmp_path}/r").err
+    outcome = cli("task=predict", f"checkpoint={run}", f"image={flat}/beta_0.png")
+    assert json.loads(outcome.out)["label"] in CLASSES
+    assert tl.load(run).card.kind == "visual"
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("{function: my_ext.nothing, unit: a, levels: [0, 1, 2, 3, 4, 5]}", "nothing"),
+        ("{function: my_ext.stains, unit: a, levels: [0, 1]}", "has no six levels"),
+        ("{unit: a, levels: [0, 1, 2, 3, 4, 5]}", "names no function"),
+    ],
+)
+def test_a_wrong_line_of_severities_is_said_before_any_work(cli, tmp_path, line, said):
+    path = tmp_path / "own.yaml"
+    path.write_text(f"image:\n  mine: {line}\n")
+    outcome = cli(
+        "task=stability", "stability.systems=[none]", f"stability.severities=[{path}]",
+        f"hydra.run.dir={tmp_path}/r",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert said in outcome.err
+    assert "write {image:" in outcome.err
+
+
+def test_a_users_function_changes_the_photo():
+    own = read_severities(HERE / "my_ext" / "severities.yaml")["stains"]
+    photo = np.full((40, 40, 3), 200, np.uint8)
+    scene = Scene(np.random.default_rng(0), 0.0, lambda: photo)
+    stained = own.apply(photo, 4.5, scene)  # between 0.6 and 0.9
+    assert (stained == 0).all(axis=2).mean() == pytest.approx(0.75, abs=0.05)
+    assert (photo == 200).all()

@@ -1,0 +1,54 @@
+"""What the README says on extending the package runs as it stands there."""
+
+import json
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import make_photo
+from PIL import Image
+
+from tex_lightning.config.search import use_config_dir
+
+README = Path(__file__).parents[2] / "README.md"
+MODULE = "my_ext"
+
+
+@pytest.fixture
+def empty(tmp_path, monkeypatch) -> Path:
+    """An empty folder that Python finds modules in; the plugin of the other tests stays out."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    others = {name: sys.modules.pop(name) for name in [MODULE] if name in sys.modules}
+    yield tmp_path
+    sys.modules.pop(MODULE, None)
+    sys.modules.update(others)
+    use_config_dir([])
+
+
+def test_the_parts_of_the_readme_run_from_an_empty_folder(cli, empty):
+    section = README.read_text().partition("## Extend it\n")[2].partition("\n## ")[0]
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```$", section, re.DOTALL | re.MULTILINE)
+    files = [text for language, text in blocks if language in ("python", "yaml")]
+    for text in files:
+        path = empty / text.splitlines()[0].removeprefix("# ")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    assert len(files) == 5
+    (empty / "DIR").mkdir()
+    for kind, label in enumerate(("wood", "felt")):
+        for number in range(10):
+            Image.fromarray(make_photo(kind, number)).save(empty / f"DIR/{label}_{number}.png")
+    (commands,) = [text.splitlines() for language, text in blocks if language == "bash"]
+    outcomes = []
+    for command in commands:
+        arguments = shlex.split(command)[3:]
+        outcomes.append(cli(*arguments, "debug=tiny", "trainer.threads=1"))
+        assert outcomes[-1].status == 0, outcomes[-1].err
+    assert "Epoch 1 is over." in outcomes[0].out
+    assert (empty / "RUN" / "mine" / "visual" / "metrics.csv").is_file()
+    results = json.loads((empty / "RUN" / "results.json").read_text())
+    assert (results["data"], results["networks"]["visual"]["test_samples"]) == ("flat", 2)
+    assert json.loads(outcomes[2].out)["label"] in ("wood", "felt")

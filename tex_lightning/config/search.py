@@ -1,0 +1,91 @@
+"""Where configuration files are looked for beside the package's own: folders of the user's parts.
+
+These are the folder of ``--config-dir`` and the ``conf`` of every installed package that has an
+entry point in the group ``tex_lightning.plugins``.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+
+from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.plugins import Plugins
+from hydra.plugins.search_path_plugin import SearchPathPlugin
+
+from tex_lightning.errors import UserError
+
+ENTRY_POINTS = "tex_lightning.plugins"
+FLAGS = ("--config-dir", "-cd")  # of Hydra
+
+_GIVEN: list[Path] = []  # by --config-dir of this process
+
+
+class UserFolders(SearchPathPlugin):
+    """Adds the folders to Hydra's search path, behind the package's own."""
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Append one entry for each folder."""
+        for folder in user_folders():
+            search_path.append("tex_lightning.plugins", f"file://{folder}")
+
+
+def register_folders() -> None:
+    """Make Hydra ask for the folders whenever it composes; a second call changes nothing."""
+    Plugins.instance().register(UserFolders)
+
+
+def installed_packages() -> list[str]:
+    """Top packages that registered themselves under the entry-point group."""
+    found = entry_points(group=ENTRY_POINTS)
+    return sorted({entry.module.partition(".")[0] for entry in found})
+
+
+def user_folders() -> list[Path]:
+    """The folders, that of the command line first."""
+    return [*_GIVEN, *_installed_folders()]
+
+
+def _installed_folders() -> Iterator[Path]:
+    """Their ``conf``, found without importing them."""
+    for package in installed_packages():
+        spec = find_spec(package)
+        for place in (spec and spec.submodule_search_locations) or ():
+            if (folder := Path(place) / "conf").is_dir():
+                yield folder
+
+
+def split_config_dir(arguments: Sequence[str]) -> tuple[str | None, list[str]]:
+    """What ``--config-dir`` names in a command line, "" if nothing, and the other arguments."""
+    for place, argument in enumerate(arguments):
+        flag, equals, value = argument.partition("=")
+        if flag in FLAGS:
+            named = value if equals else next(iter(arguments[place + 1 :]), "")
+            return named, [*arguments[:place], *arguments[place + 2 - bool(equals) :]]
+    return None, list(arguments)
+
+
+def use_config_dir(arguments: Sequence[str]) -> None:
+    """Look for configuration files in the folder that ``--config-dir`` names, if there is one.
+
+    The current folder becomes importable with it, as ``python -m`` makes it and an installed
+    command does not, so that classes beside the folder are found.
+
+    Raises:
+        UserError: If there is no such folder.
+    """
+    _GIVEN.clear()
+    named, _ = split_config_dir(arguments)
+    if named is None:
+        return
+    folder = Path(named).expanduser().resolve()
+    if not named or not folder.is_dir():
+        raise UserError(
+            f"--config-dir={named} is no folder; give the one with your data/NAME.yaml, "
+            "model/NAME.yaml and so on."
+        )
+    _GIVEN.append(folder)
+    here = str(Path.cwd())
+    if not {"", here} & {*sys.path}:
+        sys.path.append(here)
