@@ -14,8 +14,9 @@ from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.utils import JobRuntime
-from hydra.version import getbase, setbase
+from hydra.version import VersionBase, getbase
 from omegaconf import OmegaConf
+from packaging.version import Version
 
 import tex_lightning as tl
 from tex_lightning.config import CONF
@@ -52,9 +53,9 @@ def without_times(results) -> str:
     return json.dumps({**results, "wall_seconds": 0, "environment": None})
 
 
-def test_python_trains_what_the_command_line_does(cli, given, tmp_path):
+def test_python_trains_what_the_command_line_does(cli, given, tmp_path, monkeypatch):
     arguments = ["model=haptic", "debug=tiny", "model.haptic.width=0.1", *given]
-    setbase("1.2")
+    monkeypatch.setattr(VersionBase.instance(), "version_base", Version("1.2"))
     before, threads = hydra_state(), torch.get_num_threads()
     results = tl.train(*arguments, f"hydra.run.dir={tmp_path / 'python'}")
     assert (hydra_state(), torch.get_num_threads()) == (before, threads)
