@@ -27,8 +27,12 @@ STARTED: list[Path] = []  # run folders of this process; none means that Hydra c
 log = logging.getLogger(__name__)
 
 
-def run_job(composed: DictConfig) -> None:
-    """Run one composed job; a sweep goes on whatever becomes of it."""
+def run_job(composed: DictConfig) -> float | None:
+    """Run one composed job; a sweep goes on whatever becomes of it.
+
+    Returns:
+        What a sweeper that searches is to minimise; None of a job that failed or trains nothing.
+    """
     # Heavy imports wait until the command line is known to be right.
     from tex_lightning.dispatch import run_task
     from tex_lightning.report.sweep import FAILURE, note_failure
@@ -38,7 +42,7 @@ def run_job(composed: DictConfig) -> None:
     STARTED.append(directory)
     (directory / FAILURE).unlink(missing_ok=True)
     try:
-        run_task(composed, directory)
+        return run_task(composed, directory)
     except Exception as error:
         mistake = _mistake(error)
         if not sweeping:
@@ -48,6 +52,7 @@ def run_job(composed: DictConfig) -> None:
         if mistake is None:
             log.exception("This job of the sweep failed.")
         note_failure(directory, str(mistake or f"{type(error).__name__}: {error}"))
+        return None
 
 
 def _mistake(error: Exception) -> UserError | None:

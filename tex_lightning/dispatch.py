@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from hydra.core.hydra_config import HydraConfig
@@ -16,6 +17,7 @@ from tex_lightning.config.check import AUTO, check_config, check_known, check_mi
 from tex_lightning.config.weights import read_config
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.opening import announced_once
@@ -34,7 +36,7 @@ from tex_lightning.tasks import (
     stream,
 )
 
-TASKS: dict[str, Callable[[Config, Path], object]] = {
+TASKS: dict[str, Callable[[Config, Path], Any]] = {
     "fit": fit.run,
     "crossval": crossval.run,
     "evaluate": evaluate.run,
@@ -50,10 +52,13 @@ TASKS: dict[str, Callable[[Config, Path], object]] = {
 TRAINING = ("fit", "crossval")  # on several devices
 
 
-def run_task(composed: DictConfig, directory: Path) -> None:
+def run_task(composed: DictConfig, directory: Path) -> float | None:
     """Check the configuration and run its task with ``directory`` as the run folder.
 
     Every process of a training on several devices does; only rank zero writes.
+
+    Returns:
+        What a sweeper that searches is to minimise; None of a task that trains nothing.
 
     Raises:
         UserError: If the configuration or what it names cannot be used.
@@ -78,7 +83,10 @@ def run_task(composed: DictConfig, directory: Path) -> None:
             claim_folder(composed, config, directory.resolve())
         if config.model.name == AUTO:
             config = resolve_auto(config, directory.resolve())
-        TASKS[config.task](config, directory.resolve())
+        results = TASKS[config.task](config, directory.resolve())
+    if config.task in TRAINING and results:  # other ranks have none
+        return optimized_value(results, config.optimized_metric)
+    return None
 
 
 def _names_folder() -> bool:

@@ -25,6 +25,7 @@ from tex_lightning.config.model import (
     VisualFitConfig,
 )
 from tex_lightning.config.tasks import (
+    OPTIMIZED_METRICS,
     READS,
     CrossvalConfig,
     DecisionConfig,
@@ -74,6 +75,11 @@ class Config:
         "HapticNet; for several {TRUNK: FILE, haptic: FILE, ...}; null is random",
         default=None,
     )
+    optimized_metric: str | None = key(
+        "what a job returns to a sweeper that searches, to be minimised; vote_error is that of the "
+        "tested fold; null takes val_loss where a fold is validated, else vote_error",
+        choices=OPTIMIZED_METRICS, default=None,
+    )  # fmt: skip
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)

@@ -102,7 +102,7 @@ class EpochSampler(Sampler[int]):
 
 
 class SampleSet(Dataset[Batch]):
-    """Whole decoded samples for validation: trace, photo and label, as far as they exist."""
+    """Whole decoded samples to classify: trace, photo and label, as far as they exist."""
 
     def __init__(self, samples: Sequence[Sample], store: Store, classes: list[str]) -> None:
         self.samples = samples
@@ -137,23 +137,35 @@ def load_sample(sample: Sample, store: Store) -> tuple[Tensor | None, Tensor | N
 
 
 class SurfaceData(LightningDataModule):
-    """Loaders of training batches and validation samples."""
+    """Loaders of training batches, and of whole samples for validation, testing and prediction.
+
+    Args:
+        batches: To train on; None where nothing is trained.
+        steps: Batches of an epoch.
+        validation: Samples, perhaps none.
+        test: Samples to test on or to predict, perhaps none.
+        num_workers: Processes that make training batches.
+    """
 
     def __init__(
         self,
-        batches: "TrainingBatches | StreamBatches",
+        batches: "TrainingBatches | StreamBatches | None",
         steps: int,
         validation: SampleSet,
+        test: SampleSet,
         num_workers: int,
     ) -> None:
         super().__init__()
         self.batches = batches
         self.steps = steps
         self.validation = validation
+        self.test = test
         self.num_workers = num_workers
 
-    def train_dataloader(self) -> DataLoader[Batch]:
+    def train_dataloader(self) -> DataLoader[Batch] | list[Any]:
         """Batches of one epoch, of each this process's share, made by the data set."""
+        if self.batches is None:
+            return []
         return DataLoader(
             replace(self.batches, share=self._share()),
             batch_size=None,
@@ -178,15 +190,27 @@ class SurfaceData(LightningDataModule):
         return slice(self.trainer.global_rank, None, self.trainer.world_size)
 
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """One sample at a time, since samples have unequal sizes.
+        """One validation sample at a time."""
+        return self._whole(self.validation)
+
+    def test_dataloader(self) -> DataLoader[Batch] | list[Any]:
+        """One test sample at a time."""
+        return self._whole(self.test)
+
+    def predict_dataloader(self) -> DataLoader[Batch] | list[Any]:
+        """The test samples, one at a time."""
+        return self._whole(self.test)
+
+    def _whole(self, samples: SampleSet) -> DataLoader[Batch] | list[Any]:
+        """Load one sample at a time, since samples have unequal sizes.
 
         Where there are fewer samples than processes, all take all, and the means are the same.
         """
-        if not len(self.validation):
+        if not len(samples):
             return []
-        numbers = range(len(self.validation))
+        numbers = range(len(samples))
         return DataLoader(
-            self.validation,
+            samples,
             batch_size=None,
             sampler=numbers[self._share()] or numbers,
             generator=torch.Generator(),

@@ -121,7 +121,7 @@ def _describe(card: Card) -> str:
 
 
 def start_network(
-    training: Training, module: SurfaceModule, batches: TrainingBatches | StreamBatches
+    training: Training, module: SurfaceModule, batches: TrainingBatches | StreamBatches | None
 ) -> None:
     """Fill the trunk with the given weights and teach VisualNet's head what they see.
 
@@ -136,7 +136,7 @@ def start_network(
     weights = training.weights
     if weights is not None:
         log.info(start_trunk(module.classifier, weights))
-    if not isinstance(module, VisualModule) or isinstance(batches, StreamBatches):
+    if not isinstance(module, VisualModule) or not isinstance(batches, TrainingBatches):
         return
     module.to(pick_device(training.config.trainer.accelerator))
     if not module.network.has_hidden_layers:

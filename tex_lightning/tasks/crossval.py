@@ -26,7 +26,7 @@ from tex_lightning.report.document import write_report
 from tex_lightning.report.table import print_results, python_command, run_overrides
 from tex_lightning.runs.fold import fit_fold, results_frame
 from tex_lightning.runs.sequential import pool_sequential
-from tex_lightning.runs.testing import believed, draw_figures
+from tex_lightning.runs.testing import calibration_metrics, draw_figures
 from tex_lightning.runs.workspace import Workspace, open_workspace
 from tex_lightning.tasks import profile
 
@@ -117,7 +117,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     pooled = {
         **summarise(outcomes),
-        **believed(outcomes, workspace.classes, workspace.config.decision.reject_below),
+        **calibration_metrics(outcomes, workspace.classes, workspace.config.decision.reject_below),
         **pool_sequential(directories, name, workspace.directory, workspace.config.decision),
         **pool_unknown(directories, name, outcomes, workspace.directory),
         "parameters": first["parameters"],
