@@ -122,5 +122,5 @@ def tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict
         figures = draw_figures(outcomes, workspace.classes, kind, directory)
     log_test(config.logger, directory, kind, asdict(config), result, figures)
     title = classifier.card.title
-    log.info("%s: %d of %d votes right.", title, result["correct"], result["test_samples"])
+    log.info("%s: %d of %d votes correct.", title, result["correct"], result["test_samples"])
     return result
