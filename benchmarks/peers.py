@@ -37,7 +37,7 @@ ROUNDS = 40
 
 
 def measure() -> dict[str, Any]:
-    """Time both by turns."""
+    """Time both interleaved."""
     labels, traces = _traces()
     haptic = _hapticnet(labels, traces)
     trace = torch.from_numpy(traces[0])

@@ -37,8 +37,8 @@ from tex_lightning.data.folds import Kind
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
-from tex_lightning.learning.training import Training
 from tex_lightning.memory import kept_memory
+from tex_lightning.runs.fold import make_training
 from tex_lightning.runs.workspace import Workspace, make_card, open_workspace
 
 KINDS: tuple[Kind, ...] = ("haptic", "visual", "fusion")
@@ -243,10 +243,7 @@ def _config(overrides: tuple[str, ...]) -> Config:
 
 def _train(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path], watch: Turns) -> Path:
     card, parts = make_card(workspace, kind, unimodal), workspace.parts()
-    training = Training(
-        workspace.config, card, parts, workspace.store, workspace.directory, unimodal
-    )
-    return train_network(training, watch)
+    return train_network(make_training(workspace, card, parts, unimodal), watch)
 
 
 def main() -> None:

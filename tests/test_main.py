@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 import tex_lightning
-from tex_lightning.config import CONF, READS, flatten, register
+from tex_lightning.config import CONF, READS, flatten
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.keys import Key
-from tex_lightning.config.mistakes import compose_config, config_groups
+from tex_lightning.config.mistakes import config_groups
 from tex_lightning.config.reading import keys_read
 from tex_lightning.dispatch import TASKS
 from tex_lightning.perturbations.augment import trainable
@@ -98,9 +98,7 @@ EVERY_DATA_SET = [("fusion", data) for data in config_groups(CONF)["data"]]
 
 @pytest.mark.parametrize(("model", "data"), sorted({*EVERY_MODEL, *EVERY_DATA_SET}))
 def test_every_model_and_data_set_composes_without_open_values_but_paths(model, data):
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose("config", overrides=[f"model={model}", f"data={data}"])
+    config = compose_config(CONF, [f"model={model}", f"data={data}"])
     assert OmegaConf.missing_keys(config) <= {"data.root", "data.manifest"}
     assert config.model.name == model
 
@@ -138,9 +136,14 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["data=folder", "data.root=/x", "data.name=mine"], "data.name is mine: choose"),
         (
             ["task=frontier", "data.val_fold=2"],
-            "task=frontier trains on all folds but the tested one",
+            "task=frontier leaves a fold of its own out: leave it null",
         ),
-        (["decision.enoughs=[0.5,2]"], "decision.enoughs is 2"),
+        (
+            ["model.haptic.fit.weight_decay=0"],
+            "model.haptic.fit.weight_decay is called model.haptic.fit.optimizer.weight_decay now.",
+        ),
+        (["decision.enough=0.5"], "decision.enough is called decision.confidence_threshold now."),
+        (["decision.confidence_thresholds=[0.5,2]"], "decision.confidence_thresholds is 2"),
         (
             ["task=stability", "stability.systems=[a]", "decision=sequential"],
             "decision=sequential is not read by task=stability",
@@ -270,9 +273,7 @@ def test_presets_of_the_paper_run(cli, tmp_path, preset):
     ],
 )
 def test_presets_hold_the_papers_table_of_hyper_parameters(preset, kind, expected):
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose("config", overrides=[f"experiment=paper/{preset}"])
+    config = compose_config(CONF, [f"experiment=paper/{preset}"])
     assert config.model.kind == kind
     fit = config.model[kind].fit
     size = fit.get("frames", fit.get("patch"))
@@ -287,10 +288,8 @@ def test_presets_hold_the_papers_table_of_hyper_parameters(preset, kind, expecte
 
 @pytest.mark.parametrize("preset", ["haptic", "visual", "fusion"])
 def test_robust_presets_train_on_what_is_not_held_out(preset):
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose("config", overrides=[f"experiment=robust/{preset}"])
-        plain = compose("config", overrides=[f"model={config.model.name}"])
+    config = compose_config(CONF, [f"experiment=robust/{preset}"])
+    plain = compose_config(CONF, [f"model={config.model.name}"])
     assert config.model.kind == preset
     assert {*config.model.haptic.fit.perturb} < {*trainable("haptic")}
     assert {*config.model.visual.fit.perturb} < {*trainable("image")}

@@ -1,8 +1,5 @@
 """The Python door: files and arrays in, predictions out."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import soundfile
@@ -142,10 +139,3 @@ def test_overrides_are_those_of_the_command_line(untrained):
 def test_a_stream_of_a_fusion_network_is_refused(fusion):
     with pytest.raises(tl.UserError, match="classified by HapticNet"):
         fusion.stream()
-
-
-def test_importing_the_package_imports_no_pytorch():
-    code = "import sys, tex_lightning as t; assert 'torch' not in sys.modules; t.UserError"
-    subprocess.run([sys.executable, "-c", code], check=True)
-    with pytest.raises(AttributeError, match="no attribute 'laod'"):
-        _ = tl.laod

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 import torch
@@ -52,7 +51,7 @@ def test_a_stream_takes_one_thread_and_a_setting_of_the_user_wins(
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
-        set_threads(SimpleNamespace(task=task, trainer=SimpleNamespace(threads=configured)))
+        set_threads(task, configured)
         assert torch.get_num_threads() == threads
     finally:
         torch.set_num_threads(before)

@@ -1,16 +1,61 @@
 """Surface material classification from acceleration traces and photos."""
 
 import os
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
-    from tex_lightning.predictor import load
+    from tex_lightning.classifier import SurfaceClassifier
+    from tex_lightning.data.datamodule import SurfaceData
+    from tex_lightning.data.readers.folder import read_folder
+    from tex_lightning.data.recordings import Recording, Recordings, read_manifest
+    from tex_lightning.launch import Results, train
+    from tex_lightning.networks.fusionnet import FusionNet
+    from tex_lightning.networks.hapticnet import HapticNet
+    from tex_lightning.networks.visualnet import VisualNet
+    from tex_lightning.prediction import Prediction
+    from tex_lightning.predictor import Predictor, load
 
 __version__ = "0.1.0"
 
-__all__ = ["UserError", "load"]
+__all__ = [
+    "FusionNet",
+    "HapticNet",
+    "Prediction",
+    "Predictor",
+    "Recording",
+    "Recordings",
+    "Results",
+    "SurfaceClassifier",
+    "SurfaceData",
+    "UserError",
+    "VisualNet",
+    "load",
+    "read_folder",
+    "read_manifest",
+    "train",
+]
+
+# Where a public name is defined. Most modules need PyTorch, which is imported when one is asked
+# for: a mistyped command is refused before.
+_MODULES = {
+    "FusionNet": "networks.fusionnet",
+    "HapticNet": "networks.hapticnet",
+    "Prediction": "prediction",
+    "Predictor": "predictor",
+    "Recording": "data.recordings",
+    "Recordings": "data.recordings",
+    "Results": "launch",
+    "SurfaceClassifier": "classifier",
+    "SurfaceData": "data.datamodule",
+    "VisualNet": "networks.visualnet",
+    "load": "predictor",
+    "read_folder": "data.readers.folder",
+    "read_manifest": "data.recordings",
+    "train": "launch",
+}
 
 # PyTorch's threads spin while they wait for each other, and beside another busy process they wait
 # for one that does not run: up to ten times as long. Sleeping costs an idle machine 5 to 20 %
@@ -20,9 +65,12 @@ if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT", "KMP_BLOCKTIME"} & os.environ.keys(
 
 
 def __getattr__(name: str) -> object:
-    """Import what needs PyTorch when it is asked for: a mistyped command is refused before."""
-    if name == "load":
-        from tex_lightning.predictor import load
+    """Import a public name when it is asked for."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
 
-        return load
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    """All names, those among them that are not imported yet."""
+    return sorted({*globals(), *__all__})

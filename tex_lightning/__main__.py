@@ -1,21 +1,18 @@
 """``python -m tex_lightning``: compose the configuration, check it, run one task."""
 
-import errno
 import logging
 import os
 import sys
 from pathlib import Path
 
 import hydra
-from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from tex_lightning.config import CONF, register
 from tex_lightning.config.arguments import quote_files
-from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.job import current_job
 from tex_lightning.config.usage import answer, asks
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.launch import as_mistake
 from tex_lightning.ranks import is_rank_zero, join_quietly
 
 USER_FAULT = 2
@@ -37,29 +34,21 @@ def run_job(composed: DictConfig) -> float | None:
     from tex_lightning.dispatch import run_task
     from tex_lightning.report.sweep import FAILURE, note_failure
 
-    sweeping = HydraConfig.get().mode == RunMode.MULTIRUN
-    directory = Path(HydraConfig.get().runtime.output_dir)
-    STARTED.append(directory)
-    (directory / FAILURE).unlink(missing_ok=True)
+    job = current_job()
+    STARTED.append(job.directory)
+    (job.directory / FAILURE).unlink(missing_ok=True)
     try:
-        return run_task(composed, directory)
+        return run_task(composed, job)
     except Exception as error:
-        mistake = _mistake(error)
-        if not sweeping:
+        mistake = as_mistake(error, job.overrides, began=True)
+        if job.origin != "sweep":
             if mistake is None:
                 raise
             raise SystemExit(complain(mistake)) from error
         if mistake is None:
             log.exception("This job of the sweep failed.")
-        note_failure(directory, str(mistake or f"{type(error).__name__}: {error}"))
+        note_failure(job, str(mistake or f"{type(error).__name__}: {error}"))
         return None
-
-
-def _mistake(error: Exception) -> UserError | None:
-    """What of an error is the user's to mend; None if it is a fault of the program."""
-    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
-        return UserError(f"The path {shorten(error.filename)} is too long; give a shorter one.")
-    return error if isinstance(error, UserError) else None
 
 
 def complain(error: Exception) -> int:
@@ -86,12 +75,13 @@ def _answer(arguments: list[str]) -> int:
     """Print what the command line asks to read and return the exit status."""
     try:
         print(answer(arguments, CONF), flush=True)
-    except UserError as error:
-        return complain(error)
-    except (*MISTAKES, ValueError, OverflowError) as error:
-        return complain(explain(error, [item for item in arguments if not asks([item])], CONF))
     except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except Exception as error:
+        mistake = as_mistake(error, [item for item in arguments if not asks([item])], began=False)
+        if mistake is None:
+            raise
+        return complain(mistake)
     return 0
 
 
@@ -102,20 +92,11 @@ def _run() -> int:
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
         entry()
-    except (*MISTAKES, ValueError, OverflowError) as error:  # also of a group set to null
-        if STARTED and not isinstance(error, MISTAKES):
+    except Exception as error:
+        mistake = as_mistake(error, sys.argv[1:], began=bool(STARTED))
+        if mistake is None:
             raise
-        return complain(explain(error, sys.argv[1:], CONF))
-    except OSError as error:
-        if STARTED:
-            raise
-        if "conf" in Path(error.filename).parts:  # of an option that Hydra looks for
-            return complain(explain(error, sys.argv[1:], CONF))
-        return complain(
-            UserError(
-                f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
-            )
-        )
+        return complain(mistake)
     except KeyboardInterrupt:
         from tex_lightning.runfolder import holds_work
 

@@ -6,10 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
-from hydra import compose
-from hydra.core.hydra_config import HydraConfig
-
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
 from tex_lightning.errors import UserError
 from tex_lightning.runs.family import with_system
@@ -18,7 +16,7 @@ from tex_lightning.tasks import frontier
 log = logging.getLogger(__name__)
 
 
-def resolve_auto(config: Config, directory: Path) -> Config:
+def resolve_auto(config: Config, job: Job) -> Config:
     """Replace ``model=auto`` by the chosen system of a family.
 
     Without ``frontier.run`` the family is measured here, and chosen on the partner of the fold that
@@ -30,15 +28,16 @@ def resolve_auto(config: Config, directory: Path) -> Config:
     if config.frontier.run is not None:
         overrides = _read(Path(config.frontier.run).expanduser())["overrides"]
     else:
-        run, tested = directory / "frontier", cast(int, config.data.test_fold)
+        run, tested = job.directory / "frontier", cast(int, config.data.test_fold)
         if not (run / "results.json").is_file():  # a second choice may be another one
             only = replace(config.crossval, only=[tested])
-            frontier.run(replace(config, task="frontier", crossval=only), run)
+            inside = replace(job, directory=run)
+            frontier.run(replace(config, task="frontier", crossval=only), inside)
         (choice,) = _read(run)["procedure"]["folds"]
         overrides = choice["overrides"]
-    given = [item for item in HydraConfig.get().overrides.task if not item.startswith("model=")]
+    given = [item for item in job.overrides if not item.startswith("model=")]
     log.info("model=auto is %s.", " ".join(overrides))
-    return read_config(compose("config", overrides=with_system(given, overrides)))
+    return read_config(job.compose(with_system(job, given, overrides)))
 
 
 def _read(folder: Path) -> dict[str, Any]:

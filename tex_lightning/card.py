@@ -36,10 +36,10 @@ class Card:
         visual_network: Arguments of :class:`VisualNet` but the classes.
         fusion: ``level`` of FusionNet; empty for the others.
         baseline: ``name`` and ``settings`` of a baseline and the ``weights`` it started from;
-            empty for our networks.
+            empty for this package's networks.
         decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule``, and ``reject_below``.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
-            perhaps ``enough``, the threshold of sequential decisions; empty without such a fold.
+            perhaps ``confidence_threshold`` of sequential decisions; empty without such a fold.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
             what each trunk began from if not at random; ``stream``, the synthetic specimens that
@@ -173,7 +173,8 @@ def _check(card: Card) -> None:
     _number("calibration.temperature", card.temperature, 1e-6, 1e6)
     _number("decode.sampling_rate", card.settings.sampling_rate, 1, 1e9)
     _number("decode.file_rate", card.settings.file_rate, 1e-3, 1e9)
-    _number("calibration.enough", card.calibration.get("enough", 0), 0, 1)
+    threshold = card.calibration.get("confidence_threshold", 0)
+    _number("calibration.confidence_threshold", threshold, 0, 1)
     for name, ends in card.input_ranges.items():
         for end in ends:
             _number(f"input_ranges.{name}", end, 0, math.inf)

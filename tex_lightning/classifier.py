@@ -33,6 +33,16 @@ class SurfaceClassifier(nn.Module):
         haptic_features: None for VisualNet.
         image_features: None for HapticNet.
         network: HapticNet, VisualNet or FusionNet.
+
+    Example:
+        >>> import tex_lightning as tl, torch
+        >>> classifier = tl.load("RUN").classifier
+        >>> trace, photo = torch.randn(3, 24_000), torch.zeros(240, 240, 3, dtype=torch.uint8)
+        >>> classifier.logits(trace, photo).shape  # of classes and pairs of fragments
+        torch.Size([3, 50])
+        >>> vote = classifier.classify(trace, photo)
+        >>> vote.label in (0, 1, 2)
+        True
     """
 
     def __init__(self, card: Card) -> None:
@@ -60,8 +70,8 @@ class SurfaceClassifier(nn.Module):
             card = Card.from_dict(content["hyper_parameters"]["card"])
             if card.baseline:
                 raise UserError(
-                    f"Checkpoint {path} holds {card.title}, and this needs a network of ours; "
-                    "give another file."
+                    f"Checkpoint {path} holds {card.title}, and this needs one of this package's "
+                    "networks; give another file."
                 )
             classifier = cls(card)
             prefix = "classifier."
@@ -174,7 +184,7 @@ class SurfaceClassifier(nn.Module):
     def visual_input(self, photo: Tensor) -> Tensor:
         """Normalised pixels (1, 3, height, width) of a decoded photo, on the module's device."""
         features = cast(ImageFeatures, self.image_features)
-        check_side(photo.shape[0], photo.shape[1], self.least_side)
+        check_side(photo.shape[0], photo.shape[1], self.min_side)
         return cast(Tensor, features(photo.permute(2, 0, 1)[None].to(features.mean.device)))
 
     def visual_windows(self, photo: Tensor, corners: Tensor, level: Level) -> Tensor:
@@ -196,7 +206,7 @@ class SurfaceClassifier(nn.Module):
         return cast(VisualNet, network).features(pixels, level).flatten(1).T.float()
 
     @property
-    def least_side(self) -> int:
+    def min_side(self) -> int:
         """Smallest side in pixels of a photo; 0 for HapticNet."""
         if isinstance(self.network, HapticNet):
             return 0

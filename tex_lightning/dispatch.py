@@ -2,27 +2,25 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import asdict, replace
 from typing import Any
 
 import torch
-from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from tex_lightning.auto import resolve_auto
-from tex_lightning.config import Config
+from tex_lightning.config import Config, flatten
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
+from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
-from tex_lightning.report.opening import announced_once
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder, find_checkpoint
+from tex_lightning.runs.opening import announced_once
 from tex_lightning.tasks import (
     crossval,
     evaluate,
@@ -36,7 +34,7 @@ from tex_lightning.tasks import (
     stream,
 )
 
-TASKS: dict[str, Callable[[Config, Path], Any]] = {
+TASKS: dict[str, Callable[[Config, Job], Any]] = {
     "fit": fit.run,
     "crossval": crossval.run,
     "evaluate": evaluate.run,
@@ -52,8 +50,8 @@ TASKS: dict[str, Callable[[Config, Path], Any]] = {
 TRAINING = ("fit", "crossval")  # on several devices
 
 
-def run_task(composed: DictConfig, directory: Path) -> float | None:
-    """Check the configuration and run its task with ``directory`` as the run folder.
+def run_task(composed: DictConfig, job: Job) -> float | None:
+    """Check the configuration and run its task in the run folder of the job.
 
     Every process of a training on several devices does; only rank zero writes.
 
@@ -69,38 +67,45 @@ def run_task(composed: DictConfig, directory: Path) -> float | None:
     check_config(config)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
-    set_threads(config)
+    set_threads(config.task, config.trainer.threads)
     processes = count_processes(config.trainer) if config.task in TRAINING else 1
-    if processes > 1 and HydraConfig.get().mode == RunMode.MULTIRUN:
-        raise UserError(NO_SWEEP)
+    if processes > 1:
+        _check_origin(job)
     check_shares(config, processes)
-    if started_processes() and not _names_folder():
+    if started_processes() and not job.named:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
     with kept_memory(), announced_once(config):
         if is_rank_zero():
-            claim_folder(composed, config, directory.resolve())
+            values = {**asdict(config), "trainer": vars(config.trainer)}  # Lightning's flags too
+            claim_folder(composed, flatten(values), job)
         if config.model.name == AUTO:
-            config = resolve_auto(config, directory.resolve())
-        results = TASKS[config.task](config, directory.resolve())
+            config = resolve_auto(config, job)
+        results = TASKS[config.task](config, job)
     if config.task in TRAINING and results:  # other ranks have none
         return optimized_value(results, config.optimized_metric)
     return None
 
 
-def _names_folder() -> bool:
-    return any(each.startswith("hydra.run.dir=") for each in HydraConfig.get().overrides.hydra)
+def _check_origin(job: Job) -> None:
+    """Refuse several processes where Lightning cannot start them by the same command line."""
+    if job.origin == "sweep":
+        raise UserError(NO_SWEEP)
+    if job.origin == "python" and not started_processes():
+        raise UserError(
+            "Python trains in this process alone; for several devices run python -m tex_lightning, "
+            "or start this program with torchrun."
+        )
 
 
-def set_threads(config: Config) -> None:
+def set_threads(task: str, threads: int | None) -> None:
     """Set PyTorch's threads on the CPU: as configured, else one for a live stream.
 
     The layers of a short chunk are so small that a second thread only costs time
     (``python -m benchmarks threads``). A user's ``OMP_NUM_THREADS`` is left as it is.
     """
-    threads = config.trainer.threads
-    if threads is None and config.task == "stream" and "OMP_NUM_THREADS" not in os.environ:
+    if threads is None and task == "stream" and "OMP_NUM_THREADS" not in os.environ:
         threads = 1
     if threads is not None:
         torch.set_num_threads(threads)

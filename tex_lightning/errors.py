@@ -11,6 +11,14 @@ class UserError(Exception):
 
     The message is one plain sentence: what was wrong, where (file or key), and what to do.
     The command line prints it without a traceback and exits with status 2.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> try:
+        ...     tl.load("/nowhere.ckpt")
+        ... except tl.UserError as error:
+        ...     print(error)
+        Checkpoint /nowhere.ckpt does not exist; check the path.
     """
 
 

@@ -25,10 +25,16 @@ class Prediction:
         confidence: The winner's share of the votes, 0 to 1.
         top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
         fragments: How many voted.
-        evidence: Arithmetic that was done, as a share of what the full decision takes.
+        relative_macs: Arithmetic that was done, as a share of what the full decision takes.
         warnings: What is wrong with the input, one sentence each.
         modalities: What a FusionNet looked at, ``haptic``, ``image`` or both; empty of others.
         latency_ms: From file or array to label in milliseconds.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> found = tl.load("RUN").predict(haptic="A.wav", image="B.jpg")
+        >>> found.label in ("a", "b", "c"), found.fragments, found.modalities
+        (True, 50, ('haptic', 'image'))
     """
 
     label: str | None
@@ -37,7 +43,7 @@ class Prediction:
     confidence: float | None
     top_k: tuple[dict[str, Any], ...]
     fragments: int
-    evidence: float
+    relative_macs: float
     warnings: tuple[str, ...]
     modalities: tuple[str, ...]
     latency_ms: float
@@ -74,7 +80,7 @@ def describe(
     rest = (tuple(quality.warnings), tuple(modalities), milliseconds)
     if vote is None:
         return Prediction(None, None if least is None else False, None, None, (), 0, 1.0, *rest)
-    evidence = round(vote.evidence, 6)
+    relative_macs = round(vote.relative_macs, 6)
     vote = vote.doubted(1.0 if quality.empty else UNLIKE if quality.warnings else 0.0)
     shares, classes = vote.shares.tolist(), card.classes
     # the label first whatever the tie, then the others by votes, then by their place
@@ -87,7 +93,7 @@ def describe(
         confidence=shares[vote.label],
         top_k=tuple({"label": classes[i], "share": shares[i]} for i in ranked[:top_k]),
         fragments=len(vote.fragments),
-        evidence=evidence,
+        relative_macs=relative_macs,
         warnings=rest[0],
         modalities=rest[1],
         latency_ms=milliseconds,

@@ -6,16 +6,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import CONF, Config, register
+from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
-from tex_lightning.config.mistakes import MISTAKES
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.arrays import as_photo, as_trace
 from tex_lightning.data.decode import decode_image, read_trace, to_rate
@@ -50,24 +49,22 @@ def load(path: str | Path, *overrides: str) -> "Predictor":
 
     Raises:
         UserError: If there is no such checkpoint, or an override cannot be meant.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> model = tl.load("RUN", "top_k=2")
+        >>> model.card.classes
+        ['a', 'b', 'c']
     """
     return Predictor(load_classifier(find_checkpoint(path)), _compose(path, overrides))
 
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
     """The configuration that the command line would make."""
-    register()
-    running = GlobalHydra.instance().hydra  # of an application that calls this
-    GlobalHydra.instance().clear()
     try:
-        with initialize_config_dir(str(CONF), version_base="1.3"):
-            composed = compose("config", overrides=[f"task={TASK}", *overrides])
+        composed = compose_config(CONF, [f"task={TASK}", *overrides])
     except MISTAKES as error:
-        from tex_lightning.config.mistakes import explain
-
         raise explain(error, overrides, CONF) from error
-    finally:
-        GlobalHydra.instance().hydra = running
     composed.checkpoint = str(path)
     config = read_config(composed)
     check_config(config)
@@ -83,6 +80,16 @@ class Predictor:
 
     Attributes:
         card: What the checkpoint says of itself, such as ``card.classes``.
+
+    Example:
+        >>> import numpy as np, tex_lightning as tl
+        >>> model = tl.load("RUN/checkpoints/haptic.ckpt")
+        >>> samples = np.random.default_rng(0).standard_normal(24_000)
+        >>> model.predict(haptic=samples, rate=10_000).fragments
+        4
+        >>> stream = model.stream()
+        >>> [stream.push(chunk).fragments for chunk in np.split(samples, 4)][-1]
+        4
     """
 
     def __init__(self, classifier: SurfaceClassifier, config: Config) -> None:
@@ -160,7 +167,9 @@ class Predictor:
             classifier = self.classifier
             if self.card.kind == "fusion" and not (haptic and image):
                 classifier = part_for(classifier, "haptic" if haptic else "image")
-            self._deciders[haptic, image] = prepare(classifier, self.config)
+            self._deciders[haptic, image] = prepare(
+                classifier, self.config.engine, self.config.decision
+            )
         return self._deciders[haptic, image]
 
     def _inputs(

@@ -2,14 +2,12 @@
 
 import json
 import logging
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import Config, flatten
+from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_text
 
@@ -31,17 +29,23 @@ def holds_work(directory: Path) -> bool:
     return any((directory / name).exists() for name in WORK)
 
 
-def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
+def claim_folder(composed: DictConfig, values: dict[str, Any], job: Job) -> None:
     """Note settings and overrides in the run folder, unless the work of another run lies there.
 
     Hydra would write its own record before anything could be refused, so it is told not to and
     ``.hydra`` is written here.
 
+    Args:
+        composed: As Hydra composed it.
+        values: Dotted keys and values of the configuration.
+        job: Has the run folder and the overrides.
+
     Raises:
         UserError: If another run lives there; nothing of it is changed.
     """
+    directory = job.directory
     note = directory / SETTINGS
-    wanted = _binding_settings(config)
+    wanted = {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
     if note.is_file() and holds_work(directory):
         found = _read(note)
         differing = sorted(key for key in {*wanted, *found} if wanted.get(key) != found.get(key))
@@ -52,11 +56,10 @@ def claim_folder(composed: DictConfig, config: Config, directory: Path) -> None:
             )
         log.info("Going on with the run in %s.", directory)
     write_text(note, json.dumps(wanted, indent=1, sort_keys=True))
-    hydra = HydraConfig.get()
     for name, content in (
         ("config", composed),
-        ("hydra", OmegaConf.create({"hydra": hydra})),
-        ("overrides", hydra.overrides.task),
+        ("hydra", job.hydra),
+        ("overrides", OmegaConf.create(list(job.overrides))),
     ):
         write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
 
@@ -67,12 +70,6 @@ def _read(note: Path) -> dict[str, Any]:
     except ValueError as error:
         raise UserError(f"{note} is damaged; choose another folder.") from error
     return settings
-
-
-def _binding_settings(config: Config) -> dict[str, Any]:
-    """Dotted keys and values of everything that a continued run must keep."""
-    values = flatten({**asdict(config), "trainer": vars(config.trainer)})
-    return {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
 
 
 def find_checkpoint(given: str | Path) -> Path:

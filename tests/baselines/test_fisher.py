@@ -14,7 +14,7 @@ from tex_lightning.networks.trunks import TRUNKS
 
 
 def baseline(trunk="alexnet_caffe", scales=(0.0,), **changes):
-    settings = {"components": 3, "photos": 4, "descriptors": 40, "cost": 1.0, "most_side": 1024}
+    settings = {"components": 3, "photos": 4, "descriptors": 40, "cost": 1.0, "max_side": 1024}
     return FisherVectors(trunk=trunk, scales=list(scales), **{**settings, **changes})
 
 
@@ -86,11 +86,11 @@ def test_features_are_the_last_convolution_before_relu(trunk, channels):
 
 
 def test_scales_are_bounded_on_both_sides():
-    system = baseline(scales=(1.0, 0.0, -1.0, -2.0), most_side=100)
+    system = baseline(scales=(1.0, 0.0, -1.0, -2.0), max_side=100)
     assert system.factors(torch.zeros(1, 3, 64, 64)) == [1.0, 0.5]
     assert system.factors(torch.zeros(1, 3, 30, 50)) == [2.0, 1.0]
     assert system.factors(torch.zeros(1, 3, 1000, 1000)) == [0.1]
-    assert system.least_side == 15
+    assert system.min_side == 15
 
 
 def test_state_round_trip_and_labels():
@@ -133,7 +133,7 @@ def test_command_line(cli, surfaces, tmp_path, model):
         pytest.skip("there is no trunk vgg_m")
     outcome = cli(
         f"model={model}", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
-        "debug=tiny", f"hydra.run.dir={tmp_path}", "model.settings.most_side=100",
+        "debug=tiny", f"hydra.run.dir={tmp_path}", "model.settings.max_side=100",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert "random weights" in outcome.err

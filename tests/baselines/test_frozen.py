@@ -14,7 +14,7 @@ from tex_lightning.features.image import ImageFeatures
 
 def baseline(**changes):
     settings = {
-        "trunk": "squeezenet", "most_side": 1024, "layers": ["fire8", "fire9"],
+        "trunk": "squeezenet", "max_side": 1024, "layers": ["fire8", "fire9"],
         "statistics": ["mean", "max", "std"], "strengths": [0.01, 0.1],
     }  # fmt: skip
     return FrozenLinear(**{**settings, **changes})
@@ -35,7 +35,7 @@ def test_features_are_statistics_of_the_trunks_own_pass():
 
 
 def test_large_photos_are_made_smaller():
-    system, whole = baseline(most_side=80), baseline()
+    system, whole = baseline(max_side=80), baseline()
     system.require_weights(0)
     whole.frozen = system.frozen
     photo = make_photo(0, 0, 160)

@@ -16,7 +16,7 @@ def test_one_component_is_a_gaussian_of_all_frames_of_a_class(configured):
     expected = []
     for kind in range(3):
         own = np.concatenate(frames[4 * kind : 4 * kind + 4])
-        deviation = np.sqrt(own.var(axis=0) + baseline.least_variance)
+        deviation = np.sqrt(own.var(axis=0) + baseline.min_variance)
         expected.append(norm.logpdf(frames[2], own.mean(axis=0), deviation).sum())
     np.testing.assert_allclose(baseline.logits(TRACES[2])[:, 0], expected, rtol=1e-6)
     assert baseline.count_parameters() == 3 * (1 + 13 + 13)

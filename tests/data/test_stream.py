@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.utils.data import DataLoader
 
-from tex_lightning.data.generated_batches import LANES, PhotoViews, StreamBatches, TraceViews
+from tex_lightning.data.generated_batches import LANES, GeneratedBatches, PhotoViews, TraceViews
 from tex_lightning.features.image import crop_side
 from tex_lightning.features.spectrogram import HapticFeatures
 
@@ -31,8 +31,8 @@ class Numbered:
         return [np.full((60, 90, 3), number % 251, np.uint8)]
 
 
-def photos(batch_size=6, views=4, seed=0) -> StreamBatches:
-    return StreamBatches(PhotoViews(Numbered(), 40, 30.0), batch_size, views, seed)
+def photos(batch_size=6, views=4, seed=0) -> GeneratedBatches:
+    return GeneratedBatches(PhotoViews(Numbered(), 40, 30.0), batch_size, views, seed)
 
 
 @given(st.integers(1, 12), st.integers(1, 12))
@@ -106,7 +106,7 @@ def test_crops_are_cut_on_every_scale_up_to_that_of_the_photo():
 def test_traces_become_normalised_sub_samples():
     features = HapticFeatures(scale="mel", skip_impact=False)
     views = TraceViews(Numbered("haptic"), features, 177)
-    batches = StreamBatches(views, 5, 2, 0)
+    batches = GeneratedBatches(views, 5, 2, 0)
     features.fit([batches.specimen(number)[0] for number in range(5)])
     batch = batches[0]
     assert batch["spectrogram"].shape == (5, 1, 50, 177)

@@ -1,4 +1,4 @@
-"""Text files as laboratories write them, against the numbers they were written from."""
+"""Text files as datasets write them, against the numbers they were written from."""
 
 import numpy as np
 import pytest

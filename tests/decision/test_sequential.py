@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from tex_lightning.decision.early_stopping import StoppingRule, log_density, sure_enough
+from tex_lightning.decision.early_stopping import StoppingRule, is_confident, log_density
 
 POPULATIONS = st.lists(st.integers(0, 3), min_size=1, max_size=60)
 
@@ -115,5 +115,5 @@ def test_simulated_populations_are_misjudged_rarely(shares):
 
 
 def test_a_threshold_of_one_is_never_reached():
-    assert sure_enough(0.9, 0.9)
-    assert not sure_enough(1.0, 1.0)
+    assert is_confident(0.9, 0.9)
+    assert not is_confident(1.0, 1.0)

@@ -23,12 +23,12 @@ CONFIG = DecisionConfig(
     pairs=200,
     seed=0,
     alpha=0.0,
-    enough=NEVER,
+    confidence_threshold=NEVER,
     calibrated=True,
     disagreement=0.1,
     confidence=0.95,
     alphas=[],
-    enoughs=[],
+    confidence_thresholds=[],
 )
 
 
@@ -95,13 +95,13 @@ def test_a_trace_is_taken_only_as_far_as_the_exact_vote_needs(seed):
     full = model.classify(trace(seed, 12.0))
     assert vote.label == full.label
     assert len(vote.fragments) <= len(full.fragments)
-    if vote.evidence > 1:
+    if vote.relative_macs > 1:
         assert len(vote.fragments) == len(full.fragments)
 
 
 def test_the_rest_of_a_trace_is_neither_transformed_nor_run(monkeypatch):
     model = classifier("haptic")
-    sequential = SequentialClassifier(model, replace(CONFIG, enough=0.0))
+    sequential = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
     seen = []
     original = model.haptic_features.spectra
     monkeypatch.setattr(
@@ -113,8 +113,8 @@ def test_the_rest_of_a_trace_is_neither_transformed_nor_run(monkeypatch):
     overlap = 500 - 100  # samples that two pieces share
     assert sum(seen) == 2 * (176 * 100 + 500 + overlap)
     full = spent(lambda: model.classify(trace(0, 12.0)))
-    assert vote.evidence * full == pytest.approx(counted)
-    assert vote.evidence < 0.25
+    assert vote.relative_macs * full == pytest.approx(counted)
+    assert vote.relative_macs < 0.25
 
 
 @pytest.mark.parametrize("kind", ["haptic", "fusion"])
@@ -128,7 +128,7 @@ def test_a_short_trace_is_taken_whole_at_once(kind, monkeypatch):
     assert pushed == []
     assert vote.label == model.classify(**short).label
     if kind == "haptic":
-        assert vote.evidence == 1.0
+        assert vote.relative_macs == 1.0
 
 
 def test_an_undecided_trace_costs_few_pushes_and_one_pass(monkeypatch):
@@ -139,7 +139,7 @@ def test_an_undecided_trace_costs_few_pushes_and_one_pass(monkeypatch):
     vote = sequential.classify(trace(0, 20.0))
     assert len(vote.fragments) == len(model.classify(trace(0, 20.0)).fragments) == 114
     assert 1 <= len(pushes) <= 6
-    assert 1 < vote.evidence < 1.5
+    assert 1 < vote.relative_macs < 1.5
 
 
 def count_positions(monkeypatch, network: nn.Module) -> list[int]:
@@ -160,14 +160,14 @@ def test_windows_not_drawn_are_not_computed(monkeypatch, alpha):
     assert vote.label == 1
     if alpha == 0:  # more than half of the positions: the dense pass is cheaper
         assert rows == [1]
-        assert vote.evidence == 1
+        assert vote.relative_macs == 1
         assert len(vote.fragments) == model.logits(photo=large).shape[1]
     else:
         assert sum(rows) == len(vote.fragments) == sequential.rule.least_more([0] * 4, 10_000)
         counted = spent(lambda: sequential.classify(photo=large))
         full = spent(lambda: model.classify(photo=large))
-        assert vote.evidence == pytest.approx(counted / full)
-        assert vote.evidence < 0.3
+        assert vote.relative_macs == pytest.approx(counted / full)
+        assert vote.relative_macs < 0.3
 
 
 def test_single_windows_have_the_scores_of_isolated_crops():
@@ -195,13 +195,13 @@ def test_the_dense_fallback_is_the_full_vote(kind, level):
 
 
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
-    model = classifier("fusion", enough=0.0)
+    model = classifier("fusion", confidence_threshold=0.0)
     rows = count_positions(monkeypatch, model.network.visual)
     vote = SequentialClassifier(model, CONFIG).classify(**given("fusion", 0))
     assert rows == []
-    assert 0 < vote.evidence < 1
+    assert 0 < vote.relative_macs < 1
     unsure = SequentialClassifier(model, replace(CONFIG, calibrated=False))
-    assert unsure.enough == NEVER
+    assert unsure.threshold == NEVER
     unsure.classify(**given("fusion", 0))
     assert rows
 
@@ -213,19 +213,19 @@ def test_fusion_takes_no_more_of_a_trace_than_it_needs(level):
     whole = Costs(model.card)
     haptic = whole.haptic(model.haptic_features.count_frames(long["trace"]))
     share = haptic / (haptic + whole.visual(1400, 1600))
-    sure = SequentialClassifier(model, replace(CONFIG, enough=0.0)).classify(**long)
-    assert sure.evidence < 0.3 * share
+    sure = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0)).classify(**long)
+    assert sure.relative_macs < 0.3 * share
     beginning = part_for(model, "haptic").classify(trace(0, 3.0))
     assert sure.label == beginning.label
 
 
 def test_the_cheaper_modality_comes_first(monkeypatch):
-    model = classifier("fusion", enough=0.0)
+    model = classifier("fusion", confidence_threshold=0.0)
     small = photo(0, 240, 240)
     rows = count_positions(monkeypatch, model.network.haptic)
     vote = SequentialClassifier(model, CONFIG).classify(trace(0, 60.0), small)
     assert rows == []
-    assert vote.evidence < 0.5
+    assert vote.relative_macs < 0.5
 
 
 def test_fusion_draws_the_pairs_of_the_full_vote():
@@ -236,7 +236,7 @@ def test_fusion_draws_the_pairs_of_the_full_vote():
     vote = SequentialClassifier(model, replace(CONFIG, alpha=0.2)).classify(**large)
     assert vote.label == model.classify(**large).label == 2
     assert len(vote.fragments) < 20
-    assert vote.evidence < 0.5
+    assert vote.relative_macs < 0.5
 
 
 def test_a_mean_of_probabilities_is_refused():

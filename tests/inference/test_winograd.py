@@ -52,10 +52,10 @@ def recording() -> torch.Tensor:
 @pytest.fixture
 def short(monkeypatch) -> None:
     """Take the fast way however little there is to multiply, in many blocks."""
-    monkeypatch.setattr(rewrite, "LEAST_DEPTH", 1)
-    monkeypatch.setattr(winograd, "LEAST_MACS", 0)
+    monkeypatch.setattr(rewrite, "MIN_DEPTH", 1)
+    monkeypatch.setattr(winograd, "MIN_MACS", 0)
     monkeypatch.setattr(winograd, "BLOCK", 8000)
-    monkeypatch.setattr(long_conv, "LEAST_MACS", 0)
+    monkeypatch.setattr(long_conv, "MIN_MACS", 0)
 
 
 def fast_layers(network: nn.Module) -> list[nn.Module]:
@@ -87,7 +87,7 @@ def test_it_equals_convolution_and_pooling_for_every_shape_layout_and_block(
     if pooled:
         expected = functional.max_pool2d(expected, 2, 2, ceil_mode=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(winograd, "LEAST_MACS", 0)
+        patch.setattr(winograd, "MIN_MACS", 0)
         patch.setattr(winograd, "BLOCK", block)
         found = WinogradConv(conv, pooled=pooled)(x)
     torch.testing.assert_close(found.double(), expected, rtol=1e-5, atol=1e-5)
@@ -99,7 +99,7 @@ def test_it_equals_convolution_and_pooling_for_every_shape_layout_and_block(
     st.integers(1, 5),
     st.sampled_from([6, 9, 12]),
     st.booleans(),
-    st.sampled_from([("LEAST_MACS", 0), ("FEW", 1000), ("FEW", 0)]),
+    st.sampled_from([("MIN_MACS", 0), ("FEW", 1000), ("FEW", 0)]),
 )
 def test_a_long_one_equals_convolution_for_every_shape_and_way(shape, outputs, taps, bias, way):
     torch.manual_seed(sum(shape))

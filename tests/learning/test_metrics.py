@@ -56,7 +56,8 @@ def test_metrics_of_samples_are_scikit_learns():
 
 
 def test_a_probability_rounded_beyond_1_is_no_logit():
-    sure = Vote(0, torch.tensor([1.0, 0]), torch.tensor([0]), torch.tensor([1 + 2e-16, 0]).double())
+    probabilities = torch.tensor([1 + 2e-16, 0], dtype=torch.float64)
+    sure = Vote(0, torch.tensor([1.0, 0]), torch.tensor([0]), probabilities)
     metrics = vote_metrics(2, "val")
     metrics.update(sure, torch.tensor(0))
     assert float(metrics.compute()["val/ece"]) == 0

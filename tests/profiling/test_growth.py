@@ -74,5 +74,5 @@ def test_the_shortest_trace_has_a_window_at_every_rate(rate, first):
         haptic_network={"width": 0.05, "norm": "batch"},
     )
     classifier = SurfaceClassifier(card).eval()
-    assert growth._enough_seconds(Subject(classifier, torch.zeros(1)))[0] == first
+    assert growth._sufficient_seconds(Subject(classifier, torch.zeros(1)))[0] == first
     assert classifier.classify(torch.randn(3, round(first * rate))).label in (0, 1)

@@ -36,17 +36,17 @@ def networks(directory: Path) -> dict:
 
 def test_a_sequential_run_says_what_it_saved(sequential):
     for name, knobs in (
-        ("haptic", {"used", "enough"}),
+        ("haptic", {"used", "confidence_threshold"}),
         ("visual", {"used", "alpha"}),
-        ("fusion", {"used", "alpha", "enough"}),
+        ("fusion", {"used", "alpha", "confidence_threshold"}),
     ):
         entry = networks(sequential)[name]["sequential"]
-        assert 0 < entry["evidence"] <= 1.5
+        assert 0 < entry["relative_macs"] <= 1.5
         assert 0 <= entry["agreement"] <= 1
         assert entry["agreement_ci95"][0] <= entry["agreement"] <= entry["agreement_ci95"][1]
         outcomes = read_outcomes(sequential / "predictions" / f"{name}.csv")
-        mean = sum(outcome.evidence for outcome in outcomes) / len(outcomes)
-        assert entry["evidence"] == pytest.approx(mean)
+        mean = sum(outcome.relative_macs for outcome in outcomes) / len(outcomes)
+        assert entry["relative_macs"] == pytest.approx(mean)
         with (sequential / "sequential.csv").open() as stream:
             rows = [row for row in csv.DictReader(stream) if row["network"] == name]
         assert {row["knob"] for row in rows} == knobs
@@ -63,9 +63,9 @@ def test_a_sequential_run_says_how_far_to_believe_it(sequential):
         card = torch.load(path, weights_only=True)["hyper_parameters"]["card"]
         assert 0.1 <= card["calibration"]["temperature"] <= 10
         assert ("disagreement" in card["calibration"]) == (name != "visual")
-    enough = networks(sequential)["haptic"]["sequential"]["enough"]
+    threshold = networks(sequential)["haptic"]["sequential"]["confidence_threshold"]
     card = torch.load(sequential / "checkpoints/haptic.ckpt", weights_only=True)
-    assert enough == card["hyper_parameters"]["card"]["calibration"]["enough"]
+    assert threshold == card["hyper_parameters"]["card"]["calibration"]["confidence_threshold"]
 
 
 def test_predictions_say_what_they_looked_at(cli, sequential, surfaces):
@@ -74,15 +74,15 @@ def test_predictions_say_what_they_looked_at(cli, sequential, surfaces):
         f"haptic={surfaces}/alpha/haptic/alpha_0.wav",
         f"image={surfaces}/alpha/image/alpha_0.png",
     ]
-    sure = ["decision=sequential", "decision.calibrated=false", "decision.enough=0"]
+    sure = ["decision=sequential", "decision.calibrated=false", "decision.confidence_threshold=0"]
     quick = cli("task=predict", *files, *sure)
     assert quick.status == 0, quick.err
     line = json.loads(quick.out)
-    assert 0 < line["evidence"] < 1
+    assert 0 < line["relative_macs"] < 1
     assert line["fragments"] < 10
     assert line["rejected"] is (line["probability"] < 0.5)  # the threshold of the training
     whole = json.loads(cli("task=predict", *files, "decision.reject_below=1").out)
-    assert whole["evidence"] == 1
+    assert whole["relative_macs"] == 1
     assert whole["fragments"] == 50  # pairs of debug=tiny
     assert whole["rejected"] is True
     assert whole["label"] is None
@@ -141,7 +141,7 @@ def test_held_out_classes_are_tested_and_never_trained_on(cli, surfaces, tmp_pat
     assert haptic["unknown"]["classes"] == ["gamma"]
     assert haptic["unknown"]["samples"] == 2
     assert 0 <= haptic["unknown"]["auroc"] <= 1
-    assert haptic["sequential"]["enough"] == 0.9
+    assert haptic["sequential"]["confidence_threshold"] == 0.9
     with (tmp_path / "sequential.csv").open() as stream:
         assert {row["test_samples"] for row in csv.DictReader(stream)} == {"4"}
     again = cli(

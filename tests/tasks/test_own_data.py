@@ -14,7 +14,7 @@ TINY = ("debug=tiny", "trainer.threads=1", "logger=csv", f"data.folds={FOLDS}")
 
 
 def write_timed(path: Path, trace: np.ndarray, rate: int) -> None:
-    """A spreadsheet of a German laboratory: semicolons, decimal commas, milliseconds."""
+    """A spreadsheet of a German dataset: semicolons, decimal commas, milliseconds."""
     lines = [f"{1000 * n / rate:.3f};{value:.6f}" for n, value in enumerate(trace)]
     text = "Zeit [ms];Beschl.\r\n" + "\r\n".join(lines).replace(".", ",")
     path.write_text(text, encoding="utf-8-sig")

@@ -88,11 +88,11 @@ def test_what_a_prediction_holds(cli, surfaces, trained, tmp_path, monkeypatch):
     )
     assert json.loads(fast.out)["label"] == prediction["label"]
     contract = {"haptic", "label", "confidence", "top_k", "fragments", "latency_ms"}
-    assert set(prediction) == contract | {"probability", "evidence", "warnings"}
+    assert set(prediction) == contract | {"probability", "relative_macs", "warnings"}
     assert list(prediction).index("probability") < list(prediction).index("confidence")
     assert prediction["warnings"] == []
     assert 0 < prediction["probability"] <= 1
-    assert prediction["evidence"] == 1
+    assert prediction["relative_macs"] == 1
     assert len(prediction["top_k"]) == 2
     assert prediction["top_k"][0] == {
         "label": prediction["label"],

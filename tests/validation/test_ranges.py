@@ -9,7 +9,7 @@ from omegaconf.errors import ValidationError
 
 from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
-from tex_lightning.config.mistakes import compose_config
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.errors import UserError
 

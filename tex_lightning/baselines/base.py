@@ -29,12 +29,12 @@ class Baseline(ABC):
 
     Attributes:
         kind: Which modality it reads.
-        least_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
+        min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
         sampling_rate: Of the traces in Hz; set by whoever makes it.
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]
-    least_side = 0  # no settings of their own: it follows from the settings,
+    min_side = 0  # no settings of their own: it follows from the settings,
     sampling_rate = 10_000.0  # and this from data.sampling_rate
 
     @abstractmethod

@@ -46,9 +46,9 @@ class BaselineClassifier(SurfaceClassifier):
         return torch.device("cpu")
 
     @property
-    def least_side(self) -> int:
+    def min_side(self) -> int:
         """Smallest side in pixels of a photo; 0 for traces."""
-        return self.baseline.least_side
+        return self.baseline.min_side
 
     def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
         """Class scores (classes, fragments) of one decoded recording; see the base class."""
@@ -56,7 +56,7 @@ class BaselineClassifier(SurfaceClassifier):
         if self.card.kind == "haptic":
             return self.baseline.logits(movement(cast(Tensor, trace).numpy(), self.card))
         pixels = cast(Tensor, photo)
-        check_side(pixels.shape[0], pixels.shape[1], self.least_side)
+        check_side(pixels.shape[0], pixels.shape[1], self.min_side)
         return self.baseline.logits(pixels.numpy())
 
     def count_parameters(self) -> int:

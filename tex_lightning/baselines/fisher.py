@@ -34,7 +34,7 @@ class FisherVectors(TrunkBaseline):
 
     Attributes:
         scales: Exponents of two of the factors on the photo's sides. A scale is left out where a
-            side falls below ``LEAST_SIDE`` pixels or the photo grows beyond ``most_side``.
+            side falls below ``MIN_SIDE`` pixels or the photo grows beyond ``max_side``.
         components: Gaussians of the mixture.
         photos: Most training photos that the mixture is fitted to.
         descriptors: Most features (positions of the map) that each of these gives.
@@ -50,7 +50,7 @@ class FisherVectors(TrunkBaseline):
     descriptors: int
     cost: float
 
-    LEAST_SIDE: ClassVar = 30
+    MIN_SIDE: ClassVar = 30
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -61,8 +61,8 @@ class FisherVectors(TrunkBaseline):
             )
         if not self.cost > 0:
             raise UserError(f"model.settings.cost is {self.cost}: choose a positive number.")
-        self.map_side = max(self.least_side, self.LEAST_SIDE)
-        self.least_side = math.ceil(self.map_side / 2 ** max(self.scales))
+        self.map_side = max(self.min_side, self.MIN_SIDE)
+        self.min_side = math.ceil(self.map_side / 2 ** max(self.scales))
         self.fitted: State = {}
 
     def with_budget(self, budget: float) -> Self:

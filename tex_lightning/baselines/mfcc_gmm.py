@@ -19,7 +19,7 @@ from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 from tex_lightning.baselines.mfcc import Cepstra
 from tex_lightning.errors import UserError
 
-MOST_ITERATIONS = 500  # enough to converge: a hundred are not always
+MAX_ITERATIONS = 500  # enough to converge: a hundred are not always
 
 
 @dataclass
@@ -28,19 +28,19 @@ class MfccMixtures(Baseline, Cepstra):
 
     Attributes:
         components: Gaussians with diagonal covariance for each class, at most one for each frame.
-        least_variance: Added to every variance, so that no component shrinks to one frame.
+        min_variance: Added to every variance, so that no component shrinks to one frame.
     """
 
     components: int
-    least_variance: float
+    min_variance: float
 
     kind: ClassVar = "haptic"
 
     def __post_init__(self) -> None:
         self.check()
-        if self.components < 1 or self.least_variance <= 0:
+        if self.components < 1 or self.min_variance <= 0:
             raise UserError(
-                "model.settings: components must be at least 1 and least_variance exceed 0."
+                "model.settings: components must be at least 1 and min_variance exceed 0."
             )
         self.mixtures: list[Any] = []
 
@@ -59,8 +59,8 @@ class MfccMixtures(Baseline, Cepstra):
             mixture = GaussianMixture(
                 min(self.components, len(own)),
                 covariance_type="diag",
-                reg_covar=self.least_variance,
-                max_iter=MOST_ITERATIONS,
+                reg_covar=self.min_variance,
+                max_iter=MAX_ITERATIONS,
                 random_state=seed,
             )
             self.mixtures.append(mixture.fit(own))

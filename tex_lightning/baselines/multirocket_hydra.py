@@ -16,7 +16,7 @@ from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import StandardScaler
 
 from tex_lightning.baselines.base import Array
-from tex_lightning.baselines.rocket import ALPHAS, LEAST_KERNELS, Rocket, same_threads
+from tex_lightning.baselines.rocket import ALPHAS, MIN_KERNELS, Rocket, same_threads
 
 
 @dataclass
@@ -39,7 +39,7 @@ class MultiRocketHydra(Rocket):
         """Fewer kernels and groups."""
         return replace(
             self,
-            kernels=max(LEAST_KERNELS, int(self.kernels * budget)),
+            kernels=max(MIN_KERNELS, int(self.kernels * budget)),
             hydra_groups=max(2, int(self.hydra_groups * budget)),
         )
 

@@ -47,7 +47,7 @@ class LocalBinaryPatterns(EstimatorBaseline):
             raise UserError(
                 "model.settings: radii are at least 1 pixel, and strength is a positive number."
             )
-        self.least_side = 2 * max(self.radii) + 1
+        self.min_side = 2 * max(self.radii) + 1
 
     def features(self, recording: Array) -> Array:
         """Histograms (len(radii) * CODES,) of the patterns, each with sum 1."""

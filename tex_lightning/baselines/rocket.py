@@ -26,7 +26,7 @@ from tex_lightning.baselines.base import (
 )
 from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 
-LEAST_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
+MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
 ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
 
 
@@ -112,7 +112,7 @@ class MiniRocket(Rocket):
 
     def with_budget(self, budget: float) -> Self:
         """Fewer kernels."""
-        return replace(self, kernels=max(LEAST_KERNELS, int(self.kernels * budget)))
+        return replace(self, kernels=max(MIN_KERNELS, int(self.kernels * budget)))
 
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
         """The pipeline of aeon's ``MiniRocketClassifier``."""

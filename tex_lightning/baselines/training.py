@@ -26,11 +26,11 @@ def fit_baseline(training: Training) -> Path:
     rows = training.parts.train.of(NEEDS[card.kind][0]).rows
     labels = np.array([card.classes.index(row.label) for row in rows])
     classifier = BaselineClassifier(card)
-    if training.config.weights is not None:
-        log.info(classifier.baseline.load_weights(training.config.weights))
+    if training.weights is not None:
+        log.info(classifier.baseline.load_weights(training.weights))
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
     recordings = Loaded(rows, training.store, card)
-    classifier.baseline.fit(recordings, labels, training.config.seed)
+    classifier.baseline.fit(recordings, labels, training.seed)
     classifier.save(training.final, time.perf_counter() - begin)
     return training.final

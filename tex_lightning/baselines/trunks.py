@@ -29,7 +29,7 @@ class TrunkBaseline(Baseline):
 
     Attributes:
         trunk: Its name among the trunks of VisualNet.
-        most_side: Photos of more than its square in pixels are made smaller, to bound time and
+        max_side: Photos of more than its square in pixels are made smaller, to bound time and
             memory.
 
     Raises:
@@ -37,7 +37,7 @@ class TrunkBaseline(Baseline):
     """
 
     trunk: str
-    most_side: int
+    max_side: int
 
     kind: ClassVar = "visual"
 
@@ -48,7 +48,7 @@ class TrunkBaseline(Baseline):
             )
         self.frozen: Trunk | None = None
         self.pixels = ImageFeatures()
-        self.least_side = _least_side(TRUNKS[self.trunk])
+        self.min_side = _least_side(TRUNKS[self.trunk])
 
     @property
     def network(self) -> Trunk:
@@ -82,8 +82,8 @@ class TrunkBaseline(Baseline):
         return pixels
 
     def largest_factor(self, image: Tensor) -> float:
-        """The factor on an image's sides that brings it to ``most_side``."""
-        return self.most_side / math.sqrt(image.shape[-2] * image.shape[-1])
+        """The factor on an image's sides that brings it to ``max_side``."""
+        return self.max_side / math.sqrt(image.shape[-2] * image.shape[-1])
 
     def maps(self, image: Tensor, layers: Sequence[str]) -> dict[str, Tensor]:
         """Outputs of the trunk's layers of these names; those behind the last are left out."""

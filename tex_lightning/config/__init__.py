@@ -27,6 +27,7 @@ from tex_lightning.config.model import (
 from tex_lightning.config.tasks import (
     OPTIMIZED_METRICS,
     READS,
+    SILENT,
     CrossvalConfig,
     DecisionConfig,
     EngineConfig,
@@ -41,7 +42,7 @@ from tex_lightning.config.tasks import (
 )
 
 __all__ = [
-    "READS", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
+    "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
     "FitConfig", "FrontierConfig", "FusionConfig", "FusionFitConfig", "GenerateConfig",
     "HapticConfig", "HapticFitConfig", "ModelConfig", "PredictConfig",
     "PretrainConfig", "ProbeConfig", "ProfileConfig", "StabilityConfig", "StreamConfig",
@@ -120,10 +121,10 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def register() -> None:
-    """Make the schema known to Hydra under the name ``schema``."""
+    """Make the schema known to Hydra, beside those of other applications in this process."""
     node = OmegaConf.structured(Config)
     recipes = [node.model[name].fit for name in ("haptic", "visual", "fusion")]
     nodes = [each[part] for each in recipes for part in ("optimizer", "schedule")]
     for opened in (node.trainer, node.callbacks, node.logger, *nodes):
         OmegaConf.set_struct(opened, False)  # whoever they are passed to knows their keys
-    ConfigStore.instance().store(name="schema", node=node)
+    ConfigStore.instance().store(name="tex_lightning_schema", node=node)

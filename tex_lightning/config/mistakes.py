@@ -5,13 +5,11 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.config import register
+from tex_lightning.config.composition import compose_config
 from tex_lightning.config.reading import keys_read
 from tex_lightning.errors import UserError, shorten
 
@@ -29,6 +27,17 @@ TYPES = {
     "is not Optional": "a value other than null",
     "is not a ListConfig": "a list, as in [0,1]",
     "is not a subclass of": "a value to one of its keys",
+}
+# Ends of keys that were called otherwise.
+RENAMED = {
+    "decision.enough": "decision.confidence_threshold",
+    "decision.enoughs": "decision.confidence_thresholds",
+    "fit.gamma": "fit.schedule.gamma",
+    "fit.step_every": "fit.schedule.step_size",
+    "fit.weight_decay": "fit.optimizer.weight_decay",
+    "logger.tensorboard": "logger",
+    "settings.least_variance": "settings.min_variance",
+    "settings.most_side": "settings.max_side",
 }
 HYDRA_OWN = ("hydra", "hydra/")
 LAUNCHERS = "hydra/launcher"
@@ -94,21 +103,14 @@ def config_groups(conf: Path) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for file in sorted(conf.rglob("*.yaml")):
         group = file.parent.relative_to(conf).as_posix()
-        if group != "." and file.stem != "base":
+        inner = group == "." or group.startswith("debug/")  # not a person's to choose
+        if not inner and file.stem != "base":
             groups.setdefault(group, []).append(file.stem)
     for group in list(groups):  # options in a subfolder, as in experiment=paper/haptic
         parent, _, name = group.rpartition("/")
         if parent == "experiment":
             groups.setdefault(parent, []).extend(f"{name}/{option}" for option in groups[group])
     return groups
-
-
-def compose_config(conf: Path, overrides: Sequence[str] = ()) -> DictConfig:
-    """The configuration as a command line composes it, wherever Hydra was before."""
-    register()
-    GlobalHydra.instance().clear()
-    with initialize_config_dir(str(conf), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
 
 
 def _keys(config: DictConfig, prefix: str) -> Iterator[str]:
@@ -131,6 +133,9 @@ def _check(
         if wrong and "(" not in (value or ""):
             return unknown_option(group, wrong[0], groups[group])
         return None
+    for old, new in RENAMED.items():
+        if key == old or key.endswith(f".{old}"):
+            return UserError(f"{key} is called {key.removesuffix(old)}{new} now.")
     if key not in _keys(config, "") and prefix != "+":
         near = _near_keys(key, config) or _close(key, [*_keys(config, ""), *groups])
         return UserError(

@@ -5,7 +5,7 @@ from typing import Any
 
 from tex_lightning.config.keys import key
 
-LEAST_FACTOR, MOST_FACTOR = 10, 50  # of FusionNet's head, in the paper
+MIN_FACTOR, MAX_FACTOR = 10, 50  # of FusionNet's head, in the paper
 PATCH = 224  # pixels a side that give one prediction on the trunks as published
 LARGEST = 8192  # pixels a side
 
@@ -100,7 +100,7 @@ class FusionFitConfig(FitConfig):
 
     head_factor: float = key(
         "learning rate of the fusion layer over that of the networks",
-        least=LEAST_FACTOR, most=MOST_FACTOR,
+        least=MIN_FACTOR, most=MAX_FACTOR,
     )  # fmt: skip
     rotation: float = key("largest random rotation of photos either way", **ROTATION)
     modality_dropout: float = key(

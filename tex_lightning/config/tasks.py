@@ -11,6 +11,7 @@ ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
+SILENT = ("predict", "stream", "generate")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
 
@@ -43,12 +44,12 @@ class DecisionConfig:
         "sequential: most chance that what is left out would change the label; 0 takes none",
         **CHANCE,
     )
-    enough: float = key(
+    confidence_threshold: float = key(
         "sequential: mean probability at which one modality, or the beginning of a trace, decides",
         **SHARE,
     )
     calibrated: bool = key(
-        "sequential: a checkpoint's own threshold, chosen on its validation fold, replaces enough"
+        "sequential: a checkpoint's own confidence_threshold, chosen on its validation fold, counts"
     )
     disagreement: float = key(
         "share of decisions that may differ from the full one when that threshold is chosen",
@@ -56,8 +57,8 @@ class DecisionConfig:
     )
     confidence: float = key("of the bound on that share (Clopper-Pearson)", **CHANCE)
     alphas: list[float] = key("values of alpha drawn in the curves", **CHANCE)
-    enoughs: list[float] = key(
-        "values of enough drawn in the curves, and those the threshold is chosen among", **SHARE
+    confidence_thresholds: list[float] = key(
+        "values of confidence_threshold drawn in the curves, among which one is chosen", **SHARE
     )
 
 

@@ -20,7 +20,7 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 
 if TYPE_CHECKING:
-    from tex_lightning.data.generated_batches import StreamBatches
+    from tex_lightning.data.generated_batches import GeneratedBatches
 
 Batch = dict[str, Tensor]
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
@@ -140,19 +140,30 @@ class SurfaceData(LightningDataModule):
     """Loaders of training batches, and of whole samples for validation, testing and prediction.
 
     Args:
-        batches: To train on; None where nothing is trained.
-        steps: Batches of an epoch.
-        validation: Samples, perhaps none.
-        test: Samples to test on or to predict, perhaps none.
-        num_workers: Processes that make training batches.
+        batches: An endless sequence, of which every epoch takes its part; None trains nothing.
+        steps: Batches in an epoch.
+        validation: Whole samples; none leaves out validation.
+        test: Whole samples to test on, or to predict.
+        num_workers: Processes that make batches; 0 makes them in this one.
+
+    Example:
+        >>> import numpy as np, tex_lightning as tl, torch
+        >>> from tex_lightning.data.banks import SpectrogramBank
+        >>> from tex_lightning.data.datamodule import TrainingBatches
+        >>> bank = SpectrogramBank([torch.rand(50, 300) for _ in range(4)], frames=192)
+        >>> traces = bank, np.array([0, 0, 1, 1])  # their classes
+        >>> batches = TrainingBatches(traces, None, batch_size=2, rotation=0, seed=0)
+        >>> data = tl.SurfaceData(batches, steps=5, validation=None, test=None, num_workers=0)
+        >>> [batch["spectrogram"].shape for batch in data.train_dataloader()][4]
+        torch.Size([2, 1, 50, 192])
     """
 
     def __init__(
         self,
-        batches: "TrainingBatches | StreamBatches | None",
+        batches: "TrainingBatches | GeneratedBatches | None",
         steps: int,
-        validation: SampleSet,
-        test: SampleSet,
+        validation: SampleSet | None,
+        test: SampleSet | None,
         num_workers: int,
     ) -> None:
         super().__init__()
@@ -201,12 +212,12 @@ class SurfaceData(LightningDataModule):
         """The test samples, one at a time."""
         return self._whole(self.test)
 
-    def _whole(self, samples: SampleSet) -> DataLoader[Batch] | list[Any]:
+    def _whole(self, samples: SampleSet | None) -> DataLoader[Batch] | list[Any]:
         """Load one sample at a time, since samples have unequal sizes.
 
         Where there are fewer samples than processes, all take all, and the means are the same.
         """
-        if not len(samples):
+        if not samples:
             return []
         numbers = range(len(samples))
         return DataLoader(

@@ -15,7 +15,7 @@ from torch.utils.data import Dataset
 
 from tex_lightning.data.banks import WHOLE, SpectrogramBank, mirrored, random_corner
 from tex_lightning.data.datamodule import Batch
-from tex_lightning.data.generator import SpecimenStream
+from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.features.spectrogram import HapticFeatures
 
 LANES = 8  # of specimens; a batch takes from one lane, so that as many loader processes share them
@@ -24,7 +24,7 @@ LANES = 8  # of specimens; a batch takes from one lane, so that as many loader p
 class Views(Protocol):
     """What becomes of a specimen's recordings, and what of them a batch is given."""
 
-    stream: SpecimenStream
+    stream: SpecimenGenerator
 
     def keep(self, recording: Any) -> Any:  # noqa: ANN401
         """A recording in the form in which it waits for its views."""
@@ -43,7 +43,7 @@ class TraceViews:
         frames: Length of a sub-sample.
     """
 
-    stream: SpecimenStream
+    stream: SpecimenGenerator
     features: HapticFeatures
     frames: int
 
@@ -69,7 +69,7 @@ class PhotoViews:
         rotation: Largest angle in degrees by which the crop is to be turned.
     """
 
-    stream: SpecimenStream
+    stream: SpecimenGenerator
     side: int
     rotation: float
 
@@ -90,7 +90,7 @@ class PhotoViews:
 
 
 @dataclass
-class StreamBatches(Dataset[Batch]):
+class GeneratedBatches(Dataset[Batch]):
     """Batch number ``i`` of views of a stream of specimens.
 
     Specimen ``n`` belongs to lane ``n % LANES``, batch ``i`` to lane ``i % LANES``. A batch takes

@@ -28,7 +28,7 @@ _UNSEEN = 1 << 32  # rounds after which specimens are for tests; no training get
 
 
 @dataclass(frozen=True)
-class SpecimenStream:
+class SpecimenGenerator:
     """Numbered specimens, of which every round holds each class once, in an order of its own.
 
     Attributes:
@@ -91,9 +91,9 @@ class SpecimenStream:
 
 
 class RenderedStore(Store):
-    """Hands out the recordings of :meth:`SpecimenStream.unseen`, rendered each time."""
+    """Hands out the recordings of :meth:`SpecimenGenerator.unseen`, rendered each time."""
 
-    def __init__(self, stream: SpecimenStream) -> None:
+    def __init__(self, stream: SpecimenGenerator) -> None:
         self.settings = stream.settings
         self.stream = stream
 

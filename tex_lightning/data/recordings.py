@@ -29,6 +29,12 @@ class Recording:
         group: Number of the recording inside its class; it decides the fold.
         sampling_rate: Rate of the trace in Hz where the reader knows it, else None
             (a WAV file carries its own; other formats have the configured rate).
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> from pathlib import Path
+        >>> tl.Recording("oak", "haptic", Path("oak_3.wav"), group=3).label
+        'oak'
     """
 
     label: str
@@ -45,6 +51,15 @@ class Recordings:
     Attributes:
         rows: The recordings.
         notes: What was passed over when they were read; no part of the table itself.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> from pathlib import Path
+        >>> files = [Path("oak_1.wav"), Path("oak_2.wav")]
+        >>> rows = tuple(tl.Recording("oak", "haptic", file, at) for at, file in enumerate(files))
+        >>> table = tl.Recordings(rows)
+        >>> len(table.of("haptic")), len(table.of("image")), table.classes
+        (2, 0, ['oak'])
     """
 
     rows: tuple[Recording, ...]
@@ -115,13 +130,21 @@ def number_files(
 
 
 def read_manifest(path: Path) -> Recordings:
-    """Read a table from CSV with the columns ``label,modality,path,group``.
+    r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
     of traces whose format carries none. Earlier versions called it ``sampling_rate``.
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> from pathlib import Path
+        >>> table = Path("table.csv")
+        >>> _ = table.write_text("label,modality,path,group\noak,haptic,A.wav,0\n")
+        >>> tl.read_manifest(table).classes
+        ['oak']
     """
     if not path.is_file():
         raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")

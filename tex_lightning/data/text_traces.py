@@ -1,4 +1,4 @@
-"""Traces in text files, as laboratories and spreadsheets write them.
+"""Traces in text files, as datasets and spreadsheets write them.
 
 One sample a line, in columns that stand apart by comma, semicolon, tab or space. Understood are
 decimal commas, comment lines that begin with ``#`` or ``%``, up to two lines of names and units,

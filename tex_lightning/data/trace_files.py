@@ -112,10 +112,7 @@ def _read_file(path: Path) -> RawTrace:
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
             return RawTrace(_as_axes(path, samples), float(rate))
         if suffix == ".npy":
-            array = np.load(path, allow_pickle=False)
-            if not isinstance(array, np.ndarray):
-                raise ValueError("it is an .npz archive; save one array with np.save")
-            return RawTrace(_as_axes(path, _numeric(array)))
+            return RawTrace(_as_axes(path, _numeric(_read_array(path))))
         if suffix in (".txt", ".csv"):
             text = read_text_trace(path)
             samples = _as_axes(path, text.samples)
@@ -123,6 +120,16 @@ def _read_file(path: Path) -> RawTrace:
     except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
         raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
+
+
+def _read_array(path: Path) -> npt.NDArray[np.generic]:
+    try:
+        array = np.load(path, allow_pickle=False)
+    except ValueError as error:  # whose own words propose to load it unsafely
+        raise ValueError("it is no whole array of numbers as np.save writes it") from error
+    if not isinstance(array, np.ndarray):
+        raise ValueError("it is an .npz archive; save one array with np.save")
+    return array
 
 
 def _check_wav_length(path: Path) -> None:

@@ -67,6 +67,6 @@ def log_density(first: float, second: float) -> float:
     return lgamma(count + 2) - lgamma(first + 1) - lgamma(second + 1) - count * log(2)
 
 
-def sure_enough(probability: float, enough: float) -> bool:
+def is_confident(probability: float, threshold: float) -> bool:
     """Whether a mean class probability decides; a threshold of 1 or more is never reached."""
-    return probability >= (enough if enough < 1 else inf)
+    return probability >= (threshold if threshold < 1 else inf)

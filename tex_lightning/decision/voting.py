@@ -16,14 +16,14 @@ class Vote:
         shares: (classes,) share of the fragments that voted for each class, sums to 1.
         fragments: (fragments,) class index of every fragment.
         probabilities: (classes,) float64, mean class probabilities of the fragments, sum to 1.
-        evidence: Arithmetic that was done, as a share of what all fragments take.
+        relative_macs: Arithmetic that was done, as a share of what all fragments take.
     """
 
     label: int
     shares: Tensor
     fragments: Tensor
     probabilities: Tensor
-    evidence: float = 1.0
+    relative_macs: float = 1.0
 
     @property
     def probability(self) -> float:

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config, DecisionConfig
+from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
@@ -28,7 +28,8 @@ def calibrate(
     checkpoint: Path,
     samples: Sequence[Sample],
     store: Store,
-    config: Config,
+    engine: EngineConfig,
+    decision: DecisionConfig,
 ) -> None:
     """Fit the temperature, and the threshold of sequential decisions, and keep them in the card.
 
@@ -37,7 +38,8 @@ def calibrate(
         checkpoint: The file, which is rewritten.
         samples: Of the validation fold; without any nothing happens.
         store: Their recordings.
-        config: Of the run.
+        engine: How it runs.
+        decision: How it decides.
     """
     card = classifier.card
     if not samples or card.calibration:
@@ -47,14 +49,14 @@ def calibrate(
     labels = [card.classes.index(sample.label) for sample in samples]
     found = {"temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)
-    if config.decision.name == SEQUENTIAL and not card.baseline and card.kind != "visual":
-        fast = accelerate(classifier, config.engine)
-        found |= choose_enough(fast, config.decision, samples, store)
+    if decision.name == SEQUENTIAL and not card.baseline and card.kind != "visual":
+        fast = accelerate(classifier, engine)
+        found |= choose_confidence_threshold(fast, decision, samples, store)
         classifier.card = replace(card, calibration=found)
     _keep(classifier.card, checkpoint)
 
 
-def choose_enough(
+def choose_confidence_threshold(
     classifier: SurfaceClassifier,
     decision: DecisionConfig,
     samples: Sequence[Sample],
@@ -67,13 +69,13 @@ def choose_enough(
     Samples that share a recording count as one, which differs if any of them does.
 
     Returns:
-        ``enough`` and the Clopper-Pearson bound ``disagreement`` that it holds; nothing if the
-        strictest threshold has no such bound.
+        ``confidence_threshold`` and the Clopper-Pearson bound ``disagreement`` that it holds;
+        nothing if the strictest threshold has no such bound.
     """
     labels, units = full_labels(classifier, samples, store), independent(samples)
     found: dict[str, float] = {}
-    for enough in sorted(decision.enoughs, reverse=True):
-        tried = replace(decision, calibrated=False, enough=enough)
+    for threshold in sorted(decision.confidence_thresholds, reverse=True):
+        tried = replace(decision, calibrated=False, confidence_threshold=threshold)
         votes = sequential_votes(classifier, tried, samples, store)
         differing = {
             unit
@@ -83,12 +85,12 @@ def choose_enough(
         bound = upper_bound(len(differing), len(set(units)), decision.confidence)
         if bound > decision.disagreement:
             break
-        found = {"enough": enough, "disagreement": bound}
+        found = {"confidence_threshold": threshold, "disagreement": bound}
     if not found:
         log.warning(
             "The validation fold has too few samples, or too many differing decisions, to bound "
-            "these by decision.disagreement=%g; decision.enough=%g is used as it is.",
-            decision.disagreement, decision.enough,
+            "these by decision.disagreement=%g; decision.confidence_threshold=%g is used as it is.",
+            decision.disagreement, decision.confidence_threshold,
         )  # fmt: skip
     return found
 

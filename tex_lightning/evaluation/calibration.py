@@ -149,9 +149,7 @@ def calibration_figure(outcomes: Sequence[Outcome], title: str) -> Figure:
     )
     for n in used:
         left.text((edges[n] + edges[n + 1]) / 2, 0.02, int((place == n).sum()), ha="center", size=6)
-    left.set(
-        xlim=(0, 1), ylim=(0, 1), xlabel="mean probability of the label", ylabel="correct votes"
-    )
+    left.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="correct votes")
     coverage, wrong = risk_coverage(confidence, correct)
     right.plot(coverage, wrong, drawstyle="steps-post", color="#cc6677")
     right.set(xlim=(0, 1), ylim=(0, None), xlabel="share with a label", ylabel="wrong, of all")

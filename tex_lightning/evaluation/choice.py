@@ -45,8 +45,8 @@ def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
     cheapest of them is the one to compare with.
     """
     best = min(candidates, key=lambda item: (-item.accuracy, item.cost))
-    enough = [item for item in candidates if _within(best, item)]
-    return min(enough, key=lambda item: (item.cost, -item.accuracy))
+    sufficient = [item for item in candidates if _within(best, item)]
+    return min(sufficient, key=lambda item: (item.cost, -item.accuracy))
 
 
 def _within(best: Candidate, other: Candidate) -> bool:

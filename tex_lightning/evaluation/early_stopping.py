@@ -23,12 +23,12 @@ class Setting:
 
     Attributes:
         network: haptic, visual or fusion.
-        knob: ``alpha``, ``enough``, or ``used`` for the thresholds that the run was asked for.
+        knob: ``alpha``, ``confidence_threshold``, or ``used`` for the thresholds of the run.
         value: Of the threshold; for ``used`` that of alpha.
         test_samples: Their number.
         correct: Right votes.
         agreed: Votes that are those of the full decision.
-        evidence: Mean share of the full decision's arithmetic.
+        relative_macs: Mean share of the full decision's arithmetic.
         fragments: Mean number of fragments.
     """
 
@@ -38,7 +38,7 @@ class Setting:
     test_samples: int
     correct: int
     agreed: int
-    evidence: float
+    relative_macs: float
     fragments: float
 
     @property
@@ -64,7 +64,7 @@ def _sum(old: Setting, new: Setting) -> Setting:
         test_samples=count,
         correct=old.correct + new.correct,
         agreed=old.agreed + new.agreed,
-        evidence=(1 - share) * old.evidence + share * new.evidence,
+        relative_macs=(1 - share) * old.relative_macs + share * new.relative_macs,
         fragments=(1 - share) * old.fragments + share * new.fragments,
     )
 
@@ -73,7 +73,7 @@ def summarise_sequential(used: Setting) -> dict[str, Any]:
     """The entry of ``results.json``."""
     count = used.test_samples
     return {
-        "evidence": used.evidence,
+        "relative_macs": used.relative_macs,
         "fragments": used.fragments,
         "accuracy": used.correct / count,
         "agreement": used.agreed / count,
@@ -115,7 +115,7 @@ def sequential_votes(
 ) -> list[Vote]:
     """The vote on every sample by as many fragments as ``decision`` asks for."""
     sequential = SequentialClassifier(classifier, decision)
-    title = f"alpha {decision.alpha:g}, enough {decision.enough:g}"
+    title = f"alpha {decision.alpha:g}, confidence threshold {decision.confidence_threshold:g}"
     return [classify_sample(sequential, sample, store)[0] for sample in track(samples, title)]
 
 
@@ -148,6 +148,6 @@ def measure(
         test_samples=count,
         correct=sum(names[v.label] == s.label for v, s in zip(votes, samples, strict=True)),
         agreed=sum(vote.label == label for vote, label in zip(votes, labels, strict=True)),
-        evidence=sum(vote.evidence for vote in votes) / count,
+        relative_macs=sum(vote.relative_macs for vote in votes) / count,
         fragments=sum(len(vote.fragments) for vote in votes) / count,
     )

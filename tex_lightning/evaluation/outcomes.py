@@ -35,7 +35,7 @@ class Outcome:
         correct_fragments: Those that voted for the true class.
         latency_ms: Time from decoded recordings to the label.
         votes: Number of fragments for each class that has any, as JSON.
-        evidence: Arithmetic done, as a share of what all fragments take.
+        relative_macs: Arithmetic done, as a share of what all fragments take.
         probabilities: Mean class probabilities of the fragments, as JSON.
     """
 
@@ -48,7 +48,7 @@ class Outcome:
     correct_fragments: int
     latency_ms: float
     votes: str = "{}"
-    evidence: float = 1.0
+    relative_macs: float = 1.0
     probabilities: str = "{}"
 
     @property

@@ -60,7 +60,7 @@ def run_test(
                 correct_fragments=int((vote.fragments == truth).sum()),
                 latency_ms=latency,
                 votes=_votes(vote, classes),
-                evidence=vote.evidence,
+                relative_macs=vote.relative_macs,
                 probabilities=json.dumps(
                     dict(zip(classes, vote.probabilities.tolist(), strict=True))
                 ),

@@ -19,7 +19,7 @@ class Costs:
     Convolutions and matrix products are counted; features, pooling and normalisation are not.
 
     Args:
-        card: Of a network of ours.
+        card: Of one of this package's networks.
     """
 
     def __init__(self, card: Card) -> None:

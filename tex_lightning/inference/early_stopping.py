@@ -19,8 +19,8 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
-from tex_lightning.config import Config, DecisionConfig
-from tex_lightning.decision.early_stopping import StoppingRule, sure_enough
+from tex_lightning.config import DecisionConfig, EngineConfig
+from tex_lightning.decision.early_stopping import StoppingRule, is_confident
 from tex_lightning.decision.voting import Vote, max_vote, random_pairs
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import HapticFeatures
@@ -51,8 +51,8 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         return classifier
     if classifier.card.baseline:
         raise UserError(
-            f"decision=sequential needs a network of ours, and {classifier.card.title} looks at "
-            "the whole recording at once; use decision=max_vote."
+            f"decision=sequential needs a network, and {classifier.card.title} "
+            "looks at the whole recording at once; use decision=max_vote."
         )
     if classifier.card.rule != "vote":
         raise UserError(
@@ -62,11 +62,13 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
     return SequentialClassifier(classifier, config)
 
 
-def prepare(classifier: SurfaceClassifier, config: Config) -> SurfaceClassifier:
+def prepare(
+    classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
+) -> SurfaceClassifier:
     """A classifier as testing and prediction run it: accelerated, and deciding as configured."""
-    fast = accelerate(classifier, config.engine)
-    fast.card = fast.card.deciding(config.decision)
-    return decide(fast, config.decision)
+    fast = accelerate(classifier, engine)
+    fast.card = fast.card.deciding(decision)
+    return decide(fast, decision)
 
 
 class SequentialClassifier(SurfaceClassifier):
@@ -74,10 +76,10 @@ class SequentialClassifier(SurfaceClassifier):
 
     Args:
         classifier: Computes; its full vote is the decision that is spared.
-        config: ``alpha``, and ``enough`` unless ``calibrated`` finds one in the card.
+        config: ``alpha``, and ``confidence_threshold`` unless ``calibrated`` finds one in the card.
 
     Attributes:
-        enough: Mean probability at which one modality, or the beginning of a trace, decides.
+        threshold: Mean probability at which one modality, or the beginning of a trace, decides.
     """
 
     def __init__(self, classifier: SurfaceClassifier, config: DecisionConfig) -> None:
@@ -87,7 +89,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.costs = Costs(classifier.card)
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
         chosen = self.card.calibration if config.calibrated else {}
-        self.enough = chosen.get("enough", config.enough)
+        self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
         self.stream = haptic_stream(classifier)
 
     @property
@@ -101,7 +103,7 @@ class SequentialClassifier(SurfaceClassifier):
 
     @torch.inference_mode()
     def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
-        """Decide on one sample; ``evidence`` of the vote is the share of the arithmetic done."""
+        """Decide on one sample; ``relative_macs`` is the share of the arithmetic done."""
         self._require(trace, photo)
         if self.card.kind == "haptic":
             return self._trace(cast(Tensor, trace))
@@ -116,7 +118,7 @@ class SequentialClassifier(SurfaceClassifier):
         frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
         full = self.costs.haptic(frames)
         for vote in beginnings(trace, frames, self.stream, self.costs):
-            if sure_enough(vote.probability, self.enough) or self.stream.certain(frames):
+            if is_confident(vote.probability, self.threshold) or self.stream.certain(frames):
                 return _spent(vote, self.stream.macs, full)
         if not self.stream.macs:
             _say_nothing_saved()
@@ -124,7 +126,7 @@ class SequentialClassifier(SurfaceClassifier):
 
     def _photo(self, photo: Tensor) -> Vote:
         """Vote over the positions of VisualNet in random order."""
-        check_side(photo.shape[0], photo.shape[1], self.full.least_side)
+        check_side(photo.shape[0], photo.shape[1], self.full.min_side)
         count = self._positions(photo)
         generator = torch.Generator().manual_seed(self.full.seed(photo))
         order = torch.randperm(count, generator=generator)
@@ -133,7 +135,7 @@ class SequentialClassifier(SurfaceClassifier):
 
     def _both(self, trace: Tensor, photo: Tensor) -> Vote:
         """Ask the cheaper modality, then the pairs of both."""
-        check_side(photo.shape[0], photo.shape[1], self.full.least_side)
+        check_side(photo.shape[0], photo.shape[1], self.full.min_side)
         frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
         check_frames(frames, cast(HapticFeatures, self.full.haptic_features))
         visual = self.costs.visual(photo.shape[0], photo.shape[1])
@@ -141,14 +143,14 @@ class SequentialClassifier(SurfaceClassifier):
         if visual < full - visual:
             table = self._dense(photo)
             vote = max_vote(table)  # the temperature is that of the joined scores
-            if sure_enough(vote.probability, self.enough):
+            if is_confident(vote.probability, self.threshold):
                 return _spent(vote, visual, full)
             scores = self._haptic_summand(trace)
             pairs = self._pairs(trace, photo, scores)
             joined = scores[:, pairs[:, 0]] + table[:, pairs[:, 1]]
             return max_vote(joined, self.card.temperature)
         scores, vote, spent = self._listen(trace, frames)
-        if sure_enough(vote.probability, self.enough):
+        if is_confident(vote.probability, self.threshold):
             return _spent(vote, spent, full)
         pairs = self._pairs(trace, photo, scores)
         return self._draw(photo, scores[:, pairs[:, 0]], pairs[:, 1].cpu(), spent)
@@ -162,7 +164,7 @@ class SequentialClassifier(SurfaceClassifier):
             scores = self._haptic_summand(trace)
             return scores, max_vote(scores), self.costs.haptic(frames)
         for vote in beginnings(trace, frames, self.stream, self.costs):
-            if sure_enough(vote.probability, self.enough):
+            if is_confident(vote.probability, self.threshold):
                 scores, network = self.stream.scores, cast(FusionNet, self.full.network)
                 if network.level == "fc3":
                     scores = network.project_haptic(scores[None])[0]

@@ -112,7 +112,7 @@ class Accelerated(SurfaceClassifier):
         """Features (D, M, N), float32; a large photo is normalised piece by piece."""
         network = cast(VisualNet, self.visual_network)
         normalise = cast(ImageFeatures, self.image_features)
-        check_side(photo.shape[0], photo.shape[1], self.least_side)
+        check_side(photo.shape[0], photo.shape[1], self.min_side)
         pixels = photo.permute(2, 0, 1)[None]
 
         def features(pixels: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from tex_lightning.inference.winograd import LEAST_MACS, SharedConv
+from tex_lightning.inference.winograd import MIN_MACS, SharedConv
 
 FEW = 64  # rows, up to which products of rows are quicker than the general convolution
 TILE = 3  # taps of a part of the filter, and outputs computed together
@@ -63,7 +63,7 @@ class LongConv(SharedConv):
         macs = count * self.weight.numel()
         if x.shape[2] > self.kernel_size[0]:
             return super().forward(x)
-        if batch == 1 and macs >= LEAST_MACS * torch.get_num_threads():
+        if batch == 1 and macs >= MIN_MACS * torch.get_num_threads():
             outputs: Tensor = self._products(x[0].permute(2, 1, 0))
             return outputs.T[None, :, None]
         return self._by_rows(x) if batch * count <= FEW else super().forward(x)

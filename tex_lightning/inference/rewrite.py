@@ -17,7 +17,7 @@ from tex_lightning.networks.blocks import is_plain
 from tex_lightning.networks.hapticnet import FINAL_KERNEL
 
 # Below it the additions of Winograd's method cost as much as the multiplications that it saves.
-LEAST_DEPTH = 32
+MIN_DEPTH = 32
 
 
 def fold_batch_norm(network: nn.Module) -> None:
@@ -60,7 +60,7 @@ def speed_up_convolutions(network: nn.Module) -> None:
             if not isinstance(conv, nn.Conv2d) or not is_plain(conv):
                 continue
             pooled = _is_2x2(after)
-            by_winograd = _is_3x3(conv) and _depth(conv) >= LEAST_DEPTH
+            by_winograd = _is_3x3(conv) and _depth(conv) >= MIN_DEPTH
             if by_winograd:
                 layers[place] = WinogradConv(conv, pooled=pooled)
             elif (conv.kernel_size, conv.padding, conv.groups) == (FINAL_KERNEL, (0, 0), 1):

@@ -34,7 +34,7 @@ READ = (0, 5, 3, 4)
 BLOCK = 1 << 22
 # Multiply-accumulates for each thread, below which the thirty calls of a block cost more than half
 # of the products.
-LEAST_MACS = 3 << 26
+MIN_MACS = 3 << 26
 
 
 class SharedConv(nn.Conv2d):
@@ -81,7 +81,7 @@ class WinogradConv(SharedConv):
         """Map (B, I, H, W) to (B, O, H, W), pooled to halves rounded up; channels innermost."""
         batch, _, rows, columns = x.shape
         macs = batch * rows * columns * self.weight.numel()
-        if macs < LEAST_MACS * torch.get_num_threads():
+        if macs < MIN_MACS * torch.get_num_threads():
             direct: Tensor = super().forward(x)
             return halve(direct) if self.pooled else direct
         tiles = -(-columns // TILE)

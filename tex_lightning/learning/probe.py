@@ -15,7 +15,7 @@ from tex_lightning.learning.visual import VisualModule
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.progress import track
 
-LEAST_DEVIATION = 1e-3  # of a feature; one that hardly varies is not blown up
+MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies is not blown up
 
 
 def probe_head(module: VisualModule, batches: Iterator[Any], count: int, seed: int) -> None:
@@ -33,7 +33,7 @@ def probe_head(module: VisualModule, batches: Iterator[Any], count: int, seed: i
     recipe, head = module.fit_config["probe"], module.network.head
     inputs, labels = _features(module, batches, count)
     mean = inputs.mean(dim=(0, 2, 3), keepdim=True)
-    std = inputs.std(dim=(0, 2, 3), keepdim=True) + LEAST_DEVIATION
+    std = inputs.std(dim=(0, 2, 3), keepdim=True) + MIN_DEVIATION
     inputs = (inputs - mean) / std
     torch.manual_seed(seed)
     rate, steps = recipe["learning_rate"], recipe["steps"]

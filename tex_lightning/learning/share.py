@@ -30,16 +30,15 @@ def train_shared(training: Training, folder: Path) -> Path:
     """
     if training.final.is_file():
         return training.final
-    config = training.config
     recipe = {
         "card": training.card.to_dict(),
         "fit": training.fit_values,
-        "seed": config.seed,
+        "seed": training.seed,
         "weights": training.weights,
-        "trainer": config.trainer.flags,
+        "trainer": training.trainer.flags,
     }
     if training.unimodal:
-        recipe["model"] = asdict(config.model)
+        recipe["model"] = asdict(training.model)
         recipe["starts"] = [_digest(path) for path in training.unimodal.values()]
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
     place = folder / f"{training.card.kind}-{digest}"

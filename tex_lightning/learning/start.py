@@ -9,7 +9,7 @@ from typing import Any, cast
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import TrainingBatches
-from tex_lightning.data.generated_batches import StreamBatches
+from tex_lightning.data.generated_batches import GeneratedBatches
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
@@ -121,7 +121,9 @@ def _describe(card: Card) -> str:
 
 
 def start_network(
-    training: Training, module: SurfaceModule, batches: TrainingBatches | StreamBatches | None
+    training: Training,
+    module: SurfaceModule,
+    batches: TrainingBatches | GeneratedBatches | None,
 ) -> None:
     """Fill the trunk with the given weights and teach VisualNet's head what they see.
 
@@ -138,7 +140,7 @@ def start_network(
         log.info(start_trunk(module.classifier, weights))
     if not isinstance(module, VisualModule) or not isinstance(batches, TrainingBatches):
         return
-    module.to(pick_device(training.config.trainer.accelerator))
+    module.to(pick_device(training.trainer.accelerator))
     if not module.network.has_hidden_layers:
         if weights is None:
             warn_of_random_weights(module.network.trunk)
@@ -150,7 +152,7 @@ def start_network(
 
 
 def _probe(training: Training, module: VisualModule, batches: TrainingBatches) -> None:
-    probe = training.config.model.visual.fit.probe
+    probe = training.model.visual.fit.probe
     if probe.steps == 0:
         return
     photos = len(training.parts.train.of("image").rows)

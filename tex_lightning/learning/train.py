@@ -17,8 +17,8 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.banks import PhotoBank, SpectrogramBank
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches, load_trace
 from tex_lightning.data.folds import Kind, make_samples
-from tex_lightning.data.generated_batches import PhotoViews, StreamBatches, TraceViews
-from tex_lightning.data.generator import SpecimenStream
+from tex_lightning.data.generated_batches import GeneratedBatches, PhotoViews, TraceViews
+from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.data.recordings import Recording
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -74,9 +74,9 @@ def train_network(training: Training, *watchers: Callback) -> Path:
 
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
-    torch.manual_seed(training.config.seed)
+    torch.manual_seed(training.seed)
     module = MODULES[training.card.kind](
-        training.card.to_dict(), training.fit_values, training.config.seed
+        training.card.to_dict(), training.fit_values, training.seed
     )
     make = _make_data if training.stream is None else _make_stream
     data = make(training, module)
@@ -119,38 +119,37 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
     if kind != "haptic":
         patch = network.visual.patch if isinstance(network, FusionNet) else fit["patch"]
         rows = train.of("image").rows
-        recipe = training.config.model.visual.fit
+        recipe = training.model.visual.fit
         augmentation = Augmentation.of(recipe.perturb, recipe.perturbed_share)
         side = crop_side(patch, fit["rotation"])
         photo_bank = PhotoBank(rows, training.store, side, augmentation)
         photos = photo_bank, _class_indices(rows, training.card.classes)
     rotation = fit.get("rotation", 0.0)
-    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.config.seed)
+    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.seed)
     return _with_samples(training, batches)
 
 
-def _with_samples(training: Training, batches: TrainingBatches | StreamBatches) -> SurfaceData:
+def _with_samples(training: Training, batches: TrainingBatches | GeneratedBatches) -> SurfaceData:
     """Add the samples to validate and to test on."""
     parts, card = training.parts, training.card
     validation, test = (
         SampleSet(make_samples(part, card.kind), training.store, card.classes)
         for part in (parts.val, parts.test)
     )
-    steps, workers = training.fit_values["steps_per_epoch"], training.config.data.num_workers
-    return SurfaceData(batches, steps, validation, test, workers)
+    steps = training.fit_values["steps_per_epoch"]
+    return SurfaceData(batches, steps, validation, test, training.num_workers)
 
 
 def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
     """Batches of specimens rendered on the way; HapticNet's normalisation is that of the first."""
-    fit, stream = training.fit_values, cast(SpecimenStream, training.stream)
+    fit, stream = training.fit_values, cast(SpecimenGenerator, training.stream)
     views: TraceViews | PhotoViews
     if training.card.kind == "haptic":
         features = cast(HapticFeatures, module.classifier.haptic_features)
         views = TraceViews(stream, features, fit["frames"])
     else:
         views = PhotoViews(stream, crop_side(fit["patch"], fit["rotation"]), fit["rotation"])
-    config = training.config
-    batches = StreamBatches(views, fit["batch_size"], config.pretrain.views, config.seed)
+    batches = GeneratedBatches(views, fit["batch_size"], training.views, training.seed)
     if isinstance(views, TraceViews):
         first = range(FITTED * fit["batch_size"])
         rendered = (batches.specimen(number) for number in track(first, "Spectrograms"))
@@ -171,7 +170,7 @@ def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tenso
     if fitted:
         start = SurfaceClassifier.from_checkpoint(training.unimodal["haptic"], "haptic")
         module.classifier.adopt_haptic_features(start)
-    device = pick_device(training.config.trainer.accelerator)
+    device = pick_device(training.trainer.accelerator)
     features.to(device)
     rows = training.parts.train.of("haptic").rows
     spectra = [
@@ -188,14 +187,14 @@ def _perturbed_magnitudes(
     training: Training, features: HapticFeatures, rows: tuple[Recording, ...]
 ) -> list[torch.Tensor]:
     """Spectrograms of all traces perturbed, once for each copy; seeded by recording and copy."""
-    recipe, device = training.config.model.haptic.fit, features.window.device
+    recipe, device = training.model.haptic.fit, features.window.device
     augmentation = Augmentation.of(recipe.perturb, rate=features.sampling_rate)
     if augmentation is None:
         return []
     spectra = []
     for copy in range(recipe.perturbed_copies):
         for number, row in enumerate(track(rows, "Perturbed spectrograms")):
-            rng = np.random.default_rng([training.config.seed, copy, number])
+            rng = np.random.default_rng([training.seed, copy, number])
             trace = torch.from_numpy(augmentation(np.array(training.store.trace(row)), rng))
             try:
                 spectra.append(features.magnitudes(trace.to(device)))

@@ -94,24 +94,24 @@ def make_trainer(
     Raises:
         UserError: If a flag, a callback or a logger cannot be used.
     """
-    config, fit, kind = training.config, training.fit_values, training.card.kind
+    fit, kind = training.fit_values, training.card.kind
     validated = bool(make_samples(training.parts.val, kind))
     timer = Timer()
     keeper = _keep(training, "best", "val/loss") if validated else None
     # not Lightning's save_last, which leaves out the epochs that are not the best
     keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
     callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
-    callbacks += [build(f"callbacks.{name}", node) for name, node in config.callbacks.items()]
+    callbacks += [build(f"callbacks.{name}", node) for name, node in training.callbacks.items()]
     if kind == "fusion":
-        paths, start = training.unimodal, config.model.fusion.head_start
+        paths, start = training.unimodal, training.model.fusion.head_start
         callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"], start))
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
         "enable_model_summary": False,
-        "sync_batchnorm": _synchronises(config.trainer, kind),
-        **config.trainer.flags,
+        "sync_batchnorm": _synchronises(training.trainer, kind),
+        **training.trainer.flags,
     }
     if isinstance(flags["strategy"], dict):
         flags["strategy"] = build("trainer.strategy", flags["strategy"])
@@ -121,7 +121,7 @@ def make_trainer(
             plugins=[CheckpointFiles()],
             max_epochs=fit["epochs"],
             callbacks=callbacks,
-            logger=open_loggers(config.logger, training.directory, kind),
+            logger=open_loggers(training.logger, training.directory, kind),
             use_distributed_sampler=False,  # every process knows its share of a batch
             default_root_dir=training.directory,
         )

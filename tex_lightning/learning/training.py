@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.card import Card
-from tex_lightning.config import Config
+from tex_lightning.config import ModelConfig, TrainerConfig
 from tex_lightning.data.folds import Kind, Split
-from tex_lightning.data.generator import SpecimenStream
+from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.data.store import Store
 
 
@@ -16,22 +16,36 @@ class Training:
     """What one training is about.
 
     Attributes:
-        config: The whole configuration.
         card: Of the classifier to train.
         parts: Recordings by part.
         store: Decoded files.
         directory: The run folder.
         unimodal: Checkpoints that FusionNet starts from; empty for the others.
+        seed: Of everything random.
+        weights: Where the trunk starts; None is at random. FusionNet's parts have started already.
+        model: The networks and their recipes.
+        trainer: Device and flags of Lightning's Trainer.
+        callbacks: Nodes of the configuration, by name.
+        logger: Likewise.
+        num_workers: Processes that make batches.
         stream: Specimens to train on in place of recordings.
+        views: Batches that every specimen of the stream is seen in.
     """
 
-    config: Config
     card: Card
     parts: Split
     store: Store
     directory: Path
     unimodal: dict[Kind, Path]
-    stream: SpecimenStream | None = None
+    seed: int
+    weights: str | None
+    model: ModelConfig
+    trainer: TrainerConfig
+    callbacks: dict[str, Any]
+    logger: dict[str, Any]
+    num_workers: int
+    stream: SpecimenGenerator | None = None
+    views: int = 1
 
     @property
     def final(self) -> Path:
@@ -44,11 +58,6 @@ class Training:
         return self.directory / "checkpoints" / self.card.kind
 
     @property
-    def weights(self) -> str | None:
-        """Where the trunk starts; FusionNet's parts have done so already."""
-        return None if self.card.kind == "fusion" else self.config.weights_of(self.card.kind)
-
-    @property
     def fit_values(self) -> dict[str, Any]:
         """The training recipe as plain values."""
-        return asdict(getattr(self.config.model, self.card.kind).fit)
+        return asdict(getattr(self.model, self.card.kind).fit)

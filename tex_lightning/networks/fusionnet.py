@@ -27,6 +27,14 @@ class FusionNet(nn.Module):
         visual: The visual network, with pretrained or random weights; it is copied.
         classes: Number of materials.
         level: Layer whose features are fused.
+
+    Example:
+        >>> import tex_lightning as tl, torch
+        >>> haptic, visual = tl.HapticNet(3, width=0.1), tl.VisualNet(3, width=0.1)
+        >>> network = tl.FusionNet(haptic, visual, classes=3).eval()
+        >>> pairs = torch.tensor([[0, 0], [13, 27]])  # of positions
+        >>> network(torch.rand(1, 1, 50, 400), torch.rand(1, 3, 300, 400), pairs).shape
+        torch.Size([1, 3, 2])
     """
 
     def __init__(

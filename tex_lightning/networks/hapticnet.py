@@ -40,6 +40,12 @@ class HapticNet(nn.Module):
 
     Raises:
         UserError: ``norm`` is not one of the three.
+
+    Example:
+        >>> import tex_lightning as tl, torch
+        >>> network = tl.HapticNet(classes=3, width=0.1).eval()
+        >>> network(torch.rand(1, 1, 50, 400)).shape  # 400 frames, 4 s
+        torch.Size([1, 3, 14])
     """
 
     bands = 50

@@ -39,6 +39,12 @@ class VisualNet(nn.Module):
 
     Raises:
         UserError: The trunk is unknown or cannot have this normalisation, or needs an FC1.
+
+    Example:
+        >>> import tex_lightning as tl, torch
+        >>> network = tl.VisualNet(classes=3, width=0.1).eval()
+        >>> network(torch.rand(1, 3, 300, 400)).shape
+        torch.Size([1, 3, 4, 7])
     """
 
     def __init__(

@@ -137,7 +137,7 @@ def _best_batch(network: nn.Module, grid: Tensor) -> int:
 def _time(
     ways: dict[str, Callable[[], Any]], device: torch.device, profile: ProfileConfig
 ) -> dict[str, Timing]:
-    """Time everything by turns, matrix products included."""
+    """Time everything interleaved, matrix products included."""
     functions = {
         name: waiting(function, device) for name, function in {**ways, **products(device)}.items()
     }

@@ -135,7 +135,7 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
     device = next(network.parameters()).device
     trace = name == "haptic"
     axis = "trace, s" if trace else "photo, megapixels"
-    values = _enough_seconds(subject) if trace else MEGAPIXELS
+    values = _sufficient_seconds(subject) if trace else MEGAPIXELS
 
     def recording(value: float) -> Tensor:
         if trace:
@@ -171,7 +171,7 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
         yield Ladder("threads", name, "label", _thread_counts(), threads)
 
 
-def _enough_seconds(subject: Subject) -> tuple[float, ...]:
+def _sufficient_seconds(subject: Subject) -> tuple[float, ...]:
     """Traces with a window of the network, even if DFT321 leaves out one sample in 100."""
     features = cast(HapticFeatures, subject.classifier.haptic_features)
     samples = features.samples(window_size(subject.network)[1])

@@ -1,4 +1,4 @@
-"""Timing by turns, so that a machine that speeds up or slows down does so for everything alike."""
+"""Interleaved timing: a machine that speeds up or slows down does so for everything alike."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -34,7 +34,7 @@ def interleaved(
     budget_s: float = float("inf"),
     least: int = 3,
 ) -> dict[str, Timing]:
-    """Time functions by turns: every round calls each of them, in the order given.
+    """Time functions interleaved: every round calls each of them, in the order given.
 
     A function that hands work to an accelerator has to wait for it; see :func:`waiting`.
 

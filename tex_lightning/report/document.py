@@ -111,7 +111,7 @@ def _profiles(runs: Sequence[Path]) -> dict[str, dict[str, Any]]:
 
 
 def _networks(systems: Sequence[System]) -> list[System]:
-    """Our networks, each once: by itself if it was run so, else as a part of a FusionNet."""
+    """The networks, each once: by itself if it was run so, else as a part of a FusionNet."""
     chosen: dict[str, System] = {}
     for system in sorted(systems, key=lambda item: bool(item.inside)):
         if system.model in ("haptic", "visual") or system.kind == "fusion":

@@ -19,7 +19,7 @@ COLUMNS = (
 )  # fmt: skip
 DETAILS = (
     "system", "modality", "perturbation", "severity", "value", "unit", "refused",
-    "probability_when_wrong", "probability_when_right", "worst_class", "worst_class_accuracy",
+    "probability_when_wrong", "probability_when_correct", "worst_class", "worst_class_accuracy",
 )  # fmt: skip
 BREAKS = (
     "system", "modality", "perturbation", "unit", "clean_accuracy", "least_accuracy", "reached",

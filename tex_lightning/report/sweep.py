@@ -9,10 +9,11 @@ from pathlib import Path
 from statistics import mean, stdev
 from typing import Any, ClassVar
 
-from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
+from tex_lightning.config import SILENT
+from tex_lightning.config.job import Job
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.files import write_text
@@ -36,12 +37,11 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def note_failure(directory: Path, reason: str) -> None:
+def note_failure(job: Job, reason: str) -> None:
     """Leave the reason in the job's folder, for the summary and for whoever looks there."""
     log.error("%s", reason)
-    overrides = list(HydraConfig.get().overrides.task)
-    text = json.dumps({"error": reason, "overrides": overrides}, indent=1)
-    write_text(directory / FAILURE, text)
+    text = json.dumps({"error": reason, "overrides": job.overrides}, indent=1)
+    write_text(job.directory / FAILURE, text)
 
 
 class SweepSummary(Callback):
@@ -95,7 +95,7 @@ def _rows(job: Path, root: Path) -> list[Row]:
     start["overrides"] = [str(item) for item in OmegaConf.load(job / ".hydra/overrides.yaml")]
     results = job / "results.json"
     if not results.is_file():
-        silent = {"task=predict", "task=stream", "task=generate"} & {*start["overrides"]}
+        silent = {f"task={task}" for task in SILENT} & {*start["overrides"]}
         return [{**start, "status": "done" if silent else "not finished"}]
     start["status"] = "done"
     # a frontier and a test of stability have tables of their own

@@ -7,13 +7,11 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from hydra import compose
-from hydra.core.hydra_config import HydraConfig
-
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.registry import INSTALL, missing_library
-from tex_lightning.config import Config
+from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.check import check_config
+from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
@@ -29,6 +27,7 @@ from tex_lightning.runs.workspace import Workspace, open_workspace
 
 OWN_KEYS = ("task=", "frontier", "model=", "crossval.", "data.val_fold", "hydra")
 DONE = "measured.json"
+NETWORKS = "networks"
 
 Pair = tuple[int, int]  # folds that networks are trained without
 
@@ -67,15 +66,17 @@ class Measured:
         return [outcome for tested in self.tests.values() for outcome in tested]
 
 
-def compose_family(config: Config, shared: Path, held: Sequence[str] = ()) -> Iterator[Member]:
+def compose_family(
+    frontier: FrontierConfig, job: Job, held: Sequence[str] = ()
+) -> Iterator[Member]:
     """Compose the systems asked for, and those ``held``, with whatever else the user asked for.
 
-    Networks that differ in nothing but how they are run are trained once, in ``shared``.
+    Networks that differ in nothing but how they are run are trained once, in a folder of the run.
 
     Raises:
         UserError: If a system is unknown or its configuration cannot be used.
     """
-    systems, only = config.frontier.systems, config.frontier.only
+    systems, only = frontier.systems, frontier.only
     family = {name: overrides for name, overrides in systems.items() if overrides is not None}
     unknown = [name for name in only or () if name not in family]
     if unknown:
@@ -87,9 +88,9 @@ def compose_family(config: Config, shared: Path, held: Sequence[str] = ()) -> It
         if only and name not in (*only, *held):
             continue
         overrides = tuple(family[name].split())
-        training = with_system(given_overrides(), overrides)
-        member = read_config(compose("config", overrides=[*training, "task=frontier"]))
-        crossval = replace(member.crossval, share=str(shared))
+        training = with_system(job, given_overrides(job), overrides)
+        member = read_config(job.compose([*training, "task=frontier"]))
+        crossval = replace(member.crossval, share=str(job.directory / NETWORKS))
         member = replace(member, task="crossval", crossval=crossval)
         check_config(member)
         yield Member(name, overrides, member)
@@ -174,7 +175,8 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
     networks = fit_fold(replace(workspace, recordings=kept).on_fold(pair[0], directory))
     entry = networks[workspace.kind]
     samples = make_samples(apart, workspace.kind)
-    classifier = prepare(load_classifier(entry["checkpoint"]), workspace.config)
+    trained, config = load_classifier(entry["checkpoint"]), workspace.config
+    classifier = prepare(trained, config.engine, config.decision)
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
     seconds = sum(network["fit_seconds"] for network in networks.values())
@@ -198,19 +200,19 @@ def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measure
     return Measured(member, entries[0], seconds, tests, partners)
 
 
-def with_system(given: Sequence[str], overrides: Sequence[str]) -> list[str]:
-    """What trains a system with what the user asked for.
+def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[str]:
+    """What trains a system with what else the user asked for.
 
     One source of weights is meant for networks on photos: a system on traces goes without it.
     """
     without = [item for item in given if not item.startswith("weights=")]
     if len(without) < len(given):
-        composed = compose("config", overrides=[*given, *overrides])
+        composed = job.compose([*given, *system])
         if composed.model.kind == "haptic" and isinstance(composed.weights, str):
-            return [*without, *overrides]
-    return [*given, *overrides]
+            return [*without, *system]
+    return [*given, *system]
 
 
-def given_overrides() -> list[str]:
+def given_overrides(job: Job) -> list[str]:
     """What the user asked for beside the family."""
-    return [item for item in HydraConfig.get().overrides.task if not item.startswith(OWN_KEYS)]
+    return [item for item in job.overrides if not item.startswith(OWN_KEYS)]

@@ -7,6 +7,7 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
+from tex_lightning.card import Card
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Kind, Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
@@ -91,18 +92,39 @@ def _fit_network(
     kind: Kind,
     unimodal: dict[Kind, Path],
 ) -> dict[str, Any]:
-    directory = workspace.directory
-    card = make_card(workspace, kind, unimodal)
-    training = Training(workspace.config, card, parts, workspace.store, directory, unimodal)
+    card, shared = make_card(workspace, kind, unimodal), workspace.config.crossval.share
+    training = make_training(workspace, card, parts, unimodal)
     if card.baseline:
         checkpoint = fit_baseline(training)
-    elif workspace.config.crossval.share is not None:
-        checkpoint = train_shared(training, Path(workspace.config.crossval.share).expanduser())
+    elif shared is not None:
+        checkpoint = train_shared(training, Path(shared).expanduser())
     else:
         checkpoint = train_network(training)
     if not is_rank_zero():  # it alone tests and writes
         return {"checkpoint": str(checkpoint)}
     return tested_network(workspace, checkpoint, parts)
+
+
+def make_training(
+    workspace: Workspace, card: Card, parts: Split, unimodal: dict[Kind, Path]
+) -> Training:
+    """What the training of one network reads of the configuration."""
+    config = workspace.config
+    source = None if card.kind == "fusion" else config.weights_of(card.kind)
+    return Training(
+        card=card,
+        parts=parts,
+        store=workspace.store,
+        directory=workspace.directory,
+        unimodal=unimodal,
+        seed=config.seed,
+        weights=config.weights if card.baseline else source,
+        model=config.model,
+        trainer=config.trainer,
+        callbacks=config.callbacks,
+        logger=config.logger,
+        num_workers=config.data.num_workers,
+    )
 
 
 def tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict[str, Any]:
@@ -111,7 +133,9 @@ def tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict
     classifier.to(pick_device(workspace.config.trainer.accelerator))
     config, store, directory = workspace.config, workspace.store, workspace.directory
     kind = classifier.card.kind
-    calibrate(classifier, checkpoint, make_samples(parts.val, kind), store, config)
+    calibrate(
+        classifier, checkpoint, make_samples(parts.val, kind), store, config.engine, config.decision
+    )
     samples = make_samples(parts.test, kind)
     unknown = workspace.unknown_samples(kind)
     result, outcomes = report_network(

@@ -21,7 +21,8 @@ from tex_lightning.inference.early_stopping import SEQUENTIAL, SequentialClassif
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.sequential_chart import sequential_figure
 
-KNOBS = {"haptic": ("enough",), "visual": ("alpha",), "fusion": ("alpha", "enough")}
+ALPHA, THRESHOLD = "alpha", "confidence_threshold"
+KNOBS = {"haptic": (THRESHOLD,), "visual": (ALPHA,), "fusion": (ALPHA, THRESHOLD)}
 FILE = "sequential.csv"
 
 
@@ -38,14 +39,14 @@ def report_sequential(
         The thresholds used, mean cost, accuracy and agreement for ``results.json``.
     """
     labels = full_labels(classifier.full, samples, store)
-    used = replace(config, calibrated=False, enough=classifier.enough)
+    used = replace(config, calibrated=False, confidence_threshold=classifier.threshold)
     settings = [
         measure(classifier.full, decision, samples, labels, store, knob, value)
         for knob, value, decision in _decisions(used, KNOBS[classifier.card.kind])
     ]
     write_settings(settings, directory / FILE)
     draw_sequential(settings, classifier.card.kind, directory)
-    return {"alpha": used.alpha, "enough": used.enough, **summarise_sequential(settings[0])}
+    return {**_thresholds(used), **summarise_sequential(settings[0])}
 
 
 def pool_sequential(
@@ -59,8 +60,11 @@ def pool_sequential(
         return {}
     write_settings(settings, directory / FILE)
     draw_sequential(settings, name, directory)
-    entry = {"alpha": config.alpha, "enough": config.enough, **summarise_sequential(settings[0])}
-    return {"sequential": entry}
+    return {"sequential": {**_thresholds(config), **summarise_sequential(settings[0])}}
+
+
+def _thresholds(used: DecisionConfig) -> dict[str, float]:
+    return {ALPHA: used.alpha, THRESHOLD: used.confidence_threshold}
 
 
 def _decisions(
@@ -70,8 +74,8 @@ def _decisions(
     for knob in knobs:
         for value in getattr(used, f"{knob}s"):
             changed = {knob: value}
-            if knob == "alpha" and "enough" in knobs:
-                changed["enough"] = 1.0  # the windows are asked of every sample
+            if knob == "alpha" and "confidence_threshold" in knobs:
+                changed["confidence_threshold"] = 1.0  # the windows are asked of every sample
             yield knob, value, replace(used, **changed)
 
 

@@ -18,12 +18,12 @@ from tex_lightning.data.unusable import Unusable
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.report.opening import announce
 from tex_lightning.runfolder import SETTINGS
+from tex_lightning.runs.opening import announce
 from tex_lightning.runs.tested import recordings_to_test
 from tex_lightning.runs.usable import find_unusable
-from tex_lightning.stability.evaluator import Judge
-from tex_lightning.stability.perturbed import Laboratory
+from tex_lightning.stability.evaluator import Evaluator
+from tex_lightning.stability.perturbed import PerturbedDataset
 from tex_lightning.stability.system import Member, System
 
 Found = tuple[Path, int | None]  # a checkpoint and its test fold, None for the configured one
@@ -36,17 +36,17 @@ def load_systems(config: Config) -> list[System]:
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
             what it would be tested on.
     """
-    laboratories: dict[DecodeSettings, Laboratory] = {}
+    datasets: dict[DecodeSettings, PerturbedDataset] = {}
     systems: list[System] = []
     for given in config.stability.systems or []:
         path = Path(given).expanduser()
         for kind, found in _checkpoints(path, config).items():
-            members = [_member(config, *each, laboratories) for each in found]
-            classifier = members[0].judge.classifier
+            members = [_member(config, *each, datasets) for each in found]
+            classifier = members[0].evaluator.classifier
             name = _name(path, kind, classifier)
             systems.append(System(name, classifier.card.kind, members))
     notes = read_recordings(config.data).notes
-    for each in laboratories.values():
+    for each in datasets.values():
         tested = Recordings(tuple(each.rows.values()), notes)
         announce(config, tested, each.store, skipped_files(systems))
     return _named_apart(systems)
@@ -84,25 +84,23 @@ def _checkpoints(path: Path, config: Config) -> dict[str, list[Found]]:
 
 
 def _member(
-    config: Config, path: Path, fold: int | None, laboratories: dict[DecodeSettings, Laboratory]
+    config: Config, path: Path, fold: int | None, datasets: dict[DecodeSettings, PerturbedDataset]
 ) -> Member:
     classifier = load_classifier(path)
     data = config.data if fold is None else replace(config.data, test_fold=fold)
     rows = recordings_to_test(data, classifier, f"Checkpoint {path}")
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
-    laboratory = laboratories.setdefault(settings, Laboratory(store, config.seed, data.folds))
-    features, least_side = classifier.haptic_features, classifier.least_side
-    skipped = find_unusable(
-        rows, laboratory.store, features, least_side, skip_bad=config.data.skip_bad
-    )
+    dataset = datasets.setdefault(settings, PerturbedDataset(store, config.seed, data.folds))
+    features, min_side = classifier.haptic_features, classifier.min_side
+    skipped = find_unusable(rows, dataset.store, features, min_side, skip_bad=config.data.skip_bad)
     rows = rows.without(each.recording for each in skipped)
     samples = _limited(make_samples(rows, classifier.card.kind), config.stability.limit)
     if not samples:
         raise UserError(f"There is nothing to test {path} on in {_place(data)}; choose another.")
-    laboratory.add(row for each in samples for row in (each.haptic, each.image) if row is not None)
+    dataset.add(row for each in samples for row in (each.haptic, each.image) if row is not None)
     engine = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
-    return Member(path, Judge(engine.eval()), samples, laboratory, skipped)
+    return Member(path, Evaluator(engine.eval()), samples, dataset, skipped)
 
 
 def _place(data: DataConfig) -> str:

@@ -54,7 +54,7 @@ def report_network(
         Its entry of ``results.json``, and what became of each sample.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
-    decider = prepare(classifier, config)
+    decider = prepare(classifier, config.engine, config.decision)
     outcomes = run_test(decider, samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)

@@ -13,7 +13,7 @@ def find_unusable(
     recordings: Recordings,
     store: Store,
     features: HapticFeatures | None,
-    least_side: int,
+    min_side: int,
     *,
     skip_bad: bool,
 ) -> list[Unusable]:
@@ -23,7 +23,7 @@ def find_unusable(
         recordings: All that a task will need.
         store: Filled with them.
         features: Of the traces; None for a network on photos.
-        least_side: Of a photo in pixels.
+        min_side: Of a photo in pixels.
         skip_bad: Whether the task goes on without them (``data.skip_bad``).
 
     Raises:
@@ -31,7 +31,7 @@ def find_unusable(
     """
     damaged = store.fill(recordings)
     readable = recordings.without(each.recording for each in damaged)
-    unusable = [*damaged, *find_too_small(readable, store, features, least_side)]
+    unusable = [*damaged, *find_too_small(readable, store, features, min_side)]
     if unusable and not skip_bad:
         refuse(unusable, len(recordings))
     return unusable
@@ -50,24 +50,24 @@ def refuse(unusable: list[Unusable], count: int) -> None:
 
 
 def find_too_small(
-    recordings: Recordings, store: Store, features: HapticFeatures | None, least_side: int
+    recordings: Recordings, store: Store, features: HapticFeatures | None, min_side: int
 ) -> list[Unusable]:
     """The recordings that are too short or too small for a single fragment."""
     found = []
     for row in recordings:
         try:
-            _check_size(row, store, features, least_side)
+            _check_size(row, store, features, min_side)
         except UserError as error:
             found.append(Unusable(row, f"{row.path}: {error}"))
     return found
 
 
 def _check_size(
-    row: Recording, store: Store, features: HapticFeatures | None, least_side: int
+    row: Recording, store: Store, features: HapticFeatures | None, min_side: int
 ) -> None:
     if row.modality == "image":
         height, width, _ = store.image(row).shape
-        check_side(height, width, least_side)
+        check_side(height, width, min_side)
     elif features is not None:
         try:
             check_frames(features.count_frames(load_trace(row, store)), features)

@@ -19,8 +19,8 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.parts import UNIMODAL
-from tex_lightning.report.opening import announce
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
+from tex_lightning.runs.opening import announce
 from tex_lightning.runs.usable import find_unusable
 
 HAPTIC_KEYS = ("width", "norm", "dropout")
@@ -77,7 +77,7 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
         UserError: If the data or the networks cannot be used.
     """
     kind = cast(Kind, config.model.kind)
-    least_side = check_networks(config)
+    min_side = check_networks(config)
     rows = read_recordings(config.data)
     needed = rows.without(row for row in rows if row.modality not in NEEDS[kind])
     recordings, unknown = hold_out(needed, config.data.hold_out)
@@ -89,7 +89,7 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
             "classes apart takes two; choose another model or add recordings."
         )
     features = HapticFeatures(**_haptic_features(config))
-    skipped = find_unusable(needed, store, features, least_side, skip_bad=config.data.skip_bad)
+    skipped = find_unusable(needed, store, features, min_side, skip_bad=config.data.skip_bad)
     bad = [each.recording for each in skipped]
     announce(config, needed.without(bad), store, skipped)
     return Workspace(
@@ -134,7 +134,7 @@ def check_networks(config: Config) -> int:
         baseline = make_baseline(model.baseline, model.settings, model.budget)
         if config.weights is not None:
             baseline.load_weights(config.weights)
-        return baseline.least_side
+        return baseline.min_side
     given = given_checkpoints(config) if model.kind == "fusion" else {}
     starts = {kind: SurfaceClassifier.from_checkpoint(path, kind) for kind, path in given.items()}
     for kind in UNIMODAL if model.kind == "fusion" else (cast(Kind, model.kind),):
@@ -144,14 +144,14 @@ def check_networks(config: Config) -> int:
         starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
         if source is not None:
             start_trunk(starts[kind], source)
-    least_side = starts["visual"].least_side if "visual" in starts else 0
+    min_side = starts["visual"].min_side if "visual" in starts else 0
     patch = model.visual.fit.patch
-    if "visual" in starts and "visual" not in given and patch < least_side:
+    if "visual" in starts and "visual" not in given and patch < min_side:
         raise UserError(
-            f"model.visual.fit.patch is {patch}, and this network needs {least_side} pixels for a "
-            f"prediction; choose {least_side} or more."
+            f"model.visual.fit.patch is {patch}, and this network needs {min_side} pixels for a "
+            f"prediction; choose {min_side} or more."
         )
-    return least_side
+    return min_side
 
 
 def given_checkpoints(config: Config) -> dict[Kind, Path]:

@@ -1,1 +1,1 @@
-"""Where classifiers fail: recordings perturbed by degrees, and what becomes of the votes."""
+"""Where classifiers fail: recordings perturbed at increasing severity, and the votes on them."""

@@ -20,7 +20,7 @@ from tex_lightning.perturbations.scene import Array
 
 
 @dataclass(frozen=True)
-class Percept:
+class Scores:
     """What a classifier made of one recording.
 
     Attributes:
@@ -60,8 +60,8 @@ class Decision:
 REFUSED = Decision(None)
 
 
-class Judge:
-    """Decide by what was perceived of recordings.
+class Evaluator:
+    """Decide by what was scored of recordings.
 
     Args:
         classifier: In evaluation mode, as prediction runs it.
@@ -73,7 +73,7 @@ class Judge:
         self.fused = classifier.card.kind == "fusion"
 
     @torch.inference_mode()
-    def perceive(self, recording: Array, modality: Modality) -> Percept | None:
+    def score(self, recording: Array, modality: Modality) -> Scores | None:
         """Class scores of every position of a recording; None if it is refused."""
         tensor = torch.from_numpy(np.array(recording))
         try:
@@ -83,9 +83,9 @@ class Judge:
             scores = self.classifier.logits(trace, photo).cpu()
         except UserError:
             return None
-        return Percept(recording, scores, scores)
+        return Scores(recording, scores, scores)
 
-    def _half(self, recording: Array, tensor: Tensor, modality: Modality) -> Percept:
+    def _half(self, recording: Array, tensor: Tensor, modality: Modality) -> Scores:
         network = cast(FusionNet, self.classifier.network)
         if modality == "haptic":
             features = self.classifier.haptic_positions(tensor, network.level)
@@ -94,18 +94,18 @@ class Judge:
             features = self.classifier.visual_positions(tensor, network.level).flatten(1)
             summand = network.project_visual(features[None])[0]
         scores = summand if network.level == "fc2" else features
-        return Percept(recording, scores.cpu(), summand.cpu())
+        return Scores(recording, scores.cpu(), summand.cpu())
 
     @torch.inference_mode()
-    def alone(self, percept: Percept | None) -> Decision:
+    def alone(self, scores: Scores | None) -> Decision:
         """Decide by one recording; so does a FusionNet whose other modality is missing."""
         # a FusionNet's part has no temperature of its own: `part_card`
         temperature = 1.0 if self.fused else self.classifier.card.temperature
-        return REFUSED if percept is None else self._decide(percept.scores, temperature)
+        return REFUSED if scores is None else self._decide(scores.scores, temperature)
 
     @torch.inference_mode()
     def together(
-        self, haptic: Percept | None, image: Percept | None, pairs: int | None = None
+        self, haptic: Scores | None, image: Scores | None, pairs: int | None = None
     ) -> Decision:
         """Decide by both recordings, over so many pairs; None takes the card's."""
         if haptic is None or image is None:

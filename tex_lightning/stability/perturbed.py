@@ -13,7 +13,7 @@ from tex_lightning.perturbations.scene import Array, Scene
 from tex_lightning.perturbations.table import Perturbation
 
 
-class Laboratory:
+class PerturbedDataset:
     """Decoded recordings of one store, and what perturbations make of them.
 
     Everything random depends on the seed, the perturbation and the content of the file alone, so

@@ -55,7 +55,7 @@ def summarise_system(system: System, trials: Sequence[Trial], reference: Errors)
         "mean_flip_rate": float(np.mean([trial.flip_rate for trial in own])),
         "refused": sum(trial.refused for trial in own),
         "probability_when_wrong": _mean([trial.probability_when(False) for trial in own]),
-        "probability_when_right": _mean([trial.probability_when(True) for trial in own]),
+        "probability_when_correct": _mean([trial.probability_when(True) for trial in own]),
         "worst_perturbation": {"name": worst, "mean_error": errors[worst]},
         "worst_class": {"name": lowest, "vote_accuracy": classes[lowest]},
         "perturbation_errors": errors,

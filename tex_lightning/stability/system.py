@@ -8,10 +8,10 @@ from tex_lightning.data.folds import NEEDS, Kind, Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.perturbations.table import Perturbation
-from tex_lightning.stability.evaluator import Decision, Judge, Percept
-from tex_lightning.stability.perturbed import Laboratory
+from tex_lightning.stability.evaluator import Decision, Evaluator, Scores
+from tex_lightning.stability.perturbed import PerturbedDataset
 
-See = Callable[[Recording], Percept | None]
+See = Callable[[Recording], Scores | None]
 
 
 @dataclass
@@ -20,18 +20,18 @@ class Member:
 
     Attributes:
         checkpoint: Where it was loaded from.
-        judge: The classifier.
+        evaluator: The classifier.
         samples: Those it has not trained on.
-        laboratory: Where their recordings are.
+        dataset: Where their recordings are.
         skipped: Files of its test that cannot be used and were left out.
     """
 
     checkpoint: Path
-    judge: Judge
+    evaluator: Evaluator
     samples: list[Sample]
-    laboratory: Laboratory
+    dataset: PerturbedDataset
     skipped: Sequence[Unusable] = ()
-    _clean: dict[Recording, Percept | None] = field(default_factory=dict)
+    _clean: dict[Recording, Scores | None] = field(default_factory=dict)
 
     def clean(self) -> list[Decision]:
         """Decisions on the samples as they are."""
@@ -41,29 +41,29 @@ class Member:
         """Decisions on the perturbed samples."""
         if perturbation.modality == "both":
             return [self._combine(sample, perturbation, severity) for sample in self.samples]
-        seen: dict[Recording, Percept | None] = {}
+        seen: dict[Recording, Scores | None] = {}
 
-        def see(row: Recording) -> Percept | None:
+        def see(row: Recording) -> Scores | None:
             if row.modality != perturbation.modality:
                 return self._see(row)
             if row not in seen:
-                array = self.laboratory.perturbed(row, perturbation, severity)
-                seen[row] = self.judge.perceive(array, row.modality)
+                array = self.dataset.perturbed(row, perturbation, severity)
+                seen[row] = self.evaluator.score(array, row.modality)
             return seen[row]
 
         return [self._decide(sample, see) for sample in self.samples]
 
-    def _see(self, row: Recording) -> Percept | None:
+    def _see(self, row: Recording) -> Scores | None:
         if row not in self._clean:
-            array = self.laboratory.clean(row)
-            self._clean[row] = self.judge.perceive(array, row.modality)
+            array = self.dataset.clean(row)
+            self._clean[row] = self.evaluator.score(array, row.modality)
         return self._clean[row]
 
     def _decide(self, sample: Sample, see: See) -> Decision:
         if sample.haptic is not None and sample.image is not None:
-            return self.judge.together(see(sample.haptic), see(sample.image))
+            return self.evaluator.together(see(sample.haptic), see(sample.image))
         row = sample.haptic or sample.image
-        return self.judge.alone(None if row is None else see(row))
+        return self.evaluator.alone(None if row is None else see(row))
 
     def _combine(self, sample: Sample, perturbation: Perturbation, severity: float) -> Decision:
         """A trace and a photo that are whole, put together wrongly."""
@@ -71,19 +71,20 @@ class Member:
         assert haptic is not None and image is not None  # noqa: PT018
         value, name = perturbation.value(severity), perturbation.name
         if name == "fewer_pairs":
-            return self.judge.together(self._see(haptic), self._see(image), max(1, round(value)))
-        rng = self.laboratory.rng(name, haptic, image)
+            pairs = max(1, round(value))
+            return self.evaluator.together(self._see(haptic), self._see(image), pairs)
+        rng = self.dataset.rng(name, haptic, image)
         if rng.random() >= value:
             return self._decide(sample, self._see)
         if name == "haptic_missing":
-            return self.judge.alone(self._see(image))
+            return self.evaluator.alone(self._see(image))
         if name == "image_missing":
-            return self.judge.alone(self._see(haptic))
+            return self.evaluator.alone(self._see(haptic))
         if name == "haptic_swapped":
-            haptic = self.laboratory.partner(haptic, rng)
+            haptic = self.dataset.partner(haptic, rng)
         else:
-            image = self.laboratory.partner(image, rng)
-        return self.judge.together(self._see(haptic), self._see(image))
+            image = self.dataset.partner(image, rng)
+        return self.evaluator.together(self._see(haptic), self._see(image))
 
 
 @dataclass
@@ -113,7 +114,7 @@ class System:
     @property
     def wanted(self) -> list[int]:
         """The same as indices of the classes of the classifier that judges it."""
-        return [member.judge.classes.index(sample.label) for member, sample in self.samples]
+        return [member.evaluator.classes.index(sample.label) for member, sample in self.samples]
 
     def clean(self) -> list[Decision]:
         """Decisions on all samples as they are."""
@@ -134,5 +135,5 @@ class System:
         if perturbation.modality not in NEEDS[self.kind]:
             return False
         return perturbation.axes is None or all(
-            member.laboratory.axes(member.samples) == {perturbation.axes} for member in self.members
+            member.dataset.axes(member.samples) == {perturbation.axes} for member in self.members
         )

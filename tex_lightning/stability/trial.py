@@ -11,7 +11,7 @@ from tex_lightning.stability.evaluator import Decision
 from tex_lightning.stability.record import Record
 from tex_lightning.stability.system import System
 
-MOST_CLASSES = 3  # named as those that go first
+MAX_CLASSES = 3  # named as those that go first
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Trial:
     decisions: list[Decision]
 
     @property
-    def right(self) -> list[bool]:
+    def votes_correct(self) -> list[bool]:
         """Whether each sample got its class."""
         return [
             made.label == label for made, label in zip(self.decisions, self.labels, strict=True)
@@ -44,7 +44,7 @@ class Trial:
     @property
     def correct(self) -> int:
         """Number of samples that got their class."""
-        return sum(self.right)
+        return sum(self.votes_correct)
 
     @property
     def accuracy(self) -> float:
@@ -62,21 +62,21 @@ class Trial:
         """Number of samples that the classifier refused."""
         return sum(made.label is None for made in self.decisions)
 
-    def probability_when(self, right: bool) -> float | None:
-        """Mean probability of the decisions that are right, or wrong; None if there are none."""
+    def probability_when(self, correct: bool) -> float | None:
+        """Mean probability of the decisions that are correct, or wrong; None if there are none."""
         values = [
             made.probability
-            for made, is_right in zip(self.decisions, self.right, strict=True)
-            if is_right == right and made.label is not None
+            for made, is_correct in zip(self.decisions, self.votes_correct, strict=True)
+            if is_correct == correct and made.label is not None
         ]
         return float(np.mean(values)) if values else None
 
     def class_accuracy(self) -> dict[str, float]:
         """Accuracy of every class that was tested."""
-        right: dict[str, list[bool]] = {}
-        for name, is_right in zip(self.system.labels, self.right, strict=True):
-            right.setdefault(name, []).append(is_right)
-        return {name: float(np.mean(values)) for name, values in right.items()}
+        correct: dict[str, list[bool]] = {}
+        for name, is_correct in zip(self.system.labels, self.votes_correct, strict=True):
+            correct.setdefault(name, []).append(is_correct)
+        return {name: float(np.mean(values)) for name, values in correct.items()}
 
 
 @dataclass(frozen=True)
@@ -160,4 +160,4 @@ def _losers(clean: Trial, below: Trial) -> list[str]:
     before, after = clean.class_accuracy(), below.class_accuracy()
     losses = {name: before[name] - after[name] for name in before}
     ranked = sorted((name for name in losses if losses[name] > 0), key=lambda name: -losses[name])
-    return ranked[:MOST_CLASSES]
+    return ranked[:MAX_CLASSES]

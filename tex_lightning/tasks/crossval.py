@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import (
@@ -33,9 +34,9 @@ from tex_lightning.tasks import profile
 log = logging.getLogger(__name__)
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
-    chosen = chosen_folds(config)
+    chosen, directory = chosen_folds(config), job.directory
     workspace = open_workspace(config, directory)
     for fold in chosen:  # before time is spent on the first
         workspace.on_fold(fold, directory).parts()
@@ -47,7 +48,7 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     seconds = sum(results["wall_seconds"] for results in folds.values())
     results = results_frame(workspace, networks, seconds)
     if config.model.name in config.crossval.profile:
-        _profile(config, networks[workspace.kind]["checkpoint"], directory / "profile")
+        _profile(config, networks[workspace.kind]["checkpoint"], job)
     write_results(directory / "results.json", results)
     command = python_command(*run_overrides(directory), f"hydra.run.dir={directory}")
     write_report(directory, [directory], command)
@@ -55,10 +56,11 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     return results
 
 
-def _profile(config: Config, checkpoint: str, directory: Path) -> None:
+def _profile(config: Config, checkpoint: str, job: Job) -> None:
     """Measure the network as task=profile does, once."""
-    if not (directory / "results.json").is_file():
-        profile.run(replace(config, task="profile", checkpoint=checkpoint), directory)
+    inside = replace(job, directory=job.directory / "profile")
+    if not (inside.directory / "results.json").is_file():
+        profile.run(replace(config, task="profile", checkpoint=checkpoint), inside)
 
 
 def chosen_folds(config: Config) -> list[int]:

@@ -7,26 +7,27 @@ from typing import Any, cast
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
-from tex_lightning.report.opening import announce
 from tex_lightning.report.table import print_results
+from tex_lightning.runs.opening import announce
 from tex_lightning.runs.tested import held_out_to_test, recordings_to_test
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.usable import find_unusable
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Classify the test samples with ``checkpoint``; write ``results.json`` and return it.
 
     Files are decoded as the checkpoint says, whatever the configuration has; only
     ``data.file_rate`` belongs to the files themselves and is taken from it if it is given.
     """
-    begin = time.perf_counter()
+    begin, directory = time.perf_counter(), job.directory
     checkpoint = Path(cast(str, config.checkpoint)).expanduser()
     classifier = load_classifier(checkpoint)
     device = pick_device(config.trainer.accelerator)
@@ -37,8 +38,8 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
     settings = classifier.card.settings_for(config.data.file_rate)
     store = Store(cache_root(config.data.cache_dir), settings)
     both = replace(test, rows=test.rows + unknown.rows)
-    features, least_side = classifier.haptic_features, classifier.least_side
-    skipped = find_unusable(both, store, features, least_side, skip_bad=config.data.skip_bad)
+    features, min_side = classifier.haptic_features, classifier.min_side
+    skipped = find_unusable(both, store, features, min_side, skip_bad=config.data.skip_bad)
     bad = [each.recording for each in skipped]
     announce(config, both.without(bad), store, skipped)
     samples = make_samples(test.without(bad), kind)

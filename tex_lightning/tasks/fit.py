@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.table import print_results
@@ -16,9 +17,9 @@ from tex_lightning.runs.workspace import open_workspace
 log = logging.getLogger(__name__)
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Train and test on ``data.test_fold``; write ``results.json`` and return its content."""
-    begin = time.perf_counter()
+    begin, directory = time.perf_counter(), job.directory
     if (done := finished(directory)) is not None:
         return done
     workspace = open_workspace(config, directory)

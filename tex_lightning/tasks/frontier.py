@@ -20,7 +20,8 @@ from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config
+from tex_lightning.config import Config, FrontierConfig
+from tex_lightning.config.job import Job
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import make_samples
@@ -62,7 +63,7 @@ RULE = "one_standard_error_rule"
 Timings = dict[str, tuple[float, float]]
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Measure the family; write table, charts and ``results.json``, and return the latter.
 
     Systems and folds that an earlier run in the same folder has finished are shown again, and the
@@ -70,14 +71,14 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
 
     Args:
         config: Names the family.
-        directory: The run folder.
+        job: Has the run folder, and what the user asked for beside the family.
 
     Raises:
         UserError: If a system cannot be run, before any is trained.
     """
-    begin = time.perf_counter()
+    begin, directory = time.perf_counter(), job.directory
     held, tested = _earlier(directory)
-    members = list(compose_family(config, directory / "networks", held))
+    members = list(compose_family(config.frontier, job, held))
     check_libraries(members)
     folds = sorted({*chosen_folds(config), *tested})
     measured = measure_family(members, folds, directory / "systems")
@@ -98,14 +99,14 @@ def run(config: Config, directory: Path) -> dict[str, Any]:
         "environment": environment(pick_device(config.trainer.accelerator)),
         "skipped": _skipped(measured),
         "chosen": chosen,
-        "command": _command(members, chosen),
+        "command": _command(job, _member(members, chosen)),
         "overrides": list(_member(members, chosen).overrides),
         "procedure": procedure,
         "systems": {point.system: asdict(point) for point in points},
     }
     write_results(directory / "results.json", results)
     print_frontier(shown, directory, str(results["command"]))
-    _print_budget(config, members, candidates)
+    _print_budget(config.frontier, job, members, candidates)
     return results
 
 
@@ -125,7 +126,8 @@ def _latencies(measured: list[Measured], config: Config) -> Timings:
     for system in measured:
         member, kind = system.member.config, system.member.config.model.kind
         device = pick_device(member.trainer.accelerator)
-        classifier = prepare(load_classifier(system.entry["checkpoint"]).to(device), member)
+        trained = load_classifier(system.entry["checkpoint"]).to(device)
+        classifier = prepare(trained, member.engine, member.decision)
         decoded = kind, decode_settings(member.data)
         if decoded not in recordings:  # all systems of a kind classify the same samples
             workspace = open_workspace(member, Path(system.entry["checkpoint"]).parent)
@@ -156,7 +158,7 @@ def _macs(system: Measured) -> int | None:
     macs: int | None = system.entry["macs_per_sample"]
     if macs is None:
         return None
-    return round(macs * fmean(outcome.evidence for outcome in system.outcomes))
+    return round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
 
 
 def _candidate(
@@ -252,26 +254,29 @@ def _member(members: list[Member], name: str) -> Member:
     return next(member for member in members if member.name == name)
 
 
-def _command(members: list[Member], name: str) -> str:
+def _command(job: Job, member: Member) -> str:
     """What trains a member on the user's data."""
-    overrides = with_system(given_overrides(), _member(members, name).overrides)
+    overrides = with_system(job, given_overrides(job), member.overrides)
     overrides.sort(key=lambda item: not item.startswith("model="))  # what one looks for first
     return shlex.join(["python", "-m", "tex_lightning", *overrides])
 
 
-def _print_budget(config: Config, members: list[Member], candidates: list[Candidate]) -> None:
+def _print_budget(
+    limits: FrontierConfig, job: Job, members: list[Member], candidates: list[Candidate]
+) -> None:
     """Say which system to use under the user's limits."""
-    most, least = config.frontier.max_latency_ms, config.frontier.min_accuracy
+    most, least = limits.max_latency_ms, limits.min_accuracy
     if most is None and least is None:
         return
     found = within_budget(candidates, most, least)
-    limits = [f"{most:g} ms" if most is not None else "", f"{least:.1%}" if least else ""]
-    asked = " and ".join(limit for limit in limits if limit)
+    given = [f"{most:g} ms" if most is not None else "", f"{least:.1%}" if least else ""]
+    asked = " and ".join(limit for limit in given if limit)
     if found is None:
         log.warning("No system of the family meets %s on the tested folds.", asked)
         return
+    command = _command(job, _member(members, found.name))
     log.info(
         "Within %s: %s, %.1f ms and %.1f %% correct votes on all tested folds, which it is picked "
         "on as well (slightly optimistic); train it with: %s",
-        asked, found.name, found.cost, 100 * found.accuracy, _command(members, found.name),
+        asked, found.name, found.cost, 100 * found.accuracy, command,
     )  # fmt: skip

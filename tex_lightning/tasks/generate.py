@@ -4,6 +4,7 @@ import logging
 from pathlib import Path
 
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import spec_of
 from tex_lightning.data.readers.tum import read_tum
@@ -14,7 +15,7 @@ from tex_lightning.synthetic import write_folder, write_tum
 log = logging.getLogger(__name__)
 
 
-def run(config: Config, directory: Path) -> None:
+def run(config: Config, job: Job) -> None:
     """Write ``data.classes`` surfaces to ``generate.out`` in the layout ``generate.layout``.
 
     A manifest beside them lists every file, as an example of the format.

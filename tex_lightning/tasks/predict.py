@@ -1,10 +1,10 @@
 """Classify files with a trained network; one JSON object per sample on standard output."""
 
-from pathlib import Path
 from typing import cast
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
 from tex_lightning.inference.inputs import find_files, pair_files
 from tex_lightning.lines import print_line
@@ -13,7 +13,7 @@ from tex_lightning.predictor import Predictor
 MAX_FAILURES = 20  # that are printed
 
 
-def run(config: Config, directory: Path) -> None:
+def run(config: Config, job: Job) -> None:
     """Load the checkpoint once and print a line for each sample.
 
     Several traces and photos are paired as :func:`.inputs.pair_files` says. Decoding is part of the

@@ -8,6 +8,7 @@ from typing import Any
 
 from tex_lightning.card import Card
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.loggers import log_profile
@@ -22,12 +23,12 @@ from tex_lightning.runs.subjects import make_subjects
 log = logging.getLogger(__name__)
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Measure ``model`` or ``checkpoint``; write ``results.json`` and figures, return the results.
 
     A fusion is measured as the two networks that it consists of.
     """
-    begin = time.perf_counter()
+    begin, directory = time.perf_counter(), job.directory
     device = pick_device(config.trainer.accelerator)
     subjects = make_subjects(config, device)
     networks: dict[str, Any] = {}

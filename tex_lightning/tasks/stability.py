@@ -1,13 +1,13 @@
-"""Find where systems fail: perturb their test recordings by degrees and see what is voted."""
+"""Find where systems fail: perturb their test recordings at increasing severity and vote."""
 
 import logging
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -27,13 +27,13 @@ from tex_lightning.stability.trial import Bench, Trial
 log = logging.getLogger(__name__)
 
 
-def run(config: Config, directory: Path) -> dict[str, Any]:
+def run(config: Config, job: Job) -> dict[str, Any]:
     """Test ``stability.systems`` under all perturbations that they meet; write tables and figures.
 
     The first system is the reference of the mean corruption error. A run that was stopped goes on
     with the same command and ``hydra.run.dir``.
     """
-    begin = time.perf_counter()
+    begin, directory = time.perf_counter(), job.directory
     device = pick_device(config.trainer.accelerator)
     systems = load_systems(config)
     chosen = _chosen(config, systems)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
+from tex_lightning.config.job import Job
 from tex_lightning.data.decode import decode_trace, usable_samples
 from tex_lightning.errors import UserError
 from tex_lightning.inference.streaming.live import LiveStream
@@ -24,7 +25,7 @@ KEYS = ("label", "rejected", "probability", "confidence", "fragments", "warnings
 Chunk = npt.NDArray[np.float32]
 
 
-def run(config: Config, directory: Path) -> None:
+def run(config: Config, job: Job) -> None:
     """Push the file, or standard input, chunk by chunk and print the vote after each.
 
     Where samples wait at the end (``stream.wait``), one more line gives the vote of all.

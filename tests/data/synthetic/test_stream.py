@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from tex_lightning.data.decode import DecodeSettings, halve
-from tex_lightning.data.generator import RenderedStore, SpecimenStream
+from tex_lightning.data.generator import RenderedStore, SpecimenGenerator
 from tex_lightning.synthetic.dataset import SyntheticSpec
 from tex_lightning.synthetic.materials import another_piece, distinct_materials, make_materials
 
 SPEC = SyntheticSpec(7, recordings=2, seed=3, seconds=1.0, photo_width=64, photo_height=48)
 
 
-def stream(modality="image", *, half=False) -> SpecimenStream:
-    return SpecimenStream(SPEC, modality, DecodeSettings(half_scale=half))
+def stream(modality="image", *, half=False) -> SpecimenGenerator:
+    return SpecimenGenerator(SPEC, modality, DecodeSettings(half_scale=half))
 
 
 @pytest.mark.parametrize(("modality", "alike"), [("image", "looks_like"), ("haptic", "feels_like")])

@@ -46,6 +46,13 @@ def read_folder(root: Path) -> Recordings:
     Raises:
         UserError: If the folder is missing or holds no recordings, or a class has two folders for
             one sense.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> from pathlib import Path
+        >>> table = tl.read_folder(Path("DIR"))
+        >>> table.classes, len(table.of("haptic"))
+        (['alpha', 'beta', 'gamma'], 30)
     """
     if not root.is_dir():
         raise UserError(f"Folder {root} does not exist; give an existing folder in data.root.")

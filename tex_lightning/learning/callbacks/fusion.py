@@ -8,7 +8,7 @@ from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config.model import LEAST_FACTOR, MOST_FACTOR
+from tex_lightning.config.model import MAX_FACTOR, MIN_FACTOR
 from tex_lightning.errors import UserError
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.networks.fusionnet import FusionNet
@@ -39,10 +39,10 @@ class FusionStart(Callback):
         head_factor: float,
         head_start: str = "scores",
     ) -> None:
-        if not LEAST_FACTOR <= head_factor <= MOST_FACTOR:
+        if not MIN_FACTOR <= head_factor <= MAX_FACTOR:
             raise UserError(
                 f"model.fusion.fit.head_factor is {head_factor:g}; "
-                f"choose a value from {LEAST_FACTOR:g} to {MOST_FACTOR:g}."
+                f"choose a value from {MIN_FACTOR:g} to {MAX_FACTOR:g}."
             )
         self.haptic_checkpoint = haptic_checkpoint
         self.visual_checkpoint = visual_checkpoint

@@ -22,7 +22,7 @@ SQUEEZE = {2: 16, 3: 16, 4: 32, 5: 32, 6: 48, 7: 48, 8: 64, 9: 64}
 POOL_AFTER = (4, 8)
 # Layers whose maps are pooled, and the positions along each axis that one of fire9 stands for.
 TEXTURES = {"fire4": 4, "fire5": 2, "fire6": 2, "fire7": 2, "fire8": 2, "fire9": 1, "conv10": 1}
-LEAST_DEVIATION = 0.1  # most are 0.2 to 6
+MIN_DEVIATION = 0.1  # most are 0.2 to 6
 LEAST = 1e-4  # below it a root has hardly a use and too steep a slope
 
 _TORCHVISION_PLACE = {2: 3, 3: 4, 4: 5, 5: 7, 6: 8, 7: 9, 8: 10, 9: 12}
@@ -108,7 +108,7 @@ class TextureFeatures(nn.Module):
         """
         self.mean.copy_(features.mean(dim=0))
         variance = features.var(dim=0, correction=0)
-        self.scale.copy_(((variance + LEAST_DEVIATION**2) * features.shape[1]).sqrt())
+        self.scale.copy_(((variance + MIN_DEVIATION**2) * features.shape[1]).sqrt())
         return (features - self.mean) / self.scale
 
 

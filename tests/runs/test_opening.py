@@ -13,7 +13,7 @@ from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.recordings import Note, Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable
-from tex_lightning.report.opening import announce, announced_once, opening_lines
+from tex_lightning.runs.opening import announce, announced_once, opening_lines
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.parts import part_for
-from tex_lightning.stability.evaluator import REFUSED, Judge
+from tex_lightning.stability.evaluator import REFUSED, Evaluator
 
 NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
 
@@ -38,43 +38,44 @@ def recordings(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_together_is_what_classify_gives(fusion):
-    judge = Judge(fusion)
+    evaluator = Evaluator(fusion)
     for haptic in (0, 1):
         for image in (0, 1):
             trace, photo = recordings(haptic)[0], recordings(image)[1]
-            made = judge.together(judge.perceive(trace, "haptic"), judge.perceive(photo, "image"))
+            scores = evaluator.score(trace, "haptic"), evaluator.score(photo, "image")
+            made = evaluator.together(*scores)
             vote = fusion.classify(torch.from_numpy(trace), torch.from_numpy(photo))
             assert made.label == vote.label
             assert made.share == pytest.approx(float(vote.shares[vote.label]))
 
 
 def test_alone_is_what_the_part_gives(fusion):
-    judge = Judge(fusion)
+    evaluator = Evaluator(fusion)
     trace, photo = recordings(0)
     vote = part_for(fusion, "haptic").classify(torch.from_numpy(trace))
-    made = judge.alone(judge.perceive(trace, "haptic"))
+    made = evaluator.alone(evaluator.score(trace, "haptic"))
     assert (made.label, made.share) == (vote.label, pytest.approx(float(vote.shares.max())))
     vote = part_for(fusion, "image").classify(photo=torch.from_numpy(photo))
-    made = judge.alone(judge.perceive(photo, "image"))
+    made = evaluator.alone(evaluator.score(photo, "image"))
     assert (made.label, made.share) == (vote.label, pytest.approx(float(vote.shares.max())))
 
 
 def test_agreement_is_the_chance_of_the_same_class(fusion):
-    judge = Judge(fusion)
-    percepts = [
-        judge.perceive(array, modality)
+    evaluator = Evaluator(fusion)
+    scores = [
+        evaluator.score(array, modality)
         for array, modality in zip(recordings(0), ("haptic", "image"), strict=True)
     ]
-    beliefs = [percept.scores.double().softmax(dim=0).mean(dim=1) for percept in percepts]
-    made = judge.together(*percepts)
+    beliefs = [scores.scores.double().softmax(dim=0).mean(dim=1) for scores in scores]
+    made = evaluator.together(*scores)
     assert made.agreement == pytest.approx(float((beliefs[0] * beliefs[1]).sum()))
 
 
 def test_what_is_too_small_is_refused_and_not_guessed(fusion):
-    judge = Judge(fusion)
+    evaluator = Evaluator(fusion)
     trace, photo = recordings(0)
-    short, small = judge.perceive(trace[:, :9000], "haptic"), judge.perceive(photo[:50], "image")
+    short, small = evaluator.score(trace[:, :9000], "haptic"), evaluator.score(photo[:50], "image")
     assert short is None
     assert small is None
-    assert judge.together(short, judge.perceive(photo, "image")) == REFUSED
-    assert judge.alone(small) == REFUSED
+    assert evaluator.together(short, evaluator.score(photo, "image")) == REFUSED
+    assert evaluator.alone(small) == REFUSED

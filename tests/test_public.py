@@ -1,0 +1,65 @@
+"""The public names: what they are, and that their examples and the README's run as they stand."""
+
+import doctest
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import soundfile
+from conftest import RATE, make_photo, make_trace
+from PIL import Image
+
+import tex_lightning as tl
+from tex_lightning.config import CONF
+
+
+@pytest.fixture(scope="module")
+def user_folder(untrained, surfaces, cache, tmp_path_factory):
+    """Where the examples run: a finished run RUN, a data set DIR, a trace and a photo."""
+    folder = tmp_path_factory.mktemp("user")
+    shutil.copytree(untrained, folder / "RUN")
+    (folder / "DIR").symlink_to(surfaces)
+    soundfile.write(folder / "A.wav", make_trace(0, 0), RATE, subtype="FLOAT")
+    Image.fromarray(make_photo(1, 0)).save(folder / "B.jpg")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _inside(user_folder, cache, monkeypatch):
+    monkeypatch.chdir(user_folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+
+
+def test_importing_the_package_imports_no_pytorch():
+    code = (
+        "import sys, tex_lightning as tl; assert not {'torch', 'hydra'} & {*sys.modules}; "
+        "assert {*tl.__all__} <= {*dir(tl)}; tl.UserError"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    with pytest.raises(AttributeError, match="no attribute 'laod'"):
+        _ = tl.laod
+
+
+@pytest.mark.parametrize("name", tl.__all__)
+def test_every_public_name_has_an_example_that_runs(name):
+    (example,) = doctest.DocTestFinder(recurse=False).find(getattr(tl, name), name, globs={})
+    assert example.examples, f"{name} has no example"
+    said = []
+    doctest.DocTestRunner().run(example, out=said.append)
+    assert not said, "".join(said)
+
+
+def test_the_python_of_the_readme_runs():
+    text = (CONF.parent / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    samples = make_trace(0, 0)
+    known = {"samples": samples, "frame": make_photo(0, 0), "chunks": np.split(samples, 4)}
+    for block in blocks:
+        exec(block, known)
+    used = "\n".join(blocks)
+    assert all(f"tl.{name}(" in used for name in ("load", "train"))
+    assert ".predict(" in used
+    assert ".stream()" in used
