@@ -26,8 +26,12 @@ STARTED: list[Path] = []  # run folders of this process; none means that Hydra c
 log = logging.getLogger(__name__)
 
 
-def run_job(composed: DictConfig) -> None:
-    """Run one composed job; a sweep goes on whatever becomes of it."""
+def run_job(composed: DictConfig) -> float | None:
+    """Run one composed job; a sweep goes on whatever becomes of it.
+
+    Returns:
+        What a sweeper that searches is to minimise; None of a job that failed or trains nothing.
+    """
     # Heavy imports wait until the command line is known to be right.
     from tex_lightning.dispatch import run_task
     from tex_lightning.report.sweep import FAILURE, note_failure
@@ -36,7 +40,7 @@ def run_job(composed: DictConfig) -> None:
     STARTED.append(job.directory)
     (job.directory / FAILURE).unlink(missing_ok=True)
     try:
-        run_task(composed, job)
+        return run_task(composed, job)
     except Exception as error:
         mistake = as_mistake(error, job.overrides, began=True)
         if job.origin != "sweep":
@@ -46,6 +50,7 @@ def run_job(composed: DictConfig) -> None:
         if mistake is None:
             log.exception("This job of the sweep failed.")
         note_failure(job, str(mistake or f"{type(error).__name__}: {error}"))
+        return None
 
 
 def complain(error: Exception) -> int:

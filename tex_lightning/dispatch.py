@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from typing import Any
 
 import torch
 from omegaconf import DictConfig
@@ -15,6 +16,7 @@ from tex_lightning.config.trust import trust, trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.sweep import NO_SWEEP
@@ -33,7 +35,7 @@ from tex_lightning.tasks import (
     stream,
 )
 
-TASKS: dict[str, Callable[[Config, Job], object]] = {
+TASKS: dict[str, Callable[[Config, Job], Any]] = {
     "fit": fit.run,
     "crossval": crossval.run,
     "evaluate": evaluate.run,
@@ -49,10 +51,13 @@ TASKS: dict[str, Callable[[Config, Job], object]] = {
 TRAINING = ("fit", "crossval")  # on several devices
 
 
-def run_task(composed: DictConfig, job: Job) -> None:
+def run_task(composed: DictConfig, job: Job) -> float | None:
     """Check the configuration and run its task in the run folder of the job.
 
     Every process of a training on several devices does; only rank zero writes.
+
+    Returns:
+        What a sweeper that searches is to minimise; None of a task that trains nothing.
 
     Raises:
         UserError: If the configuration or what it names cannot be used.
@@ -79,7 +84,10 @@ def run_task(composed: DictConfig, job: Job) -> None:
             claim_folder(composed, flatten(values), job)
         if config.model.name == AUTO:
             config = resolve_auto(config, job)
-        TASKS[config.task](config, job)
+        results = TASKS[config.task](config, job)
+    if config.task in TRAINING and results:  # other ranks have none
+        return optimized_value(results, config.optimized_metric)
+    return None
 
 
 def _check_origin(job: Job) -> None:

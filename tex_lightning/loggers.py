@@ -4,7 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from lightning.pytorch.loggers import CSVLogger, Logger, MLFlowLogger, TensorBoardLogger
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tex_lightning.config import flatten
@@ -53,13 +56,25 @@ def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Lo
 
 
 def log_figures(loggers: Sequence[Logger], figures: Mapping[str, Figure]) -> None:
-    """Hand figures to the loggers that can show them."""
+    """Hand figures to the loggers that can show them.
+
+    Beside TensorBoard and MLflow these are all with a method ``log_image(key, images)``, as
+    Lightning's WandbLogger has it; they get arrays (height, width, 4) of uint8.
+    """
     for logger in loggers:
         for title, figure in figures.items():
             if isinstance(logger, TensorBoardLogger):
                 logger.experiment.add_figure(title, figure, global_step=0)
             elif isinstance(logger, MLFlowLogger):
                 logger.experiment.log_figure(logger.run_id, figure, f"{title}.png")
+            elif hasattr(logger, "log_image"):
+                logger.log_image(key=title, images=[_pixels(figure)])
+
+
+def _pixels(figure: Figure) -> npt.NDArray[np.uint8]:
+    canvas: Any = FigureCanvasAgg(figure)  # without annotations
+    canvas.draw()
+    return np.array(canvas.buffer_rgba())
 
 
 def log_test(
@@ -70,7 +85,7 @@ def log_test(
     result: dict[str, Any],
     figures: Mapping[str, Figure],
 ) -> None:
-    """Add test accuracies, figures and the hyper-parameters that led to them.
+    """Add the metrics of the test, its figures and the hyper-parameters that led to them.
 
     Args:
         nodes: ``logger`` of the configuration.
@@ -85,7 +100,10 @@ def log_test(
         "test/vote_accuracy": result["vote_accuracy"],
         "test/latency_ms": result["latency_ms"]["median"],
         "test/fit_seconds": result["fit_seconds"],
+        **{f"test/{key}": value for key, value in result["calibration"].items()},
     }
+    if "unknown" in result:
+        metrics["test/unknown_auroc"] = result["unknown"]["auroc"]
     loggers = open_loggers(nodes, directory, name)
     log_figures(loggers, {f"test/{title}": figure for title, figure in figures.items()})
     for logger in loggers:

@@ -49,6 +49,17 @@ def votes(directory: Path, kind: str) -> list[tuple[str, ...]]:
         return [tuple(row[key] for key in keys) for row in csv.DictReader(stream)]
 
 
+def validated(directory: Path, kind: str) -> torch.Tensor:
+    """Loss and metrics (epochs, 5) on three samples, which two processes share unevenly."""
+    names = [
+        f"val/{name}" for name in ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
+    ]
+    with (directory / "metrics" / kind / "metrics.csv").open() as stream:
+        rows = [row for row in csv.DictReader(stream) if row["val/loss"]]
+    assert len(rows) == 2
+    return torch.tensor([[float(row[f"val/{name}"]) for name in names] for row in rows])
+
+
 def written(directory: Path) -> list[str]:
     """All files; those of events by their kind, since their names hold time and process."""
     paths = {str(path.relative_to(directory)) for path in directory.rglob("*.*")}
@@ -82,6 +93,7 @@ def test_two_processes_train_three_networks_as_one_does(one, surfaces, cache, tm
         for key in left:
             torch.testing.assert_close(left[key], right[key], rtol=1e-5, atol=1e-5)
         assert votes(one, kind) == votes(two, kind)
+        torch.testing.assert_close(validated(two, kind), validated(one, kind), rtol=1e-3, atol=1e-4)
     assert written(one) == written(two)
 
 

@@ -8,6 +8,7 @@ from sklearn.metrics import log_loss, roc_auc_score
 
 from tex_lightning.evaluation.calibration import (
     augrc,
+    auroc,
     calibration,
     calibration_figure,
     risk_coverage,
@@ -80,6 +81,23 @@ def test_the_unknown_are_told_by_their_confidence(outcomes):
     expected = np.mean([(c > 0.34) + 0.5 * (c == 0.34) for c in above])
     assert found["auroc"] == pytest.approx(expected, abs=1e-6)
     assert (found["classes"], found["samples"]) == (["new"], 5)
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.booleans()), min_size=1, max_size=40))
+def test_auroc_is_scikit_learns(samples):
+    """Ties included, and scores that rounding has pushed out of 0 to 1."""
+    sides = [[level / 5 * (1 + 1e-15) for level, side in samples if side == s] for s in (0, 1)]
+    if not all(sides):
+        assert auroc(*sides) is None
+    else:
+        levels, target = zip(*samples, strict=True)
+        assert auroc(*sides) == pytest.approx(roc_auc_score(target, levels), abs=1e-6)
+
+
+def test_a_confidence_rounded_beyond_1_is_no_logit():
+    rows = [np.array([1 + 2e-16, 0, 0]), np.array([0.6, 0.4, 0]), np.array([0.2, 0.8, 0])]
+    found = calibration([outcome("a", row) for row in rows], CLASSES)
+    assert found["ece"] == pytest.approx((0.0 + 0.4 + 0.8) / 3, abs=1e-6)
 
 
 def test_the_figure_is_drawn(outcomes, tmp_path):

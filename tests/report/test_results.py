@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, confusion_matrix
 
+from tex_lightning.evaluation.fragments import vote_counts
 from tex_lightning.evaluation.outcomes import (
     Outcome,
     environment,
@@ -18,7 +19,6 @@ from tex_lightning.evaluation.outcomes import (
 )
 from tex_lightning.report.figures import (
     class_accuracy_figure,
-    confusion_counts,
     confusion_figure,
     save_figure,
 )
@@ -38,7 +38,7 @@ def test_summary_and_confusion_agree_with_scikit_learn(pairs):
     summary = summarise(outcomes)
     assert summary["vote_accuracy"] == pytest.approx(accuracy_score(labels, predicted))
     theirs = confusion_matrix(labels, predicted, labels=CLASSES)
-    np.testing.assert_array_equal(confusion_counts(labels, predicted, CLASSES), theirs)
+    np.testing.assert_array_equal(vote_counts(outcomes, CLASSES), theirs)
 
 
 @pytest.mark.parametrize(

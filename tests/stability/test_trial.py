@@ -2,14 +2,12 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
 import pytest
-from sklearn.metrics import roc_auc_score
 
 from tex_lightning.perturbations.table import Perturbation
 from tex_lightning.stability.evaluator import REFUSED, Decision
 from tex_lightning.stability.record import Record
-from tex_lightning.stability.summary import auroc, corruption_error, mean_errors
+from tex_lightning.stability.summary import corruption_error, mean_errors
 from tex_lightning.stability.trial import Bench
 
 NOISE = Perturbation("white_noise", "haptic", "dB", (0, 1, 2, 3, 4, 5))
@@ -86,11 +84,3 @@ def test_corruption_error_is_the_mean_ratio_where_the_reference_errs():
     found = corruption_error({"x": 0.25, "y": 0.4, "z": 0.3, "w": 1.0}, reference)
     assert found == {"mean": pytest.approx((0.5 + 2.0) / 2), "perturbations": 2}
     assert corruption_error({"z": 0.3}, reference) is None
-
-
-def test_auroc_is_scikit_learns():
-    rng = np.random.default_rng(0)
-    low, high = rng.integers(0, 8, 40), rng.integers(2, 10, 30)
-    expected = roc_auc_score([0] * 40 + [1] * 30, [*low, *high])
-    assert auroc(list(low), list(high)) == pytest.approx(expected)
-    assert auroc([], [1.0]) is None

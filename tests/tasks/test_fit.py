@@ -21,6 +21,7 @@ from tex_lightning.learning.haptic import HapticModule
 NETWORK_KEYS = {
     "fragment_accuracy", "vote_accuracy", "vote_ci95", "correct", "test_samples", "parameters",
     "macs_per_sample", "latency_ms", "fit_seconds", "checkpoint", "calibration",
+    "val_loss",
 }  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from tex_lightning.config.model import (
 )
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
+    OPTIMIZED_METRICS,
     READS,
     SILENT,
     CrossvalConfig,
@@ -80,6 +81,11 @@ class Config:
         "packages, beside installed plugins, whose classes a checkpoint may name: their code runs",
         factory=list,
     )
+    optimized_metric: str | None = key(
+        "what a job returns to a sweeper that searches, to be minimised; vote_error is that of the "
+        "tested fold; null takes val_loss where a fold is validated, else vote_error",
+        choices=OPTIMIZED_METRICS, default=None,
+    )  # fmt: skip
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)

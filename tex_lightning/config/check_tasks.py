@@ -43,6 +43,7 @@ def check_task(config: Config) -> Iterator[str]:
         yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     if config.checkpoint is None and config.task in NEED_CHECKPOINTS:
         yield f"checkpoint is null, but task={config.task} classifies with one: give its file"
+    yield from _optimized_metric(config)
     yield from _frontier(config)
     yield from _profile(config)
     yield from _pretrain(config)
@@ -74,6 +75,18 @@ def check_task(config: Config) -> Iterator[str]:
         given = getattr(fusion, f"{kind}_checkpoint") is not None
         if given and config.model.kind == "fusion" and config.weights_of(kind) is not None:
             yield f"weights and model.fusion.{kind}_checkpoint both fill the {kind} trunk: give one"
+
+
+def _optimized_metric(config: Config) -> Iterator[str]:
+    metric = config.optimized_metric
+    if metric is not None and config.task not in ("fit", "crossval"):
+        yield f"optimized_metric is read by task=fit and task=crossval, not by task={config.task}"
+    elif metric == "val_loss" and config.data.val_fold is None:
+        yield "optimized_metric=val_loss needs a fold to validate on: give data.val_fold"
+    elif metric == "val_loss" and config.model.baseline is not None:
+        yield (
+            f"model={config.model.name} has no validation loss: choose optimized_metric=vote_error"
+        )
 
 
 def _frontier(config: Config) -> Iterator[str]:

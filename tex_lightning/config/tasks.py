@@ -10,6 +10,7 @@ SIDE = {"unit": "pixels", "least": 224, "most": 8192}  # one patch; what the ren
 ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
+OPTIMIZED_METRICS = ("val_loss", "vote_error")
 SILENT = ("predict", "stream", "generate")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
@@ -255,8 +256,8 @@ _TRAINING = (
 _RUNNING = ("trainer.accelerator", "trainer.threads")  # all that is read without training
 _CLASSIFYING = ("checkpoint", "trusted", "haptic", "data.file_rate", "engine", *_RUNNING)
 READS = {
-    "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run"),
-    "crossval": ("weights", *_TRAINING, "crossval"),
+    "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run", "optimized_metric"),
+    "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
     "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
     "predict": (*_CLASSIFYING, "image", "top_k", "predict", "decision"),
     "stream": (*_CLASSIFYING, "stream", "decision.reject_below"),

@@ -102,7 +102,7 @@ class EpochSampler(Sampler[int]):
 
 
 class SampleSet(Dataset[Batch]):
-    """Whole decoded samples for validation: trace, photo and label, as far as they exist."""
+    """Whole decoded samples to classify: trace, photo and label, as far as they exist."""
 
     def __init__(self, samples: Sequence[Sample], store: Store, classes: list[str]) -> None:
         self.samples = samples
@@ -137,12 +137,13 @@ def load_sample(sample: Sample, store: Store) -> tuple[Tensor | None, Tensor | N
 
 
 class SurfaceData(LightningDataModule):
-    """Loaders of training batches and validation samples.
+    """Loaders of training batches, and of whole samples for validation, testing and prediction.
 
     Args:
-        batches: An endless sequence, of which every epoch takes its part.
+        batches: An endless sequence, of which every epoch takes its part; None trains nothing.
         steps: Batches in an epoch.
         validation: Whole samples; none leaves out validation.
+        test: Whole samples to test on, or to predict.
         num_workers: Processes that make batches; 0 makes them in this one.
 
     Example:
@@ -152,26 +153,30 @@ class SurfaceData(LightningDataModule):
         >>> bank = SpectrogramBank([torch.rand(50, 300) for _ in range(4)], frames=192)
         >>> traces = bank, np.array([0, 0, 1, 1])  # their classes
         >>> batches = TrainingBatches(traces, None, batch_size=2, rotation=0, seed=0)
-        >>> data = tl.SurfaceData(batches, steps=5, validation=None, num_workers=0)
+        >>> data = tl.SurfaceData(batches, steps=5, validation=None, test=None, num_workers=0)
         >>> [batch["spectrogram"].shape for batch in data.train_dataloader()][4]
         torch.Size([2, 1, 50, 192])
     """
 
     def __init__(
         self,
-        batches: "TrainingBatches | GeneratedBatches",
+        batches: "TrainingBatches | GeneratedBatches | None",
         steps: int,
         validation: SampleSet | None,
+        test: SampleSet | None,
         num_workers: int,
     ) -> None:
         super().__init__()
         self.batches = batches
         self.steps = steps
         self.validation = validation
+        self.test = test
         self.num_workers = num_workers
 
-    def train_dataloader(self) -> DataLoader[Batch]:
+    def train_dataloader(self) -> DataLoader[Batch] | list[Any]:
         """Batches of one epoch, of each this process's share, made by the data set."""
+        if self.batches is None:
+            return []
         return DataLoader(
             replace(self.batches, share=self._share()),
             batch_size=None,
@@ -196,15 +201,27 @@ class SurfaceData(LightningDataModule):
         return slice(self.trainer.global_rank, None, self.trainer.world_size)
 
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """One sample at a time, since samples have unequal sizes.
+        """One validation sample at a time."""
+        return self._whole(self.validation)
+
+    def test_dataloader(self) -> DataLoader[Batch] | list[Any]:
+        """One test sample at a time."""
+        return self._whole(self.test)
+
+    def predict_dataloader(self) -> DataLoader[Batch] | list[Any]:
+        """The test samples, one at a time."""
+        return self._whole(self.test)
+
+    def _whole(self, samples: SampleSet | None) -> DataLoader[Batch] | list[Any]:
+        """Load one sample at a time, since samples have unequal sizes.
 
         Where there are fewer samples than processes, all take all, and the means are the same.
         """
-        if not self.validation:
+        if not samples:
             return []
-        numbers = range(len(self.validation))
+        numbers = range(len(samples))
         return DataLoader(
-            self.validation,
+            samples,
             batch_size=None,
             sampler=numbers[self._share()] or numbers,
             generator=torch.Generator(),

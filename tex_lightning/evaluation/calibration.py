@@ -16,7 +16,7 @@ from torchmetrics.functional.classification import binary_auroc, binary_calibrat
 from tex_lightning.evaluation.outcomes import Outcome
 
 BINS = 15
-LEAST = 1e-12  # probability that the logarithm sees at the least
+MIN_PROBABILITY = 1e-12  # that a logarithm is taken of
 
 Array = npt.NDArray[np.float64]
 
@@ -45,18 +45,23 @@ def calibration(outcomes: Sequence[Outcome], classes: list[str]) -> dict[str, fl
             )
         ),
         "brier": float(np.square(table - truth).sum(axis=1).mean()),
-        "nll": float(-np.log(np.maximum(likelihoods, LEAST)).mean()),
+        "nll": float(-np.log(np.maximum(likelihoods, MIN_PROBABILITY)).mean()),
         "augrc": augrc(confidence, correct),
     }
 
 
 def confidences(outcomes: Sequence[Outcome]) -> Array:
-    """Mean probability of the class that won, for each sample."""
-    return np.array([outcome.class_probabilities[outcome.predicted] for outcome in outcomes])
+    """Mean probability of the class that won, for each sample, at most 1.
+
+    A mean may be rounded to a little more than 1, and torchmetrics would then take all of them for
+    logits.
+    """
+    won = [outcome.class_probabilities[outcome.predicted] for outcome in outcomes]
+    return np.minimum(won, 1.0)
 
 
 def correct_votes(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
-    """Whether each vote is right."""
+    """Whether each vote is correct."""
     return np.array([outcome.label == outcome.predicted for outcome in outcomes])
 
 
@@ -86,11 +91,11 @@ def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, flo
         of those, None if there is none.
     """
     accepted = confidences(outcomes) >= reject_below
-    right = correct_votes(outcomes)[accepted]
+    correct = correct_votes(outcomes)[accepted]
     return {
         "reject_below": reject_below,
         "coverage": float(accepted.mean()),
-        "selective_accuracy": float(right.mean()) if len(right) else None,
+        "selective_accuracy": float(correct.mean()) if len(correct) else None,
     }
 
 
@@ -101,13 +106,29 @@ def unknown_auroc(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[
         ``classes`` never seen, their number of ``samples``, and ``auroc``: the probability that a
         known sample gets more confidence than an unknown one.
     """
-    scores = np.concatenate((confidences(known), confidences(unknown)))
-    target = np.repeat([1, 0], [len(known), len(unknown)])
     return {
         "classes": sorted({outcome.label for outcome in unknown}),
         "samples": len(unknown),
-        "auroc": float(binary_auroc(torch.from_numpy(scores), torch.from_numpy(target))),
+        "auroc": auroc(confidences(unknown).tolist(), confidences(known).tolist()),
     }
+
+
+def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
+    """Compute the chance that a positive scores above a negative; ties count half.
+
+    Args:
+        negative: Scores from 0 to 1.
+        positive: The same of the others.
+
+    Returns:
+        The area under the ROC curve; None if either side is empty.
+    """
+    if not negative or not positive:
+        return None
+    # beyond 0 and 1, by rounding alone, torchmetrics would take scores for logits
+    scores = torch.tensor([*negative, *positive], dtype=torch.float64).clamp(0, 1)
+    target = torch.tensor([0] * len(negative) + [1] * len(positive))
+    return float(binary_auroc(scores, target))
 
 
 def calibration_figure(outcomes: Sequence[Outcome], title: str) -> Figure:

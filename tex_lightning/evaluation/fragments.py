@@ -1,24 +1,44 @@
-"""What fragments were taken for: confusion matrices, and pairs of classes that need both senses."""
+"""Confusion matrices of votes and fragments, and pairs of classes that need both senses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import torch
+from torchmetrics.functional.classification import multiclass_confusion_matrix
 
 from tex_lightning.evaluation.outcomes import Outcome
 
 Shares = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
 
 
-def fragment_counts(outcomes: Sequence[Outcome], classes: list[str]) -> npt.NDArray[np.int64]:
+def vote_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
+    """Count samples by true class (row) and predicted class (column)."""
+    return _confusion_matrix([(each.label, each.predicted, 1) for each in outcomes], classes)
+
+
+def fragment_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
     """Count fragments by true class (row) and the class they voted for (column)."""
+    votes = [
+        (outcome.label, predicted, count)
+        for outcome in outcomes
+        for predicted, count in outcome.fragment_votes.items()
+    ]
+    return _confusion_matrix(votes, classes)
+
+
+def _confusion_matrix(votes: Sequence[tuple[str, str, int]], classes: list[str]) -> Counts:
+    """Count votes, each given as true class, predicted class and how often."""
     index = {name: number for number, name in enumerate(classes)}
-    counts = np.zeros((len(classes), len(classes)), dtype=np.int64)
-    for outcome in outcomes:
-        for label, count in outcome.fragment_votes.items():
-            counts[index[outcome.label], index[label]] += count
-    return counts
+    numbers = [(index[label], index[predicted], count) for label, predicted, count in votes]
+    target, predictions, repeats = torch.tensor(numbers, dtype=torch.long).reshape(-1, 3).T
+    matrix: Counts = multiclass_confusion_matrix(
+        predictions.repeat_interleave(repeats), target.repeat_interleave(repeats), len(classes),
+        validate_args=False,  # a single class is refused otherwise
+    ).numpy()  # fmt: skip
+    return matrix
 
 
 @dataclass(frozen=True)

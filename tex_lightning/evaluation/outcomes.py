@@ -87,6 +87,21 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
+def optimized_value(results: dict[str, Any], metric: str | None) -> float:
+    """Choose what a search minimises.
+
+    Args:
+        results: Of a training; its last network is the one that was asked for.
+        metric: ``val_loss``, the lowest loss on the validation fold; ``vote_error``, the share of
+            wrong votes in the test; None takes the first where there is one.
+    """
+    *_, network = results["networks"].values()
+    loss: float | None = network.get("val_loss")
+    if loss is None or metric == "vote_error":
+        return float(1 - network["vote_accuracy"])
+    return loss
+
+
 def wilson_interval(correct: int, count: int) -> list[float]:
     """Wilson's 95 % interval of a share."""
     interval = binomtest(correct, count).proportion_ci(confidence_level=0.95, method="wilson")

@@ -7,12 +7,16 @@ from typing import Any
 import torch
 from lightning import LightningModule
 from torch import Tensor, nn
+from torchmetrics import MetricCollection
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
-from tex_lightning.decision.voting import max_vote
+from tex_lightning.decision.voting import Vote
+from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
+from tex_lightning.loggers import log_figures
+from tex_lightning.report.figures import confusion_figure
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -23,7 +27,8 @@ class SurfaceModule(LightningModule, ABC):
 
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
-    with a validation fold ``val/loss``, ``val/fragment_accuracy`` and ``val/vote_accuracy``.
+    with a validation fold ``val/loss`` and the metrics of
+    :func:`~tex_lightning.learning.metrics.vote_metrics`; the same of testing as ``test/...``.
 
     Args:
         card: :class:`Card` as a dictionary.
@@ -41,6 +46,11 @@ class SurfaceModule(LightningModule, ABC):
         self.head_factor: float = fit["head_factor"]
         self.seed = seed
         self.fit_seconds = 0.0
+        self.val_loss: float | None = None
+        classes = len(self.classifier.card.classes)
+        self.train_metrics = train_metrics(classes)
+        self.val_metrics = vote_metrics(classes, "val")
+        self.test_metrics = vote_metrics(classes, "test")
 
     @abstractmethod
     def inputs(self, batch: Batch) -> tuple[Tensor, ...]:
@@ -62,6 +72,7 @@ class SurfaceModule(LightningModule, ABC):
     def on_train_epoch_start(self) -> None:
         """Make dropout a function of seed, epoch and process: a resumed run repeats it exactly."""
         torch.manual_seed(self.global_rank * APART + self.seed * 100_003 + self.current_epoch)
+        self.train_metrics.reset()
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Cross entropy of every fragment against the label of its sample."""
@@ -73,8 +84,8 @@ class SurfaceModule(LightningModule, ABC):
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector
         logged = (self.global_step + 1) % every == 0
         if logged or (batch_idx + 1) % REFRESH == 0:  # the others would be seen by nobody
-            accuracy = (logits.detach().argmax(dim=1) == labels).float().mean()
-            shown = {"train/loss": loss.detach(), "train/fragment_accuracy": accuracy}
+            accuracy = self.train_metrics(logits.detach().argmax(dim=1), labels)
+            shown = {"train/loss": loss.detach(), **accuracy}
             self.log_dict(shown, prog_bar=True, batch_size=len(labels), sync_dist=True)
         if logged:
             for group in self.trainer.optimizers[0].param_groups:
@@ -82,22 +93,46 @@ class SurfaceModule(LightningModule, ABC):
         return loss
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
-        """Whole samples, classified as in testing."""
-        logits = self.classifier.logits(batch.get("trace"), batch.get("photo"))
-        vote, label = max_vote(logits), batch["label"]
-        labels = label.expand(logits.shape[1])
-        self.log_dict(
-            {
-                "val/loss": nn.functional.cross_entropy(logits.T, labels),
-                "val/fragment_accuracy": (vote.fragments == label).float().mean(),
-                "val/vote_accuracy": float(vote.label == int(label)),
-            },
-            on_epoch=True,
-            prog_bar=True,
-            # Lightning rounds the mean number of samples of the processes down; this divides evenly
-            batch_size=self.trainer.world_size,
-            sync_dist=True,
-        )
+        """Classify a whole sample as in testing."""
+        self._evaluate(batch, "val", self.val_metrics)
+
+    def test_step(self, batch: Batch, batch_idx: int) -> None:
+        """Classify a whole sample as prediction would."""
+        self._evaluate(batch, "test", self.test_metrics)
+
+    def predict_step(self, batch: Batch, batch_idx: int) -> dict[str, Any]:
+        """Decide on a whole sample; return the fields of its :class:`Vote`.
+
+        Lightning moves results to the CPU, which it cannot do in a frozen dataclass.
+        """
+        return vars(self._decide(self._whole_scores(batch)))
+
+    def _whole_scores(self, batch: Batch) -> Tensor:
+        """Class scores (classes, fragments) of a whole sample."""
+        return self.classifier.logits(batch.get("trace"), batch.get("photo"))
+
+    def _decide(self, scores: Tensor) -> Vote:
+        return self.classifier.decide(scores, self.classifier.card.temperature)
+
+    def _evaluate(self, batch: Batch, stage: str, metrics: MetricCollection) -> None:
+        scores, label = self._whole_scores(batch), batch["label"]
+        metrics.update(self._decide(scores), label)
+        loss = nn.functional.cross_entropy(scores.T, label.expand(scores.shape[1]))
+        # Lightning rounds the mean number of samples of the processes down; this divides evenly
+        count = self.trainer.world_size
+        self.log(f"{stage}/loss", loss, prog_bar=True, batch_size=count, sync_dist=True)
+        for name, metric in metrics.items():
+            if name != f"{stage}/{CONFUSION}":
+                self.log(name, metric, on_epoch=True, prog_bar=True, batch_size=count)
+
+    def on_test_epoch_end(self) -> None:
+        """Draw the confusion matrix for the loggers."""
+        confusion = self.test_metrics[CONFUSION]
+        counts = confusion.compute().cpu().numpy()
+        confusion.reset()
+        title = f"votes on {counts.sum()} test samples"
+        figure = confusion_figure(counts, self.classifier.card.classes, title)
+        log_figures(self.trainer.loggers, {f"test/{CONFUSION}": figure})
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401  (Lightning's union of unions)
         """Two named groups, made up front so that every scheduler and a resumption can have them.
@@ -124,5 +159,6 @@ class SurfaceModule(LightningModule, ABC):
         }
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the cost of the weights beside them."""
+        """Keep the cost of the weights beside them, and the validation loss that chose them."""
         checkpoint["fit_seconds"] = self.fit_seconds
+        checkpoint["val_loss"] = self.val_loss

@@ -128,7 +128,9 @@ def _describe(card: Card) -> str:
 
 
 def start_network(
-    training: Training, module: SurfaceModule, batches: TrainingBatches | GeneratedBatches
+    training: Training,
+    module: SurfaceModule,
+    batches: TrainingBatches | GeneratedBatches | None,
 ) -> None:
     """Fill the trunk with the given weights and teach VisualNet's head what they see.
 
@@ -143,7 +145,7 @@ def start_network(
     weights = training.weights
     if weights is not None:
         log.info(start_trunk(module.classifier, weights))
-    if not isinstance(module, VisualModule) or isinstance(batches, GeneratedBatches):
+    if not isinstance(module, VisualModule) or not isinstance(batches, TrainingBatches):
         return
     module.to(pick_device(training.trainer.accelerator))
     if not module.network.has_hidden_layers:

@@ -126,9 +126,18 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
         photos = photo_bank, _class_indices(rows, training.card.classes)
     rotation = fit.get("rotation", 0.0)
     batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.seed)
-    samples = make_samples(training.parts.val, kind)
-    validation = SampleSet(samples, training.store, training.card.classes)
-    return SurfaceData(batches, fit["steps_per_epoch"], validation, training.num_workers)
+    return _with_samples(training, batches)
+
+
+def _with_samples(training: Training, batches: TrainingBatches | GeneratedBatches) -> SurfaceData:
+    """Add the samples to validate and to test on."""
+    parts, card = training.parts, training.card
+    validation, test = (
+        SampleSet(make_samples(part, card.kind), training.store, card.classes)
+        for part in (parts.val, parts.test)
+    )
+    steps = training.fit_values["steps_per_epoch"]
+    return SurfaceData(batches, steps, validation, test, training.num_workers)
 
 
 def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
@@ -146,8 +155,7 @@ def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
         rendered = (batches.specimen(number) for number in track(first, "Spectrograms"))
         views.features.fit([each for specimen in rendered for each in specimen])
         views.features = deepcopy(views.features)  # stays on the CPU, with the loaders
-    validation = SampleSet([], training.store, training.card.classes)
-    return SurfaceData(batches, fit["steps_per_epoch"], validation, training.num_workers)
+    return _with_samples(training, batches)
 
 
 def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tensor]:
@@ -210,6 +218,7 @@ def _finish(
     if keeper is not None and keeper.best_model_path:  # there is none of no epoch
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
+        module.val_loss = float(cast(torch.Tensor, keeper.best_model_score))
     trainer.save_checkpoint(training.final, weights_only=True)
     if trainer.is_global_zero:
         shutil.rmtree(training.working, ignore_errors=True)

@@ -1,26 +1,15 @@
 """Figures, drawn without a display and closed by whoever saves them."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from torch import Tensor
 
+from tex_lightning.evaluation.fragments import Counts
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.features.spectrogram import HapticFeatures
-
-Counts = npt.NDArray[np.int64]
-
-
-def confusion_counts(labels: Sequence[str], predicted: Sequence[str], classes: list[str]) -> Counts:
-    """Count samples by true class (row) and predicted class (column)."""
-    index = {name: number for number, name in enumerate(classes)}
-    counts = np.zeros((len(classes), len(classes)), dtype=np.int64)
-    np.add.at(counts, ([index[name] for name in labels], [index[name] for name in predicted]), 1)
-    return counts
 
 
 def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:

@@ -16,6 +16,7 @@ from tex_lightning.evaluation.calibration import (
     calibration_figure,
     selective,
 )
+from tex_lightning.evaluation.fragments import vote_counts
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.evaluation.samples import run_test
@@ -23,7 +24,6 @@ from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
 from tex_lightning.inference.macs import count_macs
 from tex_lightning.report.figures import (
     class_accuracy_figure,
-    confusion_counts,
     confusion_figure,
     save_figure,
 )
@@ -63,6 +63,7 @@ def report_network(
         **calibration_metrics(outcomes, classes, decider.card.reject_below),
         **network_facts(classifier, samples[0], store),
         "fit_seconds": stored["fit_seconds"],
+        "val_loss": stored.get("val_loss"),  # None where nothing was validated
         "checkpoint": str(checkpoint.resolve()),
     }
     if isinstance(decider, SequentialClassifier):
@@ -97,11 +98,7 @@ def draw_figures(
     outcomes: Sequence[Outcome], classes: list[str], name: str, directory: Path
 ) -> dict[str, Any]:
     """Save confusions, accuracy per class and calibration; return the figures for other uses."""
-    counts = confusion_counts(
-        [outcome.label for outcome in outcomes],
-        [outcome.predicted for outcome in outcomes],
-        classes,
-    )
+    counts = vote_counts(outcomes, classes)
     count = len(outcomes)
     figures = {
         "confusion": confusion_figure(counts, classes, f"{name}: votes on {count} test samples"),

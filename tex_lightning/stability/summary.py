@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import mannwhitneyu
 
+from tex_lightning.evaluation.calibration import auroc
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.perturbations.table import SEVERITIES, perturbations
 from tex_lightning.stability.evaluator import Decision
@@ -109,14 +109,6 @@ def conflict_summary(system: System, bench: Bench) -> dict[str, Any]:
         ),
     }
     return {name: auroc(*sides) for name, sides in scores.items()}
-
-
-def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
-    """Chance that a positive scores above a negative, ties half; None without one of them."""
-    if not negative or not positive:
-        return None
-    statistic = mannwhitneyu(positive, negative, method="asymptotic").statistic
-    return float(statistic) / (len(negative) * len(positive))
 
 
 def _usable(decisions: Sequence[Decision]) -> list[Decision]:

@@ -1,0 +1,76 @@
+"""Loggers and callbacks named by ``_target_``: what reaches them."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from own_parts import EpochCounter, MemoryLogger
+
+VOTES = ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
+
+
+def arguments(surfaces: Path) -> list[str]:
+    return [
+        "model=haptic", "data=folder", f"data.root={surfaces}", "debug=tiny", "trainer.threads=1",
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run(run_once, surfaces) -> Path:
+    return run_once(
+        *arguments(surfaces),
+        "+logger.mine._target_=own_parts.MemoryLogger",
+        "+callbacks.mine._target_=own_parts.EpochCounter",
+    )
+
+
+def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
+    logger = MemoryLogger.kept["haptic"]
+    assert logger.metrics.keys() >= {
+        "train/loss", "train/fragment_accuracy", "lr/head", *(f"val/{name}" for name in VOTES),
+        "test/fragment_accuracy", "test/latency_ms", "test/fit_seconds",
+    }  # fmt: skip
+    assert len(logger.metrics["val/loss"]) == 2  # one each epoch
+    entry = json.loads((run / "results.json").read_text())["networks"]["haptic"]
+    assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
+    for name, value in entry["calibration"].items():
+        assert logger.metrics[f"test/{name}"] == [value]
+    assert logger.params["haptic.fit.epochs"] == 2
+    assert logger.params["seed"] == 0
+    assert logger.images.keys() == {
+        "samples/spectrograms", "test/confusion", "test/class_accuracy", "test/calibration",
+    }  # fmt: skip
+    (pixels,) = logger.images["test/confusion"]
+    assert pixels.dtype == np.uint8
+    assert pixels.ndim == 3
+    assert pixels.std() > 10  # something is drawn
+
+
+def test_a_users_callback_is_called(run):
+    assert EpochCounter.epochs == 2
+
+
+def test_the_csv_has_the_same_metrics(run):
+    with (run / "metrics" / "haptic" / "metrics.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    for name in ("train/loss", "val/auroc", "test/ece"):
+        written = [float(row[name]) for row in rows if row[name]]
+        assert written == pytest.approx(MemoryLogger.kept["haptic"].metrics[name], rel=1e-4)
+
+
+def test_mlflow_gets_metrics_figures_and_hyper_parameters(cli, surfaces, tmp_path):
+    pytest.importorskip("mlflow")
+    from mlflow import MlflowClient
+
+    outcome = cli(*arguments(surfaces), "logger=mlflow", f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 0, outcome.err
+    client = MlflowClient(f"sqlite:///{tmp_path}/mlflow.db")
+    (experiment,) = client.search_experiments(filter_string="name = 'tex_lightning'")
+    (logged,) = client.search_runs([experiment.experiment_id])
+    assert logged.info.run_name == "haptic"
+    assert logged.data.metrics.keys() >= {"train/loss", "val/auroc", "test/vote_accuracy"}
+    assert logged.data.params["seed"] == "0"
+    figures = {Path(each.path).stem for each in client.list_artifacts(logged.info.run_id, "test")}
+    assert figures == {"confusion", "class_accuracy", "calibration"}

@@ -1,0 +1,100 @@
+"""Metrics of training, validation and testing, as collections of torchmetrics."""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor, nn
+from torchmetrics import Metric, MetricCollection
+from torchmetrics.classification import (
+    BinaryAUROC,
+    BinaryCalibrationError,
+    MulticlassAccuracy,
+    MulticlassConfusionMatrix,
+)
+from torchmetrics.wrappers.abstract import WrapperMetric
+
+from tex_lightning.decision.voting import Vote
+from tex_lightning.evaluation.calibration import BINS
+
+CONFUSION = "confusion"  # a matrix, which is drawn and not logged
+
+Inputs = tuple[Tensor, Tensor]  # predictions and targets, as torchmetrics takes them
+
+
+class VoteMetric(WrapperMetric):
+    """A metric that is updated with the decision on one sample.
+
+    Args:
+        metric: What is computed.
+        inputs: Takes its predictions and targets from a vote and the true class ().
+    """
+
+    def __init__(self, metric: Metric, inputs: Callable[[Vote, Tensor], Inputs]) -> None:
+        super().__init__()
+        self.metric = metric
+        self.inputs = inputs
+
+    def update(self, vote: Vote, label: Tensor) -> None:
+        """Add the vote on a sample of class ``label`` ()."""
+        self.metric.update(*self.inputs(vote, label))
+
+    def compute(self) -> Tensor:
+        """Compute the metric of all samples."""
+        value: Tensor = self.metric.compute()
+        return value
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        super().reset()
+        self.metric.reset()
+
+
+def _fragments(vote: Vote, label: Tensor) -> Inputs:
+    return vote.fragments, label.expand_as(vote.fragments)
+
+
+def _winner(vote: Vote, label: Tensor) -> Inputs:
+    return torch.full_like(label, vote.label)[None], label[None]
+
+
+# A mean probability may be rounded to more than 1, which torchmetrics would take for a logit.
+def _confidence(vote: Vote, label: Tensor) -> Inputs:
+    return vote.probabilities[vote.label].clamp(max=1)[None], (label == vote.label).long()[None]
+
+
+def _one_against_rest(vote: Vote, label: Tensor) -> Inputs:
+    target = nn.functional.one_hot(label, len(vote.probabilities))
+    return vote.probabilities.clamp(max=1), target
+
+
+def train_metrics(classes: int) -> MetricCollection:
+    """Make the metrics of a training batch, updated with predicted and true class of fragments."""
+    return MetricCollection({"fragment_accuracy": _accuracy(classes)}, prefix="train/")
+
+
+def vote_metrics(classes: int, stage: str) -> MetricCollection:
+    """Make the metrics of whole samples, updated with a :class:`Vote` and a class index ().
+
+    ``fragment_accuracy`` and ``vote_accuracy`` are shares of all fragments and of all samples,
+    ``ece`` is the expected calibration error of the probability of the class that won (lower is
+    better), and ``auroc`` the area under the ROC curve of all class probabilities, each class
+    against the rest and pooled: unlike the mean over classes it exists where one has no sample.
+
+    Args:
+        classes: Their number.
+        stage: ``val`` or ``test``; the names begin with it. Testing counts confusions as well.
+    """
+    metrics: dict[str, Metric | MetricCollection] = {
+        "fragment_accuracy": VoteMetric(_accuracy(classes), _fragments),
+        "vote_accuracy": VoteMetric(_accuracy(classes), _winner),
+        "ece": VoteMetric(BinaryCalibrationError(BINS, validate_args=False), _confidence),
+        "auroc": VoteMetric(BinaryAUROC(validate_args=False), _one_against_rest),
+    }
+    if stage == "test":
+        confusion = MulticlassConfusionMatrix(classes, validate_args=False)
+        metrics[CONFUSION] = VoteMetric(confusion, _winner)
+    return MetricCollection(metrics, prefix=f"{stage}/", compute_groups=False)
+
+
+def _accuracy(classes: int) -> MulticlassAccuracy:
+    return MulticlassAccuracy(classes, average="micro", validate_args=False)
