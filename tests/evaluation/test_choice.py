@@ -22,9 +22,10 @@ def candidate(name: str, cost: float, votes: str) -> Candidate:
     return Candidate(name, cost, {(0, str(i)): mark == "+" for i, mark in enumerate(votes)})
 
 
-def test_cheaper_system_with_one_error_more_is_enough():
+@given(st.integers(2, 500))
+def test_cheaper_system_with_one_error_more_is_enough(n):
     """One discordant sample of n: the mean difference is 1/n and so is its standard error."""
-    best, small = candidate("best", 10, "+" * 50), candidate("small", 1, "+" * 49 + "-")
+    best, small = candidate("best", 10, "+" * n), candidate("small", 1, "+" * (n - 1) + "-")
     assert one_standard_error([best, small]).name == "small"
 
 

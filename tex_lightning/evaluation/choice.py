@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+ROUNDING = 1e-9  # a single vote of difference is one standard error exactly, but for rounding
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -59,7 +61,7 @@ def _within(best: Candidate, other: Candidate) -> bool:
         return bool(best.accuracy - other.accuracy <= np.sqrt(variance))
     differences = np.array([first[key] - float(second[key]) for key in shared])
     error = differences.std(ddof=1) / np.sqrt(len(differences)) if len(differences) > 1 else 0.0
-    return bool(differences.mean() <= error)
+    return bool(differences.mean() <= error * (1 + ROUNDING))
 
 
 def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:

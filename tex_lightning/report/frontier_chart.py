@@ -127,7 +127,7 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
         title=f"Accuracy against latency, {' or '.join(map(str, counts))} test samples\n"
         "area grows with parameters; grey: dominated; black edge: chosen, the quickest within one "
         "standard error on these votes,\nand so slightly optimistic; diamond: the choice itself, "
-        "each fold's votes by the system chosen on the others",
+        "each fold's votes by the system chosen on another fold",
     )
     axes.title.set_fontsize(9)
     axes.margins(x=0.15)
