@@ -232,7 +232,7 @@ class StabilityConfig:
     )
     severities: list[str] = key(
         "files of further perturbations, in the form of "
-        "tex_lightning/perturbations/severities.yaml and with the function of each by its dotted path",
+        "tex_lightning/perturbations/severities.yaml, each with its function by a dotted path",
         factory=list,
     )
     limit: int | None = key(
