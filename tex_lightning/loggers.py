@@ -15,7 +15,7 @@ from tex_lightning.config.instantiation import build
 
 HPARAM_TYPES = (bool, int, float, str)
 
-Nodes = Mapping[str, Mapping[str, Any]]  # of the configuration, by the logger's name
+Nodes = Mapping[str, Mapping[str, Any] | None]  # of the configuration, by the logger's name
 
 _OPEN: dict[tuple[Path, str], list[Logger]] = {}  # of networks that are not tested yet
 
@@ -34,7 +34,9 @@ def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
     """
     if (directory, name) not in _OPEN:
         _OPEN[directory, name] = [
-            _make(f"logger.{title}", node, directory, name) for title, node in nodes.items()
+            _make(f"logger.{title}", node, directory, name)
+            for title, node in nodes.items()
+            if node is not None  # which leaves one out
         ]
     return _OPEN[directory, name]
 

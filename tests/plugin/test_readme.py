@@ -33,7 +33,7 @@ def test_the_parts_of_the_readme_run_from_an_empty_folder(cli, empty):
     blocks = re.findall(r"^```(\w+)\n(.*?)^```$", section, re.DOTALL | re.MULTILINE)
     files = [text for language, text in blocks if language in ("python", "yaml")]
     for text in files:
-        path = empty / text.splitlines()[0].removeprefix("# ")
+        path = empty / re.search(r"^# (\S+\.\w+)$", text, re.MULTILINE)[1]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     assert len(files) == 5

@@ -21,9 +21,6 @@ from tex_lightning.errors import UserError, shorten
 
 __all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares"]
 
-# Null in the schema, so that their type is not known there.
-OPTIONAL = ("model.baseline", "model.visual.fit.augmentation")
-
 
 def check_missing(composed: DictConfig) -> None:
     """Refuse a configuration with open ``???`` values, naming all of them."""
@@ -55,7 +52,7 @@ def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]
             continue  # see check_flags
         if key not in known.keys():  # noqa: SIM118  (`in known` is false for open values)
             yield f"{prefix}{key}"
-        elif OmegaConf.get_type(known, key) is dict or f"{prefix}{key}" in OPTIONAL:
+        elif OmegaConf.get_type(known, key) is dict:
             continue  # of classes that check them themselves
         elif OmegaConf.is_dict(known._get_node(key)) and not OmegaConf.is_missing(given, key):
             yield from _unknown(given[key], known[key], f"{prefix}{key}.")

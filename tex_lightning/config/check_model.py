@@ -10,6 +10,13 @@ from tex_lightning.perturbations.augment import trainable
 
 def check_model(model: ModelConfig) -> Iterator[str]:
     """What cannot be meant of ``model``."""
+    nodes = {
+        "model.baseline": model.baseline,
+        "model.visual.fit.augmentation": model.visual.fit.augmentation,
+    }
+    for key, node in nodes.items():
+        if not isinstance(node, dict | None):
+            yield f"{key} is {shorten(node)}: give a class and arguments, {{_target_: a.b.Name}}"
     head = list(model.visual.head)
     if len(head) not in (0, 2):
         given = shorten(head)

@@ -1,12 +1,14 @@
 """From a ``_target_`` of the configuration to the object that it names: the only place for it."""
 
 import difflib
+import importlib
 import inspect
+import pkgutil
 from collections.abc import Mapping
 from typing import Any
 
 from hydra.errors import InstantiationException
-from hydra.utils import get_class, instantiate
+from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -31,7 +33,7 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     """
     _named(where, node)
     try:
-        taken = inspect.signature(get_class(node[TARGET])).parameters if offered else {}
+        taken = inspect.signature(find_class(where, node)).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
         return instantiate({"_convert_": "all", **node}, **more)
     except UserError:
@@ -79,7 +81,10 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     """
     _named(where, node)
     try:
-        return get_class(node[TARGET])
+        found = pkgutil.resolve_name(node[TARGET])  # Hydra's own would log the error as well
+        if not isinstance(found, type):
+            raise TypeError(f"{node[TARGET]} is no class")
+        return found
     except Exception as error:  # a module of the user's may fail in any way
         raise UserError(f"{where} cannot be made: {_reason(error)}") from error
 
@@ -93,13 +98,12 @@ def _named(where: str, node: Mapping[str, Any]) -> None:
 
 def missing_library(node: Mapping[str, Any]) -> str | None:
     """The library that a class of this package needs and that is not installed, or None."""
-    try:
-        get_class(node.get(TARGET, ""))
-    except Exception as failure:  # others are said when it is built
-        error: BaseException | None = failure
-        while error is not None and not isinstance(error, ModuleNotFoundError):
-            error = error.__cause__
-        return error.name if error and str(node.get(TARGET)).startswith(OWN) else None
+    target = str(node.get(TARGET))
+    if target.startswith(OWN):
+        try:
+            importlib.import_module(target.rpartition(".")[0])
+        except ModuleNotFoundError as error:
+            return error.name
     return None
 
 

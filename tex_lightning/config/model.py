@@ -87,7 +87,7 @@ class VisualFitConfig(FitConfig):
 
     patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
     rotation: float = key("largest random rotation either way", **ROTATION)
-    augmentation: dict[str, Any] | None = key(
+    augmentation: Any = key(
         "class, of Kornia or the like, that changes VisualNet's training patches (batch, 3, side, "
         "side) in [0, 1] after the rotation; null leaves them",
         default=None,
@@ -185,7 +185,7 @@ class ModelConfig:
 
     name: str = key("model, set by model=NAME")
     kind: str = key("what it looks at, set by model=NAME", choices=("haptic", "visual", "fusion"))
-    baseline: dict[str, Any] | None = key(
+    baseline: Any = key(
         "class of a system that is fitted instead of a network, and its own keys, which its file "
         "in conf/model explains",
         default=None,
