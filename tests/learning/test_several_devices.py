@@ -51,9 +51,7 @@ def votes(directory: Path, kind: str) -> list[tuple[str, ...]]:
 
 def validated(directory: Path, kind: str) -> torch.Tensor:
     """Loss and metrics (epochs, 5) on three samples, which two processes share unevenly."""
-    names = [
-        f"val/{name}" for name in ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
-    ]
+    names = "loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc"
     with (directory / "metrics" / kind / "metrics.csv").open() as stream:
         rows = [row for row in csv.DictReader(stream) if row["val/loss"]]
     assert len(rows) == 2

@@ -99,7 +99,7 @@ def card(level: str) -> Card:
         decision={"pairs": 10, "seed": 0},
         haptic_features={"sampling_rate": 10_000.0},
         haptic_network={"width": 0.1},
-        visual_network={"width": 0.1, "trunk": trunk_node("tcnn")},
+        visual_network={"width": 0.1, "norm": "batch", "trunk": trunk_node("tcnn")},
         fusion={"level": level},
     )
 

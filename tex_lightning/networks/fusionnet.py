@@ -30,7 +30,9 @@ class FusionNet(nn.Module):
 
     Example:
         >>> import tex_lightning as tl, torch
-        >>> haptic, visual = tl.HapticNet(3, width=0.1), tl.VisualNet(3, width=0.1)
+        >>> from tex_lightning.networks.trunks.alexnet import CaffeAlexNet
+        >>> visual = tl.VisualNet(3, CaffeAlexNet(width=0.1, norm="batch"))
+        >>> haptic = tl.HapticNet(3, width=0.1)
         >>> network = tl.FusionNet(haptic, visual, classes=3).eval()
         >>> pairs = torch.tensor([[0, 0], [13, 27]])  # of positions
         >>> network(torch.rand(1, 1, 50, 400), torch.rand(1, 3, 300, 400), pairs).shape
