@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import soundfile
 
+from tex_lightning.config import DataConfig
 from tex_lightning.data.decode import DecodeSettings, decode_trace, decode_trace_and_rate
-from tex_lightning.data.readers.folder import FolderReader
-from tex_lightning.data.readers.manifest import ManifestReader
+from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
@@ -30,8 +30,12 @@ def root(tmp_path):
     return tmp_path / "data"
 
 
+READERS = "tex_lightning.data.readers"
+
+
 def read(root):
-    return FolderReader(str(root)).read()
+    folder = {"_target_": f"{READERS}.folder.FolderReader", "root": str(root)}
+    return read_recordings(DataConfig(reader=folder))
 
 
 def rates(root):
@@ -146,7 +150,14 @@ def test_another_rate_is_decoded_anew(root, tmp_path):
 def test_a_manifest_keeps_the_rates_of_a_folder(root, tmp_path):
     (root / "rates.csv").write_text("path,rate\na/haptic/1.npy,2500\n")
     write_manifest(read(root), tmp_path / "m.csv")
-    again = ManifestReader(str(tmp_path / "m.csv")).read()
+    again = read_recordings(
+        DataConfig(
+            reader={
+                "_target_": f"{READERS}.manifest.ManifestReader",
+                "manifest": str(tmp_path / "m.csv"),
+            }
+        )
+    )
     assert set(again) == {replace(row, path=row.path.resolve()) for row in read(root)}
     assert sorted(row.sampling_rate or 0 for row in again) == [0, 0, 2500]
 
