@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,10 +25,8 @@ from typing import Any
 import torch
 from torch import nn
 
-from benchmarks.engine import DEFAULT
-from tex_lightning.card import Card
+from benchmarks.engine import DEFAULT, make_classifier
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.data.folds import Kind
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
@@ -109,21 +108,15 @@ def works() -> dict[str, Callable[[], object]]:
 
 
 def _classifier(kind: Kind) -> SurfaceClassifier:
-    networks = {"haptic": {"width": 0.5, "norm": "batch"}, "visual": {"width": 0.5}}
-    card = Card(
-        kind=kind,
-        classes=[str(number) for number in range(69)],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 1, "seed": 0},
-        haptic_features={"axes": "frame", "scale": "mel"} if kind == "haptic" else {},
-        **{f"{kind}_network": networks[kind]},  # type: ignore[arg-type]
-    )
-    return SurfaceClassifier(card).eval()
+    """The default network of a kind, with features that a live stream can compute."""
+    card = make_classifier(kind, "batch", width=0.5).card
+    local = {"axes": "frame", "scale": "mel"} if kind == "haptic" else {}
+    return SurfaceClassifier(replace(card, haptic_features=local)).eval()
 
 
 def _step(network: nn.Module, batch: torch.Tensor) -> Callable[[], None]:
     optimizer = torch.optim.AdamW(network.parameters())
-    labels = torch.arange(len(batch)) % 69
+    labels = torch.arange(len(batch)) % 16
 
     def step() -> None:
         logits = network(batch).flatten(2).mean(2)
