@@ -35,7 +35,7 @@ from tex_lightning.profiling.timing import interleaved
 
 WAYS: dict[str, tuple[dict[str, str], int | None]] = {
     "spinning": ({"GOMP_SPINCOUNT": "300000"}, None),  # as often as if nothing were set
-    "sleeping": ({}, None),
+    "sleeping": ({"OMP_WAIT_POLICY": "PASSIVE"}, None),  # PyTorch is imported first here
     "one thread": ({}, 1),
 }
 BUSY = (0, 1, 2)
