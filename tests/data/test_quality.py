@@ -97,3 +97,16 @@ def test_ranges_leave_out_the_oddest_recordings(tmp_path):
     assert 0.9 < ranges["level"][0] < 1.2
     assert 3 < ranges["level"][1] < 5
     assert ranges["rate"] == pytest.approx([5000, 5000])
+
+
+def test_the_rate_in_the_ranges_is_the_one_that_the_file_was_decoded_at(tmp_path):
+    path = tmp_path / "timed.csv"
+    times = np.arange(600) / 2500.0
+    rows = "\n".join(
+        f"{time:.6f},{value:.6f}" for time, value in zip(times, NOISE[0], strict=False)
+    )
+    path.write_text(f"time,x\n{rows}\n")
+    row = Recording("a", "haptic", path, 0)
+    assert training_ranges([row], Store(tmp_path, DecodeSettings()))["rate"] == pytest.approx(
+        [2500, 2500], rel=1e-3
+    )

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import soundfile
 
-from tex_lightning.data.decode import DecodeSettings, Photo, Trace
+from tex_lightning.data.decode import Photo, Trace
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 
@@ -150,15 +149,7 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
 def _measures(row: Recording, store: Store) -> dict[str, float]:
     if row.modality == "image":
         return _photo_measures(store.image(row))
-    rate = _recorded_rate(row, store.settings)
-    return trace_measures(store.trace(row), rate, store.settings.sampling_rate)
-
-
-def _recorded_rate(row: Recording, settings: DecodeSettings) -> float:
-    """The rate in Hz of a file: its own, its reader's, or that of the settings."""
-    if row.path.suffix.lower() == ".wav":
-        return float(soundfile.info(row.path).samplerate)
-    return row.sampling_rate or settings.file_rate
+    return trace_measures(store.trace(row), store.rate(row).hz, store.settings.sampling_rate)
 
 
 def _photo_measures(photo: Photo) -> dict[str, float]:
