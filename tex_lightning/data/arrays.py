@@ -7,6 +7,7 @@ import numpy.typing as npt
 from torch import Tensor
 
 from tex_lightning.data.decode import LARGEST, DecodeSettings, Photo, to_size, usable_samples
+from tex_lightning.data.trace_files import axes_first
 from tex_lightning.errors import UserError
 
 COLOURS = ("rgb", "bgr")
@@ -25,11 +26,8 @@ def as_trace(given: Any) -> npt.NDArray[np.floating]:  # noqa: ANN401  (what Num
     array = _as_array(given, "haptic")
     if array.dtype.kind not in "fiu":
         raise UserError(f"haptic is an array of {array.dtype}; give numbers.")
-    trace = array.astype(np.float64)
-    trace = trace[None] if trace.ndim == 1 else trace
-    if trace.ndim == 2 and trace.shape[0] not in (1, 3):
-        trace = trace.T
-    if trace.ndim != 2 or trace.shape[0] not in (1, 3) or not trace.size:
+    trace = axes_first(array.astype(np.float64))
+    if trace is None or not trace.size:
         raise UserError(
             f"haptic has the shape {array.shape}; give (samples,), (axes, samples) or (samples, "
             "axes) with one or three axes and at least one sample."

@@ -156,11 +156,9 @@ def _numeric(array: npt.NDArray[np.generic]) -> npt.NDArray[np.floating]:
 
 
 def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-    """Bring samples to (axes, samples)."""
-    trace = samples[None] if samples.ndim == 1 else samples
-    if trace.ndim == 2 and trace.shape[0] not in (1, 3):
-        trace = trace.T
-    if trace.ndim != 2 or trace.shape[0] not in (1, 3):
+    """Bring samples of a file to (axes, samples)."""
+    trace = axes_first(samples)
+    if trace is None:
         raise UserError(
             f"Trace {path} has shape {samples.shape}; a trace has one or three axes (columns), "
             "and a column of time beside them must be called time."
@@ -168,3 +166,15 @@ def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.fl
     if trace.shape[1] == 0:
         raise UserError(f"Trace {path} holds no samples; record or copy it again.")
     return trace
+
+
+def axes_first(samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating] | None:
+    """Bring (samples,), (axes, samples) or (samples, axes) to (axes, samples), one or three axes.
+
+    Returns:
+        None if the samples have another shape.
+    """
+    trace = samples[None] if samples.ndim == 1 else samples
+    if trace.ndim == 2 and trace.shape[0] not in (1, 3):
+        trace = trace.T
+    return trace if trace.ndim == 2 and trace.shape[0] in (1, 3) else None
