@@ -77,9 +77,12 @@ def describe(
         modalities: What a FusionNet looked at.
     """
     least, milliseconds = card.reject_below, round(latency * 1000, 3)
-    rest = (tuple(quality.warnings), tuple(modalities), milliseconds)
+    warnings = tuple(quality.warnings)
     if vote is None:
-        return Prediction(None, None if least is None else False, None, None, (), 0, 1.0, *rest)
+        rejected = None if least is None else False
+        return Prediction(
+            None, rejected, None, None, (), 0, 1.0, warnings, tuple(modalities), milliseconds
+        )
     relative_macs = round(vote.relative_macs, 6)
     vote = vote.doubted(1.0 if quality.empty else UNLIKE if quality.warnings else 0.0)
     shares, classes = vote.shares.tolist(), card.classes
@@ -94,7 +97,7 @@ def describe(
         top_k=tuple({"label": classes[i], "share": shares[i]} for i in ranked[:top_k]),
         fragments=len(vote.fragments),
         relative_macs=relative_macs,
-        warnings=rest[0],
-        modalities=rest[1],
+        warnings=warnings,
+        modalities=tuple(modalities),
         latency_ms=milliseconds,
     )

@@ -200,7 +200,8 @@ def _counts(summary: dict[str, Any]) -> dict[str, Any]:
 def _points(
     measured: list[Measured], timings: Timings, chosen: str, procedure: dict[str, Any]
 ) -> list[Point]:
-    summaries = {system.member.name: summarise(system.outcomes) for system in measured}
+    named = {system.member.name: system for system in measured}
+    summaries = {name: summarise(system.outcomes) for name, system in named.items()}
     line = pareto(
         {name: (timings[name][0], summaries[name]["vote_accuracy"]) for name in summaries}
     )
@@ -222,8 +223,7 @@ def _points(
             test_samples=summaries[name]["test_samples"],
             chosen_in_folds=choices.count(name),
         )
-        for system in measured
-        for name in (system.member.name,)
+        for name, system in named.items()
     ]
 
 
