@@ -45,8 +45,7 @@ class Card:
             perhaps ``confidence_threshold`` of sequential decisions; empty without such a fold.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
-            what each trunk began from if not at random; ``stream``, the synthetic specimens that
-            took the place of recordings.
+            what each trunk began from if not at random.
         input_ranges: Smallest and largest level, rate, brightness and contrast of the training
             recordings (:func:`~tex_lightning.data.quality.training_ranges`); empty if not known.
     """

@@ -29,7 +29,7 @@ def classifier(kind: str, classes: int, **changes) -> SurfaceClassifier:
             haptic_features=FEATURES if haptic else {},
             haptic_network=network if haptic else {},
             visual_network={} if haptic else network,
-            trained_on={"stream": {"classes": classes}, "seen": []},
+            trained_on={"seen": [f"digest{number}" for number in range(classes)]},
         )
     )
 
@@ -48,7 +48,7 @@ def test_the_trunk_is_taken_and_the_head_is_not(kind, tmp_path):
     for buffer in source.network.trunk.buffers():
         buffer.add_(1)  # running statistics come along
     message = start_trunk(target, saved(source, tmp_path / "a.ckpt"))
-    assert "synthetic surfaces of 5 classes" in message
+    assert "trained on 5 recordings" in message
     for part, expected in (("trunk", source.network.trunk.state_dict()), ("head", head)):
         found = getattr(target.network, part).state_dict()
         assert found.keys() == expected.keys()
@@ -67,16 +67,6 @@ def test_another_trunk_is_refused_with_what_to_set(kind, changes, message, tmp_p
     path = saved(classifier(kind, 3, **changes), tmp_path / "a.ckpt")
     with pytest.raises(UserError, match=message):
         start_trunk(classifier(kind, 3), path)
-
-
-def test_the_trunk_that_comes_with_the_package_fits_the_default_hapticnet():
-    target = classifier("haptic", 3, width=0.5)
-    assert "synthetic surfaces of 200 classes" in start_trunk(target, "synthetic")
-    assert all(value.isfinite().all() for value in target.network.trunk.state_dict().values())
-    with pytest.raises(UserError, match="none of VisualNet comes with the package"):
-        start_trunk(classifier("visual", 3), "synthetic")
-    with pytest.raises(UserError, match="trunk in synthetic is another"):
-        start_trunk(classifier("haptic", 3), "synthetic")
 
 
 def test_other_sources_are_refused(tmp_path):

@@ -35,7 +35,6 @@ from tex_lightning.config.tasks import (
     FrontierConfig,
     GenerateConfig,
     PredictConfig,
-    PretrainConfig,
     ProfileConfig,
     StabilityConfig,
     StreamConfig,
@@ -46,7 +45,7 @@ __all__ = [
     "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
     "FitConfig", "FrontierConfig", "FusionConfig", "FusionFitConfig", "GenerateConfig",
     "HapticConfig", "HapticFitConfig", "ModelConfig", "PredictConfig",
-    "PretrainConfig", "ProbeConfig", "ProfileConfig", "StabilityConfig", "StreamConfig",
+    "ProbeConfig", "ProfileConfig", "StabilityConfig", "StreamConfig",
     "SyntheticConfig", "TrainerConfig", "VisualConfig", "VisualFitConfig", "flatten", "register",
 ]  # fmt: skip
 
@@ -73,8 +72,8 @@ class Config:
     )
     top_k: int = key("candidates listed by task=predict", least=1)
     weights: Any = key(
-        "of the trunk: file, URL, imagenet, a checkpoint of task=pretrain, or synthetic for "
-        "HapticNet; for several {TRUNK: FILE, haptic: FILE, ...}; null is random",
+        "of the trunk: file, URL, imagenet or a checkpoint; for several "
+        "{TRUNK: FILE, haptic: FILE, ...}; null is random",
         default=None,
     )
     trusted: list[str] = key(
@@ -97,7 +96,6 @@ class Config:
     predict: PredictConfig = field(default_factory=PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
-    pretrain: PretrainConfig = field(default_factory=PretrainConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)
     stability: StabilityConfig = field(default_factory=StabilityConfig)

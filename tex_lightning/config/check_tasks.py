@@ -4,8 +4,6 @@ from collections.abc import Iterator
 
 from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import choice, within
-from tex_lightning.config.data import RENDERED_RATE
-from tex_lightning.config.tasks import SECONDS
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
@@ -46,7 +44,6 @@ def check_task(config: Config) -> Iterator[str]:
     yield from _optimized_metric(config)
     yield from _frontier(config)
     yield from _profile(config)
-    yield from _pretrain(config)
     yield from _stability(config)
     yield from _skip_bad(config)
     if config.weights is not None and not on_recordings:
@@ -143,24 +140,6 @@ def _profile(config: Config) -> Iterator[str]:
         )
     if profile.growth and config.task != "profile":
         yield f"profile.growth is read by task=profile alone, not by task={config.task}"
-
-
-def _pretrain(config: Config) -> Iterator[str]:
-    if config.task != "pretrain":
-        return
-    model, data = config.model, config.data
-    if model.baseline is not None or model.kind == "fusion":
-        yield f"task=pretrain trains HapticNet or VisualNet, not model={model.name}"
-    if data.name != "synthetic":
-        yield f"task=pretrain renders its own surfaces, not data={data.name}: leave data out"
-    if data.sampling_rate != RENDERED_RATE:
-        yield f"data.sampling_rate is {data.sampling_rate:g}: rendered traces have {RENDERED_RATE}"
-    if data.resize is not None:
-        yield "data.resize is not read by task=pretrain: leave it null"
-    if model.haptic.fit.perturb or model.visual.fit.perturb:
-        yield "perturb is not read by task=pretrain: leave it empty"
-    if model.kind == "haptic":
-        yield from within("data.synthetic.seconds", data.synthetic.seconds, *SECONDS)
 
 
 def _stability(config: Config) -> Iterator[str]:

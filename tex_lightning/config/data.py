@@ -5,7 +5,6 @@ from typing import Any
 
 from tex_lightning.config.keys import SEED, key
 
-RENDERED_RATE = 10_000  # Hz of synthetic traces
 SIDES = {"unit": "pixels", "least": 32, "most": 8192}  # of a rendered photo
 
 

@@ -160,17 +160,6 @@ class GenerateConfig:
 
 
 @dataclass
-class PretrainConfig:
-    """Endless synthetic surfaces."""
-
-    views: int = key(
-        "how often a rendered specimen is viewed; rendering costs as much as five to ten views",
-        least=1, most=10_000,
-    )  # fmt: skip
-    test: int = key("specimens to test on, none of which is trained on", least=1, most=100_000)
-
-
-@dataclass
 class ProfileConfig:
     """What is measured and how long it may take."""
 
@@ -267,6 +256,5 @@ READS = {
         *_CLASSIFYING, "image", "seed", "profile", "model", "data.sampling_rate",
         "data.half_scale", "data.resize", "logger",
     ),
-    "pretrain": ("pretrain", *_TRAINING),
     "generate": ("generate", "data.classes", "data.synthetic"),
 }  # fmt: skip

@@ -6,7 +6,7 @@ interruption change what the network sees.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,9 +18,6 @@ from tex_lightning.data.banks import WHOLE, Indices, PhotoBank, SpectrogramBank
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
-
-if TYPE_CHECKING:
-    from tex_lightning.data.generated_batches import GeneratedBatches
 
 Batch = dict[str, Tensor]
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
@@ -160,7 +157,7 @@ class SurfaceData(LightningDataModule):
 
     def __init__(
         self,
-        batches: "TrainingBatches | GeneratedBatches | None",
+        batches: TrainingBatches | None,
         steps: int,
         validation: SampleSet | None,
         test: SampleSet | None,

@@ -9,7 +9,6 @@ from typing import Any, cast
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import TrainingBatches
-from tex_lightning.data.generated_batches import GeneratedBatches
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
@@ -23,8 +22,6 @@ from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_we
 
 log = logging.getLogger(__name__)
 
-SYNTHETIC = "synthetic"  # the name of what comes with the package
-SHIPPED = Path(__file__).parents[1] / "shipped" / "haptic.ckpt"  # of task=pretrain, rounded to fp16
 SHAPING = {
     "haptic": ("width", "norm", "sampling_rate", "normalisation", "axes", "scale"),
     "visual": ("trunk", "width", "norm"),
@@ -37,8 +34,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     Args:
         classifier: Of a haptic or visual network.
         source: A checkpoint (.ckpt) of the same kind, of which the trunk is taken and nothing
-            else; for HapticNet also "synthetic", the one that comes with the package; for VisualNet
-            also what
+            else; for VisualNet also what
             :func:`~tex_lightning.networks.weights.load_trunk_weights` takes.
 
     Returns:
@@ -69,17 +65,12 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
     Raises:
         UserError: If it is a checkpoint and cannot be used, or none and HapticNet needs one.
     """
-    if source == SYNTHETIC and card.kind == "visual":
-        raise UserError(
-            "weights=synthetic is a trunk of HapticNet, and none of VisualNet comes with the "
-            "package; run task=pretrain model=visual and give its checkpoint."
-        )
-    path = _path(source)
+    path = Path(source)
     if path.suffix != SUFFIX:
         if card.kind == "haptic":
             raise UserError(
                 f"weights: HapticNet starts from a checkpoint, and {source} does not end in "
-                f"{SUFFIX}; give weights=synthetic or the one of task=pretrain model=haptic."
+                f"{SUFFIX}; give that of a run with model=haptic."
             )
         return None
     start = SurfaceClassifier.from_checkpoint(path, card.kind)
@@ -106,32 +97,20 @@ def _said(value: Any) -> str:  # noqa: ANN401
 
 def name_source(source: str) -> str:
     """A source of weights, and of a checkpoint of this package also what that was trained on."""
-    path = _path(source)
-    if path.suffix != SUFFIX:
+    if Path(source).suffix != SUFFIX:
         return source
-    stored = read_checkpoint(path)["hyper_parameters"]["card"]
+    stored = read_checkpoint(source)["hyper_parameters"]["card"]
     return f"{source} ({_describe(Card.from_dict(stored))})"
 
 
-def _path(source: str) -> Path:
-    return SHIPPED if source == SYNTHETIC else Path(source)
-
-
 def _describe(card: Card) -> str:
-    stream = card.trained_on.get("stream")
-    if stream is not None:
-        return f"trained on synthetic surfaces of {stream['classes']} classes"
     begun = [
         f", its trunk begun from {name}" for name in card.trained_on.get("trunks", {}).values()
     ]
     return f"trained on {len(card.trained_on['seen'])} recordings{''.join(begun)}"
 
 
-def start_network(
-    training: Training,
-    module: SurfaceModule,
-    batches: TrainingBatches | GeneratedBatches | None,
-) -> None:
+def start_network(training: Training, module: SurfaceModule, batches: TrainingBatches) -> None:
     """Fill the trunk with the given weights and teach VisualNet's head what they see.
 
     Args:
@@ -145,7 +124,7 @@ def start_network(
     weights = training.weights
     if weights is not None:
         log.info(start_trunk(module.classifier, weights))
-    if not isinstance(module, VisualModule) or not isinstance(batches, TrainingBatches):
+    if not isinstance(module, VisualModule):
         return
     module.to(pick_device(training.trainer.accelerator))
     if not module.network.has_hidden_layers:

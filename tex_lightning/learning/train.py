@@ -3,7 +3,6 @@
 import logging
 import shutil
 import time
-from copy import deepcopy
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,8 +16,6 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.banks import PhotoBank, SpectrogramBank
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches, load_trace
 from tex_lightning.data.folds import Kind, make_samples
-from tex_lightning.data.generated_batches import GeneratedBatches, PhotoViews, TraceViews
-from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.data.recordings import Recording
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -37,8 +34,6 @@ from tex_lightning.perturbations.augment import Augmentation
 from tex_lightning.progress import track
 
 log = logging.getLogger(__name__)
-
-FITTED = 4  # batches of specimens, which the normalisation of a stream's spectrograms is taken from
 
 MODULES: dict[Kind, type[SurfaceModule]] = {
     "haptic": HapticModule,
@@ -78,12 +73,11 @@ def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData
     module = MODULES[training.card.kind](
         training.card.to_dict(), training.fit_values, training.seed
     )
-    make = _make_data if training.stream is None else _make_stream
-    data = make(training, module)
+    batches = _make_batches(training, module)
     _check_resumable(last)
     if not last.is_file():
-        start_network(training, module, data.batches)
-    return module, data
+        start_network(training, module, batches)
+    return module, _with_samples(training, batches)
 
 
 def _check_resumable(last: Path) -> None:
@@ -106,7 +100,7 @@ def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path 
         raise KeyboardInterrupt
 
 
-def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
+def _make_batches(training: Training, module: SurfaceModule) -> TrainingBatches:
     fit, kind = training.fit_values, training.card.kind
     train, network = training.parts.train, module.classifier.network
     traces = photos = None
@@ -125,11 +119,10 @@ def _make_data(training: Training, module: SurfaceModule) -> SurfaceData:
         photo_bank = PhotoBank(rows, training.store, side, augmentation)
         photos = photo_bank, _class_indices(rows, training.card.classes)
     rotation = fit.get("rotation", 0.0)
-    batches = TrainingBatches(traces, photos, fit["batch_size"], rotation, training.seed)
-    return _with_samples(training, batches)
+    return TrainingBatches(traces, photos, fit["batch_size"], rotation, training.seed)
 
 
-def _with_samples(training: Training, batches: TrainingBatches | GeneratedBatches) -> SurfaceData:
+def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
     """Add the samples to validate and to test on."""
     parts, card = training.parts, training.card
     validation, test = (
@@ -138,24 +131,6 @@ def _with_samples(training: Training, batches: TrainingBatches | GeneratedBatche
     )
     steps = training.fit_values["steps_per_epoch"]
     return SurfaceData(batches, steps, validation, test, training.num_workers)
-
-
-def _make_stream(training: Training, module: SurfaceModule) -> SurfaceData:
-    """Batches of specimens rendered on the way; HapticNet's normalisation is that of the first."""
-    fit, stream = training.fit_values, cast(SpecimenGenerator, training.stream)
-    views: TraceViews | PhotoViews
-    if training.card.kind == "haptic":
-        features = cast(HapticFeatures, module.classifier.haptic_features)
-        views = TraceViews(stream, features, fit["frames"])
-    else:
-        views = PhotoViews(stream, crop_side(fit["patch"], fit["rotation"]), fit["rotation"])
-    batches = GeneratedBatches(views, fit["batch_size"], training.views, training.seed)
-    if isinstance(views, TraceViews):
-        first = range(FITTED * fit["batch_size"])
-        rendered = (batches.specimen(number) for number in track(first, "Spectrograms"))
-        views.features.fit([each for specimen in rendered for each in specimen])
-        views.features = deepcopy(views.features)  # stays on the CPU, with the loaders
-    return _with_samples(training, batches)
 
 
 def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tensor]:

@@ -7,7 +7,6 @@ from typing import Any
 from tex_lightning.card import Card
 from tex_lightning.config import ModelConfig, TrainerConfig
 from tex_lightning.data.folds import Kind, Split
-from tex_lightning.data.generator import SpecimenGenerator
 from tex_lightning.data.store import Store
 
 
@@ -28,8 +27,6 @@ class Training:
         callbacks: Nodes of the configuration, by name.
         logger: Likewise.
         num_workers: Processes that make batches.
-        stream: Specimens to train on in place of recordings.
-        views: Batches that every specimen of the stream is seen in.
     """
 
     card: Card
@@ -44,8 +41,6 @@ class Training:
     callbacks: dict[str, Any]
     logger: dict[str, Any]
     num_workers: int
-    stream: SpecimenGenerator | None = None
-    views: int = 1
 
     @property
     def final(self) -> Path:

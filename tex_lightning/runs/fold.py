@@ -102,7 +102,7 @@ def _fit_network(
         checkpoint = train_network(training)
     if not is_rank_zero():  # it alone tests and writes
         return {"checkpoint": str(checkpoint)}
-    return tested_network(workspace, checkpoint, parts)
+    return _tested_network(workspace, checkpoint, parts)
 
 
 def make_training(
@@ -127,7 +127,7 @@ def make_training(
     )
 
 
-def tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict[str, Any]:
+def _tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict[str, Any]:
     """Calibrate and test a trained network; its entry of ``results.json``."""
     classifier = load_classifier(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
@@ -142,7 +142,7 @@ def tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dict
         classifier, checkpoint, samples, store, directory, config, unknown
     )
     figures = {}
-    if config.task in ("fit", "pretrain"):  # others draw what they have pooled over the folds
+    if config.task == "fit":  # others draw what they have pooled over the folds
         figures = draw_figures(outcomes, workspace.classes, kind, directory)
     log_test(config.logger, directory, kind, asdict(config), result, figures)
     title = classifier.card.title

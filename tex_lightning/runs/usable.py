@@ -31,7 +31,7 @@ def find_unusable(
     """
     damaged = store.fill(recordings)
     readable = recordings.without(each.recording for each in damaged)
-    unusable = [*damaged, *find_too_small(readable, store, features, min_side)]
+    unusable = [*damaged, *_find_too_small(readable, store, features, min_side)]
     if unusable and not skip_bad:
         refuse(unusable, len(recordings))
     return unusable
@@ -49,7 +49,7 @@ def refuse(unusable: list[Unusable], count: int) -> None:
     )
 
 
-def find_too_small(
+def _find_too_small(
     recordings: Recordings, store: Store, features: HapticFeatures | None, min_side: int
 ) -> list[Unusable]:
     """The recordings that are too short or too small for a single fragment."""

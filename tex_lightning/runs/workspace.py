@@ -77,7 +77,7 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
         UserError: If the data or the networks cannot be used.
     """
     kind = cast(Kind, config.model.kind)
-    min_side = check_networks(config)
+    min_side = _check_networks(config)
     rows = read_recordings(config.data)
     needed = rows.without(row for row in rows if row.modality not in NEEDS[kind])
     recordings, unknown = hold_out(needed, config.data.hold_out)
@@ -120,7 +120,7 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     return recordings.in_classes(known), recordings.in_classes(classes or [])
 
 
-def check_networks(config: Config) -> int:
+def _check_networks(config: Config) -> int:
     """Build what will be trained, so that settings and weights that do not fit are said at once.
 
     Returns:

@@ -100,7 +100,7 @@ def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> _Ligh
 
 
 def _shade(specimen: Specimen, lighting: _Lighting) -> Field:
-    """Give the linear radiance of the tile, shape (points, points, 3)."""
+    """Give the linear radiance of the tile, shape (``TILE``, ``TILE``, 3)."""
     skin, direction = specimen.material.skin, lighting.direction
     length = np.sqrt(1 + specimen.slope_x**2 + specimen.slope_y**2)
     lit = np.maximum(_facing(specimen, direction) / length, 0) / np.float32(direction[2])

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tex_lightning.config.data import RENDERED_RATE, SyntheticConfig
+from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.config.keys import Key, walk
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
@@ -22,6 +22,7 @@ from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.specimen import Specimen
 from tex_lightning.synthetic.tool import slide_tool
 
+RATE = 10_000  # Hz of traces
 CLASSES = Key("materials that can be made up", least=2, most=999)
 _HAPTIC, _IMAGE = 0, 1
 _FIRST_IMAGE, _LAST_IMAGE = 5529, 9999
@@ -129,7 +130,7 @@ def record(
 ) -> NDArray[np.float32]:
     """Record one trace of class ``index``, in g, shape (3, T)."""
     rng = np.random.default_rng([spec.seed, index, recording, _HAPTIC])
-    return slide_tool(specimen, rng, spec.seconds, RENDERED_RATE)
+    return slide_tool(specimen, rng, spec.seconds, RATE)
 
 
 def photograph(

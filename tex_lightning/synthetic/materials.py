@@ -13,7 +13,7 @@ No material imitates a real one, and the names say so: ``S001_grooved_stiff_red`
 from __future__ import annotations
 
 import colorsys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -123,46 +123,6 @@ def make_materials(classes: int, seed: int) -> list[Material]:
         seed: Seed of the whole data set, not negative.
     """
     return [_make_material(index, seed) for index in range(classes)]
-
-
-def distinct_materials(classes: int, seed: int, modality: str) -> list[Material]:
-    """The first materials that one sense alone can tell from all before them.
-
-    Args:
-        classes: Number of classes.
-        seed: Seed of the whole data set, not negative.
-        modality: "image" leaves out the second of every pair that looks alike, "haptic" the second
-            of every pair that feels alike.
-    """
-    twin = _LOOK_ALIKE if modality == "image" else _FEEL_ALIKE
-    all_of_them = make_materials(classes + -(-classes // (BLOCK - 1)), seed)
-    return [each for place, each in enumerate(all_of_them) if place % BLOCK != twin][:classes]
-
-
-def another_piece(material: Material, rng: np.random.Generator) -> Material:
-    """The same material made once more: another relief of its kind, in paint of another hue.
-
-    What describes a material stays (family, sizes, stiffness, pattern, gloss, saturation); what
-    would let one piece be recognised by heart, or by its colour, is drawn anew.
-    """
-    relief, body, skin = (int(seed) for seed in rng.integers(1 << 62, size=3))
-    turn = float(rng.random())
-    return replace(
-        material,
-        relief=replace(material.relief, seed=relief),
-        body=replace(material.body, seed=body),
-        skin=replace(
-            material.skin,
-            seed=skin,
-            colour=_turned(material.skin.colour, turn),
-            accent=_turned(material.skin.accent, turn),
-        ),
-    )
-
-
-def _turned(colour: tuple[float, float, float], turn: float) -> tuple[float, float, float]:
-    hue, saturation, value = colorsys.rgb_to_hsv(*colour)
-    return colorsys.hsv_to_rgb((hue + turn) % 1.0, saturation, value)
 
 
 def _make_material(index: int, seed: int) -> Material:

@@ -22,19 +22,15 @@ MICRO_TILE = 512
 MICRO_PITCH = 0.016  # mm; five points on the shortest wavelength of the fine roughness
 
 
-def make_relief(spec: ReliefSpec, points: int = TILE) -> Field:
+def make_relief(spec: ReliefSpec) -> Field:
     """Build the height field of a material.
 
-    Args:
-        spec: Its shape.
-        points: Grid points along a side of the tile.
-
     Returns:
-        Heights in mm of mean zero and root mean square ``spec.depth``, shape (points, points).
+        Heights in mm of mean zero and root mean square ``spec.depth``, shape (``TILE``, ``TILE``).
     """
     rng = np.random.default_rng([spec.seed, 0])
-    shape = _SHAPES[spec.family](rng, points, spec.wavelength)
-    grain = shaped_noise(rng, points, PITCH, lambda _, __, k: np.exp(-0.5 * (0.4 * k) ** 2))
+    shape = _SHAPES[spec.family](rng, spec.wavelength)
+    grain = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-0.5 * (0.4 * k) ** 2))
     return _scaled(shape + 0.08 * grain, spec.depth)
 
 
@@ -52,7 +48,7 @@ def make_micro(body: Body) -> Field:
 
 def smooth(tile: Field, sigma: float) -> Field:
     """Average a relief tile over a Gaussian of deviation ``sigma`` mm, across its edges."""
-    _, _, k = _frequencies(len(tile), PITCH)
+    _, _, k = _frequencies(TILE, PITCH)
     spectrum = np.fft.rfft2(tile) * np.exp(-0.5 * (2 * np.pi * sigma * k) ** 2)
     return np.fft.irfft2(spectrum, tile.shape).astype(np.float32)
 
@@ -104,50 +100,46 @@ def _band(
     return shaped_noise(rng, points, pitch, gain)
 
 
-def _cells(
-    rng: np.random.Generator, points: int, wavelength: float, jitter: float
-) -> tuple[Field, Field]:
+def _cells(rng: np.random.Generator, wavelength: float, jitter: float) -> tuple[Field, Field]:
     """Count features along x and y from 0, with hand-made irregularity of ``jitter`` features.
 
     An even, whole number of features fits the tile, so that patterns wrap around.
     """
-    count = 2 * max(1, round(points * PITCH / wavelength / 2))
-    line = np.arange(points, dtype=np.float32) * (count / points)
-    drift = [_band(rng, points, PITCH, 8 * wavelength, width=0.5) for _ in range(2)]
+    count = 2 * max(1, round(TILE * PITCH / wavelength / 2))
+    line = np.arange(TILE, dtype=np.float32) * (count / TILE)
+    drift = [_band(rng, TILE, PITCH, 8 * wavelength, width=0.5) for _ in range(2)]
     return line[None, :] + jitter * drift[0], line[:, None] + jitter * drift[1]
 
 
-def _grooved(rng: np.random.Generator, points: int, wavelength: float) -> Field:
-    x, _ = _cells(rng, points, wavelength, 0.06)
+def _grooved(rng: np.random.Generator, wavelength: float) -> Field:
+    x, _ = _cells(rng, wavelength, 0.06)
     ridges: Field = np.tanh(2.5 * np.sin(2 * np.pi * x))
     return ridges
 
 
-def _woven(rng: np.random.Generator, points: int, wavelength: float) -> Field:
-    x, y = _cells(rng, points, wavelength, 0.06)
+def _woven(rng: np.random.Generator, wavelength: float) -> Field:
+    x, y = _cells(rng, wavelength, 0.06)
     across, along = np.abs(np.sin(np.pi * x)), np.abs(np.sin(np.pi * y))
     warp_on_top = (np.floor(x) + np.floor(y)) % 2 == 0
     threads: Field = np.where(warp_on_top, np.sqrt(across) * along, across * np.sqrt(along))
     return threads
 
 
-def _mesh(rng: np.random.Generator, points: int, wavelength: float) -> Field:
-    x, y = _cells(rng, points, wavelength, 0.03)
+def _mesh(rng: np.random.Generator, wavelength: float) -> Field:
+    x, y = _cells(rng, wavelength, 0.03)
     wires: Field = np.tanh(3 * np.maximum(np.cos(2 * np.pi * x), np.cos(2 * np.pi * y)) - 1.8)
     return wires
 
 
-def _domes(
-    rng: np.random.Generator, points: int, spacing: float, radius: float, jitter: float
-) -> Field:
+def _domes(rng: np.random.Generator, spacing: float, radius: float, jitter: float) -> Field:
     """Lay hemispheres of ``radius`` mm around a jittered lattice of ``spacing`` mm, in [0, 1]."""
-    count = round(points * PITCH / spacing)
+    count = round(TILE * PITCH / spacing)
     lattice = np.stack(np.meshgrid(*[np.arange(count)] * 2), axis=-1).reshape(-1, 2)
-    centres = (lattice + jitter * rng.uniform(-1, 1, lattice.shape)) * (points / count)
-    column, row = (np.rint(centres).astype(int) % points).T
-    empty = np.ones((points, points), np.uint8)
+    centres = (lattice + jitter * rng.uniform(-1, 1, lattice.shape)) * (TILE / count)
+    column, row = (np.rint(centres).astype(int) % TILE).T
+    empty = np.ones((TILE, TILE), np.uint8)
     empty[row, column] = 0
-    margin = points // 8  # wider than any radius, so that domes wrap around
+    margin = TILE // 8  # wider than any radius, so that domes wrap around
     wrapped = np.pad(empty, margin, mode="wrap")
     distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     distance = distance[margin:-margin, margin:-margin] * np.float32(PITCH / radius)
@@ -155,39 +147,39 @@ def _domes(
     return domes
 
 
-def _granular(rng: np.random.Generator, points: int, wavelength: float) -> Field:
-    return _domes(rng, points, wavelength, 0.75 * wavelength, 0.5)
+def _granular(rng: np.random.Generator, wavelength: float) -> Field:
+    return _domes(rng, wavelength, 0.75 * wavelength, 0.5)
 
 
-def _porous(rng: np.random.Generator, points: int, wavelength: float) -> Field:
-    return -_domes(rng, points, wavelength, 0.38 * wavelength, 0.5)
+def _porous(rng: np.random.Generator, wavelength: float) -> Field:
+    return -_domes(rng, wavelength, 0.38 * wavelength, 0.5)
 
 
-def _fibrous(rng: np.random.Generator, points: int, wavelength: float) -> Field:
+def _fibrous(rng: np.random.Generator, wavelength: float) -> Field:
     def gain(x: Field, y: Field, _: Field) -> Field:
         across = ((x * wavelength - 1) / 0.5) ** 2
         along = (15 * wavelength * y) ** 2
         amplitude: Field = np.exp(-0.5 * (across + along))
         return amplitude
 
-    return shaped_noise(rng, points, PITCH, gain)
+    return shaped_noise(rng, TILE, PITCH, gain)
 
 
-def _rough(rng: np.random.Generator, points: int, wavelength: float) -> Field:
+def _rough(rng: np.random.Generator, wavelength: float) -> Field:
     def gain(_: Field, __: Field, k: Field) -> Field:
         return (1 + (2 * k * wavelength) ** 2) ** -0.9
 
-    return shaped_noise(rng, points, PITCH, gain)
+    return shaped_noise(rng, TILE, PITCH, gain)
 
 
-def _creased(rng: np.random.Generator, points: int, wavelength: float) -> Field:
+def _creased(rng: np.random.Generator, wavelength: float) -> Field:
     # Zero crossings of a band of noise lie half a wavelength apart and meander like creases.
-    noise = _band(rng, points, PITCH, 2 * wavelength, width=0.3)
+    noise = _band(rng, TILE, PITCH, 2 * wavelength, width=0.3)
     crests: Field = np.sqrt(np.abs(noise))
     return crests
 
 
-_SHAPES: dict[str, Callable[[np.random.Generator, int, float], Field]] = {
+_SHAPES: dict[str, Callable[[np.random.Generator, float], Field]] = {
     "grooved": _grooved,
     "woven": _woven,
     "mesh": _mesh,

@@ -24,23 +24,21 @@ class Specimen:
     """The tiles of one material, each made when it is first asked for.
 
     Photos and traces need the relief and each half of the rest; all of it takes about a fifth of a
-    second and 40 MB, and a quarter of that with half as many points.
+    second and 40 MB.
 
     Attributes:
         material: What it is made of.
-        points: Grid points along a side of the tiles but that of ``micro``.
     """
 
     material: Material
-    points: int = TILE
 
     @cached_property
     def height(self) -> Field:
-        """Relief in mm, shape (points, points).
+        """Relief in mm, shape (``TILE``, ``TILE``).
 
         All below but ``micro`` and the colours of ``albedo`` is derived from it.
         """
-        return make_relief(self.material.relief, self.points)
+        return make_relief(self.material.relief)
 
     @cached_property
     def slope_x(self) -> Field:
@@ -59,7 +57,7 @@ class Specimen:
 
     @cached_property
     def albedo(self) -> Field:
-        """Reflectance, shape (points, points, 3), linear red, green, blue."""
+        """Reflectance, shape (``TILE``, ``TILE``, 3), linear red, green, blue."""
         return _albedo(self.height, self.material.skin)
 
     @cached_property
@@ -93,7 +91,7 @@ def _contact_radius(stiffness: float) -> float:
 def _albedo(height: Field, skin: Skin) -> Field:
     rng = np.random.default_rng([skin.seed, 2])
     weight = _pattern(height, skin, rng)[..., None]
-    mottle = shaped_noise(rng, len(height), PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
+    mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
     ground = np.asarray(skin.colour, np.float32)
     accent = np.asarray(skin.accent, np.float32)
     mixed: Field = ground + weight * (accent - ground)
@@ -102,9 +100,8 @@ def _albedo(height: Field, skin: Skin) -> Field:
 
 def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
     """Give the share of the accent colour at every point, in [0, 1]."""
-    points = len(height)
-    count = max(2, round(points * PITCH / skin.pattern_size))
-    line = np.arange(points, dtype=np.float32) * np.float32(2 * np.pi * count / points)
+    count = max(2, round(TILE * PITCH / skin.pattern_size))
+    line = np.arange(TILE, dtype=np.float32) * np.float32(2 * np.pi * count / TILE)
     rows, columns = np.meshgrid(line, line, indexing="ij")
     if skin.pattern == "valleys":
         return _step(-height / height.std() - 0.3, 4)
@@ -114,7 +111,7 @@ def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
         return _step(np.cos(rows) + np.cos(columns) - 0.7, 5)
     if skin.pattern == "speckle":
         size = skin.pattern_size / 8
-        grain = shaped_noise(rng, points, PITCH, lambda _, __, k: np.exp(-((3 * size * k) ** 2)))
+        grain = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-((3 * size * k) ** 2)))
         return _step(grain - 0.8, 5)
     return np.zeros_like(height)
 

@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Train and test on ``data.test_fold``; write ``results.json`` and return its content."""
     begin, directory = time.perf_counter(), job.directory
-    if (done := finished(directory)) is not None:
+    if (done := _finished(directory)) is not None:
         return done
     workspace = open_workspace(config, directory)
     networks = fit_fold(workspace)
@@ -32,7 +32,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     return results
 
 
-def finished(directory: Path) -> dict[str, Any] | None:
+def _finished(directory: Path) -> dict[str, Any] | None:
     """The results of a run that is finished already, shown again; None if it is not."""
     done = directory / "results.json"
     if not done.is_file():
