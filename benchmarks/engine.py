@@ -27,7 +27,7 @@ from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.profiling.roofline import gemm_gflops, gflops, products
 from tex_lightning.profiling.timing import interleaved
 
-OFF = EngineConfig(False, False, False, False, False, "fp32", False, None)
+OFF = EngineConfig(False, False, False, "fp32", False, None)
 DEFAULT = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "default.yaml")))
 CASES: list[tuple[Kind, Norm]] = [
     ("haptic", "batch"),
@@ -38,7 +38,6 @@ CASES: list[tuple[Kind, Norm]] = [
 SWITCHES = {
     "fold_batch_norm": replace(OFF, fold_batch_norm=True),
     "fast_response_norm": replace(OFF, fast_response_norm=True),
-    "fast_convolutions": replace(OFF, fast_convolutions=True),
     "channels_last": replace(OFF, channels_last=True),
     "default": DEFAULT,
     "bf16": replace(DEFAULT, precision="bf16"),

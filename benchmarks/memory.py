@@ -22,7 +22,6 @@ from PIL import Image
 from benchmarks.engine import DEFAULT, make_classifier
 from tex_lightning.data.decode import decode_image
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.memory import kept_memory
 from tex_lightning.networks.blocks import Norm
 from tex_lightning.networks.trunks import TRUNKS
 
@@ -100,5 +99,4 @@ def peak() -> float:
 
 if __name__ == "__main__":
     path, name, most = sys.argv[1:]
-    with kept_memory():  # as every task does
-        print(json.dumps(classify(Path(path), name, json.loads(most))))
+    print(json.dumps(classify(Path(path), name, json.loads(most))))

@@ -37,7 +37,6 @@ from tex_lightning.data.folds import Kind
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
-from tex_lightning.memory import kept_memory
 from tex_lightning.runs.fold import make_training
 from tex_lightning.runs.workspace import Workspace, make_card, open_workspace
 
@@ -221,7 +220,7 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     """
     networks: dict[str, Any] = {}
     unimodal: dict[Kind, Path] = {}
-    with tempfile.TemporaryDirectory() as folder, kept_memory():
+    with tempfile.TemporaryDirectory() as folder:
         workspace = open_workspace(_config(overrides), Path(folder))
         for kind in KINDS if workspace.kind == "fusion" else (workspace.kind,):
             watch = Turns()

@@ -21,9 +21,7 @@ from tex_lightning.networks.hapticnet import HapticNet
 ENGINE = EngineConfig(
     fold_batch_norm=True,
     fast_response_norm=True,
-    fast_convolutions=True,
     channels_last=True,
-    fast_spectrogram=True,
     precision="fp32",
     compile=False,
     tile=None,
@@ -161,22 +159,18 @@ UNUSABLE = {
 
 
 @pytest.mark.parametrize("normalisation", ["standard", "paper"])
-@pytest.mark.parametrize("fast_spectrogram", [True, False])
 @pytest.mark.parametrize("edge", EDGES)
-def test_input_at_the_edge_ends_in_a_label(edge, fast_spectrogram, normalisation):
+def test_input_at_the_edge_ends_in_a_label(edge, normalisation):
     model = classifier("haptic", normalisation)
-    model.haptic_features.fast_spectrogram = fast_spectrogram
     scores = model.logits(torch.from_numpy(EDGES[edge].astype(np.float32))[None])
     assert scores.isfinite().all()
     assert max_vote(scores).shares.sum() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("normalisation", ["standard", "paper"])
-@pytest.mark.parametrize("fast_spectrogram", [True, False])
 @pytest.mark.parametrize("edge", UNUSABLE)
-def test_input_without_a_spectrum_ends_in_a_sentence(edge, fast_spectrogram, normalisation):
+def test_input_without_a_spectrum_ends_in_a_sentence(edge, normalisation):
     model = classifier("haptic", normalisation)
-    model.haptic_features.fast_spectrogram = fast_spectrogram
     with pytest.raises(UserError, match="NaN, infinity or numbers too large"):
         model.classify(torch.from_numpy(UNUSABLE[edge].astype(np.float32))[None])
 

@@ -18,9 +18,7 @@ from tex_lightning.inference.engine import accelerate
 OFF = EngineConfig(
     fold_batch_norm=False,
     fast_response_norm=False,
-    fast_convolutions=False,
     channels_last=False,
-    fast_spectrogram=False,
     precision="fp32",
     compile=False,
     tile=None,
@@ -29,9 +27,7 @@ DEFAULT = replace(
     OFF,
     fold_batch_norm=True,
     fast_response_norm=True,
-    fast_convolutions=True,
     channels_last=True,
-    fast_spectrogram=True,
 )
 KINDS = ("haptic", "visual", "fusion")
 

@@ -11,9 +11,7 @@ from tex_lightning.profiling.memory import forward_peak_mib
 ENGINE = EngineConfig(
     fold_batch_norm=True,
     fast_response_norm=True,
-    fast_convolutions=True,
     channels_last=False,
-    fast_spectrogram=True,
     precision="fp32",
     compile=False,
     tile=None,

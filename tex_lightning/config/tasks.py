@@ -101,12 +101,7 @@ class EngineConfig:
     fast_response_norm: bool = key(
         "compute local response normalisation in a form that stays in the cache"
     )
-    fast_convolutions: bool = key(
-        "on the CPU in fp32, compute 3x3 convolutions over long traces and photos with half the "
-        "multiplications, and HapticNet's 4x12 one as matrix products"
-    )
     channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
-    fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks or by matrix products")
     precision: str = key(
         "of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
     )

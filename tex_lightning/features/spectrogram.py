@@ -1,7 +1,6 @@
 """From a raw trace to the normalised spectrogram that HapticNet reads (paper, section III-B)."""
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import Literal, cast
 
 import torch
@@ -9,7 +8,6 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321, quick_length
-from tex_lightning.features.lowband import LowBand
 from tex_lightning.features.mel import mel_centres, mel_filters
 
 Axes = Literal["frame", "trace"]
@@ -20,8 +18,6 @@ QUIET_SECONDS = 0.1  # the level before the touch is taken over this time
 IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before it
 SETTLING_SECONDS = 0.2  # from the touch to steady movement
 SEARCH_SECONDS = 2.0  # later bursts are part of the movement
-FEW = 3000  # samples, below which Fourier transforms are done before the products have begun
-BLOCK = 512  # frames; their spectra take 1 MB, fewer are too few for two threads
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
 
 
@@ -50,11 +46,6 @@ class HapticFeatures(nn.Module):
         skip_impact: Leave out what comes before steady movement.
         axes: ``frame`` or ``trace``.
         scale: ``mel`` or ``linear``.
-
-    Attributes:
-        fast_spectrogram: Whether magnitudes are computed in a way made for the CPU's cache and not
-            by ``torch.stft``: of scale ``linear`` by :class:`LowBand`, of ``mel`` a block of frames
-            after the other. As near to the exact values.
     """
 
     window: Tensor
@@ -82,15 +73,12 @@ class HapticFeatures(nn.Module):
         self.skip_impact = skip_impact
         self.axes = cast(Axes, axes)
         self.scale = cast(Scale, scale)
-        self.fast_spectrogram = False
         # symmetric, as MATLAB's hamming(500)
         window = torch.hamming_window(self.window_length, periodic=False, dtype=torch.float64)
         self.register_buffer("window", window.float(), persistent=False)
-        if scale == "linear":
-            self.products = LowBand(window, self.hop_length, self.bands, centred=axes == "frame")
-        else:
+        if scale == "mel":
             filters = mel_filters(sampling_rate, self.window_length, self.bands)
-            self.register_buffer("filters", filters.T.contiguous(), persistent=False)
+            self.register_buffer("filters", filters, persistent=False)
         self.register_buffer("level", torch.ones(()))
         self.register_buffer("channel_mean", torch.zeros(self.bands, 1))
         self.register_buffer("channel_std", torch.ones(self.bands, 1))
@@ -137,10 +125,6 @@ class HapticFeatures(nn.Module):
     def spectra(self, movement: Tensor) -> Tensor:
         """:meth:`magnitudes` of samples that are all of them movement, at least one window."""
         movement = self._levelled(movement)
-        if self.fast_spectrogram and self.scale == "mel":
-            return self._in_blocks(movement)
-        if self.fast_spectrogram and movement.numel() > FEW:
-            return self._from_products(movement)
         kept = self.bands if self.scale == "linear" else self.window_length // 2 + 1
         spectrum = torch.stft(
             movement,
@@ -155,7 +139,7 @@ class HapticFeatures(nn.Module):
             spectrum = spectrum - means[:, None] * torch.fft.rfft(self.window)[:kept, None]
         power = torch.view_as_real(spectrum).square().sum(dim=(0, -1))
         if self.scale == "mel":
-            power = self.filters.T @ power
+            power = self.filters @ power
         return power.sqrt_()
 
     @property
@@ -164,34 +148,6 @@ class HapticFeatures(nn.Module):
         if self.scale == "mel":
             return mel_centres(self.sampling_rate, self.bands)
         return torch.arange(self.bands) * self.sampling_rate / self.window_length
-
-    def _from_products(self, movement: Tensor) -> Tensor:
-        hops = movement.unfold(-1, self.hop_length, self.hop_length)
-        axes, count, _ = hops.shape
-        # One pass for all axes: the few frames that span two of them are computed and left out.
-        power = self.products(hops.flatten(0, 1))
-        frames = count - self.products.span + 1
-        parts = [power[:, start : start + frames] for start in range(0, axes * count, count)]
-        magnitudes: Tensor = reduce(torch.add, parts).sqrt()
-        return magnitudes
-
-    def _in_blocks(self, movement: Tensor) -> Tensor:
-        """Mel bands of a few frames at a time, whose spectra then never leave the cache."""
-        every = movement.unfold(-1, self.window_length, self.hop_length)
-        means = self._means(movement) if self.axes == "frame" else movement.new_zeros(1, 1, 1)
-        means, parts = means.expand(*every.shape[:2], 1), []
-        for start in range(0, every.shape[1], BLOCK):
-            block = slice(start, start + BLOCK)
-            frames = (every[:, block] - means[:, block]).mul_(self.window)
-            squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
-            power = squares[..., 0] + squares[..., 1]
-            parts.append((power.sum(dim=0) if len(power) > 1 else power[0]) @ self.filters)
-        return torch.cat(parts).T.contiguous().sqrt_()
-
-    def _means(self, movement: Tensor) -> Tensor:
-        """Of every frame (axes, frames, 1), from those of its hops, which frames share."""
-        hops = movement.unfold(-1, self.hop_length, self.hop_length).mean(dim=-1)
-        return hops.unfold(-1, self.window_length // self.hop_length, 1).mean(dim=-1, keepdim=True)
 
     def _levelled(self, movement: Tensor) -> Tensor:
         """The samples that frames are cut from: (3 or 1, samples) without their mean."""

@@ -11,11 +11,7 @@ from tex_lightning.classifier import SurfaceClassifier, check_side
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
-from tex_lightning.inference.rewrite import (
-    fold_batch_norm,
-    speed_up_convolutions,
-    speed_up_response_norm,
-)
+from tex_lightning.inference.rewrite import fold_batch_norm, speed_up_response_norm
 from tex_lightning.inference.tiles import in_tiles, layer_windows
 from tex_lightning.networks.blocks import Level, Window
 from tex_lightning.networks.fusionnet import FusionNet
@@ -55,12 +51,10 @@ class Accelerated(SurfaceClassifier):
         self.load_state_dict(classifier.state_dict())
         device = next(classifier.parameters()).device
         self.eval().requires_grad_(False)
-        if self.haptic_features is not None:
-            self.haptic_features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
         for network in (self.haptic_network, self.visual_network):
             if network is not None:
                 # on the CPU: not every device computes in float64
-                _rewrite(network, config, device)
+                _rewrite(network, config)
         self.to(device)
         if config.precision == "bf16":
             _warn_of_slow_bf16(device)
@@ -130,15 +124,11 @@ class Widen(nn.Module):
         return x.float()
 
 
-def _rewrite(network: HapticNet | VisualNet, config: EngineConfig, device: torch.device) -> None:
+def _rewrite(network: HapticNet | VisualNet, config: EngineConfig) -> None:
     if config.fold_batch_norm:
         fold_batch_norm(network)
     if config.fast_response_norm:
         speed_up_response_norm(network)
-    # an accelerator's library chooses by itself, and bfloat16 has no digits to lose
-    exact = device.type == "cpu" and config.precision == "fp32"
-    if config.fast_convolutions and exact:
-        speed_up_convolutions(network)
     if config.channels_last:
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
     if config.precision == "bf16":

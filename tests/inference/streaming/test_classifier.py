@@ -20,7 +20,7 @@ from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.networks.hapticnet import HapticNet
 
 RATE = 10_000
-ENGINE = EngineConfig(True, True, True, True, True, "fp32", False, None)
+ENGINE = EngineConfig(True, True, True, "fp32", False, None)
 CARD = Card(
     kind="haptic",
     classes=["a", "b", "c"],
