@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from tex_lightning.data.decode import DecodeSettings, decode_image
-from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.data.decode import PhotoDecoder, decode_image
+from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.profiling.timing import interleaved
 from tex_lightning.synthetic.dataset import SyntheticSpec, write_folder
 
@@ -44,8 +44,8 @@ def measure(threads: int = 2) -> dict[str, Any]:
 
 def _traces(axes: int, seconds: float) -> dict[str, float]:
     trace = torch.randn(axes, int(seconds * RATE))
-    linear, mel = HapticFeatures(), HapticFeatures(scale="mel")
-    whole = HapticFeatures(axes="trace")
+    linear, mel = SpectrogramFeatures(), SpectrogramFeatures(scale="mel")
+    whole = SpectrogramFeatures(axes="trace")
     stft = partial(
         torch.stft,
         trace[0],
@@ -69,17 +69,17 @@ def _traces(axes: int, seconds: float) -> dict[str, float]:
 
 
 def _photos() -> dict[str, float]:
-    settings = DecodeSettings()
+    decoder = PhotoDecoder()
     with tempfile.TemporaryDirectory() as folder:
         write_folder(PHOTOS, Path(folder) / "photos")
         files = sorted(Path(folder).glob("photos/*/image/*.jpg"))
         pairs = [
-            [decode_image(file, settings, fast=fast).astype(int) for fast in (False, True)]
+            [decode_image(file, decoder, fast=fast).astype(int) for fast in (False, True)]
             for file in files
         ]
         functions = {
-            "full": lambda: [decode_image(file, settings) for file in files],
-            "half": lambda: [decode_image(file, settings, fast=True) for file in files],
+            "full": lambda: [decode_image(file, decoder) for file in files],
+            "half": lambda: [decode_image(file, decoder, fast=True) for file in files],
         }
         found = interleaved(functions, REPEATS // 4)
     difference = np.stack([np.abs(exact - fast) for exact, fast in pairs])

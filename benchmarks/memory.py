@@ -19,10 +19,10 @@ import numpy as np
 import torch
 from PIL import Image
 
-from benchmarks.engine import DEFAULT, make_classifier
-from tex_lightning.data.decode import decode_image
+from benchmarks._classifiers import make_classifier
+from benchmarks.engine import DEFAULT
+from tex_lightning.data.decode import PhotoDecoder, decode_image
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.networks.blocks import Norm
 from tex_lightning.networks.trunks import TRUNKS
 
 SIZE = (8000, 6000)
@@ -70,14 +70,17 @@ def in_process(photo: Path, trunk: str, tile: int | None) -> dict[str, Any]:
 
 def classify(photo: Path, trunk: str, tile: int | None) -> dict[str, Any]:
     """Added peak in MiB, seconds with decoding, and the fragments' labels as text."""
-    norm: Norm = "lrn" if "lrn" in TRUNKS[trunk].norms else "batch"
-    classifier = accelerate(
-        make_classifier("visual", norm, trunk=trunk), replace(DEFAULT, tile=tile)
+    cls = TRUNKS[trunk]
+    plain = make_classifier(
+        "model=visual",
+        "model.visual.width=1",
+        f"model.visual.norm={'lrn' if 'lrn' in cls.norms else 'batch'}",
+        f"model.visual.trunk={{_target_: {cls.__module__}.{cls.__name__}}}",
     )
-    settings = replace(classifier.card.settings, half_scale=False)
-    classifier.classify(photo=torch.zeros(400, 400, 3, dtype=torch.uint8))
+    classifier, decoder = accelerate(plain, replace(DEFAULT, tile=tile)), PhotoDecoder(False)
+    classifier.classify(image=torch.zeros(400, 400, 3, dtype=torch.uint8))
     before, begin = peak(), time.perf_counter()
-    vote = classifier.classify(photo=torch.from_numpy(decode_image(photo, settings)))
+    vote = classifier.classify(image=torch.from_numpy(decode_image(photo, decoder)))
     labels = "".join(map(chr, (vote.fragments + ord("a")).tolist()))
     return {
         "before_mib": before,

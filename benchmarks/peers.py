@@ -14,12 +14,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 
+from benchmarks._classifiers import configured
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import CONF, Config, register
-from tex_lightning.data.decode import DecodeSettings, Trace, decode_trace
+from tex_lightning.data.decode import SignalDecoder, Trace, decode_trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.profiling.timing import interleaved
@@ -42,7 +40,7 @@ def measure() -> dict[str, Any]:
     haptic = _hapticnet(labels, traces)
     trace = torch.from_numpy(traces[0])
     threads = torch.get_num_threads()
-    functions = {"hapticnet": partial(haptic.classify, trace=trace)}
+    functions = {"hapticnet": partial(haptic.classify, haptic=trace)}
     for count in sorted({1, threads}):
         rocket = _minirocket(labels, traces, count)
         functions[f"minirocket_{count}"] = partial(_predict, rocket, traces[0])
@@ -68,7 +66,7 @@ def _traces() -> tuple[list[str], list[Trace]]:
             if folder.is_dir()
             for path in sorted((folder / "haptic").iterdir())[:RECORDINGS]
         ]
-        decoded = [decode_trace(path, DecodeSettings()) for path in files]
+        decoded = [decode_trace(path, SignalDecoder()) for path in files]
         return [path.parts[-3] for path in files], [trace[:, :samples] for trace in decoded]
     labels, traces = [], []
     for material in make_materials(CLASSES, seed=0):
@@ -82,14 +80,9 @@ def _traces() -> tuple[list[str], list[Trace]]:
 
 def _hapticnet(labels: list[str], traces: list[Trace]) -> SurfaceClassifier:
     """The default HapticNet as prediction runs it, its features fitted on the traces."""
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        composed = compose("config", overrides=["model=haptic"])
-    config = OmegaConf.to_object(composed)
-    assert isinstance(config, Config)
-    classifier = SurfaceClassifier(configured_card(config, "haptic", sorted(set(labels)))).eval()
-    features = classifier.haptic_features
-    assert features is not None
+    config = configured("model=haptic")
+    classifier = SurfaceClassifier(configured_card(config, ["haptic"], sorted(set(labels)))).eval()
+    features: Any = classifier.branch("haptic").features
     features.fit([features.magnitudes(torch.from_numpy(trace)) for trace in traces])
     return accelerate(classifier, config.engine)
 

@@ -11,13 +11,11 @@ from typing import Any
 import numpy as np
 import torch
 
+from benchmarks._classifiers import make_classifier
 from benchmarks.engine import DEFAULT
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
-from tex_lightning.networks.blocks import Norm
 
 RATE = 10_000
 SECONDS = 60
@@ -40,17 +38,9 @@ def measure() -> dict[str, Any]:
         torch.set_num_threads(threads)
 
 
-def _classifier(norm: Norm) -> SurfaceClassifier:
-    torch.manual_seed(0)
-    card = Card(
-        kind="haptic",
-        classes=[str(number) for number in range(69)],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 1, "seed": 0},
-        haptic_features={"axes": "frame", "scale": "mel"},
-        haptic_network={"width": 1.0, "norm": norm},
-    )
-    return accelerate(SurfaceClassifier(card).eval(), DEFAULT)
+def _classifier(norm: str) -> SurfaceClassifier:
+    settings = "model=haptic", "model.haptic.width=1", f"model.haptic.norm={norm}"
+    return accelerate(make_classifier(*settings, classes=69), DEFAULT)
 
 
 def _replay(classifier: SurfaceClassifier, seconds: float, wait: float) -> dict[str, float]:

@@ -17,7 +17,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,9 +24,9 @@ from typing import Any
 import torch
 from torch import nn
 
-from benchmarks.engine import DEFAULT, make_classifier
+from benchmarks._classifiers import make_classifier
+from benchmarks.engine import DEFAULT
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.folds import Kind
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.profiling.timing import interleaved
@@ -92,25 +91,18 @@ def _in_a_process(way: str) -> dict[str, Any]:
 def works() -> dict[str, Callable[[], object]]:
     """What is timed, by name."""
     torch.manual_seed(0)
-    haptic, visual = _classifier("haptic"), _classifier("visual")
+    haptic, visual = (make_classifier(f"model={kind}") for kind in ("haptic", "visual"))
     trace, photo = torch.randn(1, 5 * RATE), torch.randint(256, (480, 640, 3), dtype=torch.uint8)
     large = torch.randint(256, (1224, 1632, 3), dtype=torch.uint8)
     fast, seeing = accelerate(haptic, DEFAULT), accelerate(visual, DEFAULT)
     return {
         "training step, haptic": _step(haptic.network, torch.randn(16, 1, 50, 300)),
         "training step, visual": _step(visual.network, torch.randn(16, 3, 224, 224)),
-        "predict, trace of 5 s": partial(fast.classify, trace),
-        "predict, photo of 0.3 megapixels": partial(seeing.classify, None, photo),
-        "profile, photo of 2 megapixels": partial(seeing.classify, None, large),
+        "predict, trace of 5 s": partial(fast.classify, haptic=trace),
+        "predict, photo of 0.3 megapixels": partial(seeing.classify, image=photo),
+        "profile, photo of 2 megapixels": partial(seeing.classify, image=large),
         "stream, chunk of 0.1 s": _chunks(fast, trace),
     }
-
-
-def _classifier(kind: Kind) -> SurfaceClassifier:
-    """The default network of a kind, with features that a live stream can compute."""
-    card = make_classifier(kind, "batch", width=0.5).card
-    local = {"axes": "frame", "scale": "mel"} if kind == "haptic" else {}
-    return SurfaceClassifier(replace(card, haptic_features=local)).eval()
 
 
 def _step(network: nn.Module, batch: torch.Tensor) -> Callable[[], None]:

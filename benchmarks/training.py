@@ -26,21 +26,19 @@ from typing import Any, cast
 
 import numpy as np
 import torch
-from hydra import compose, initialize_config_dir
 from lightning import Callback, LightningModule, Trainer
-from omegaconf import OmegaConf
 from torch import Tensor, nn
 
-from tex_lightning.config import CONF, Config, register
+from benchmarks._classifiers import configured
+from tex_lightning.config import Config
+from tex_lightning.config.model import FUSION
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
-from tex_lightning.data.folds import Kind
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
 from tex_lightning.runs.fold import make_training
 from tex_lightning.runs.workspace import Workspace, make_card, open_workspace
 
-KINDS: tuple[Kind, ...] = ("haptic", "visual", "fusion")
 CORE = ("forward", "backward", "optimiser")  # what a training step is for
 PARTS = ("data", "augmentation", *CORE)
 TURN = 5  # steps
@@ -48,7 +46,7 @@ SETTINGS = (
     "model=fusion",
     "data.synthetic.recordings=4",  # two of each class to train on, one to validate, one to test
     "trainer.accelerator=cpu",
-    *(f"model.{kind}.fit.epochs=3" for kind in KINDS),
+    *(f"model.{kind}.fit.epochs=3" for kind in ("haptic", "visual", FUSION)),
 )
 
 
@@ -63,7 +61,10 @@ class Clock:
         self.begun = time.perf_counter()
 
     def stop(self, part: str) -> None:
-        self.spent[part] += time.perf_counter() - self.begun
+        """Add the time since the last part ended, or the clock was started."""
+        now = time.perf_counter()
+        self.spent[part] += now - self.begun
+        self.begun = now
 
     def timed(self, function: Callable[..., Any], part: str) -> Callable[..., Any]:
         def call(*arguments: object) -> Any:  # noqa: ANN401
@@ -101,7 +102,7 @@ class BareLoop:
         self.smoothing = twin.fit_config["label_smoothing"]
         self.optimizer = configured["optimizer"]
         self.scheduler = configured["lr_scheduler"]["scheduler"]
-        self.batches: list[tuple[tuple[Tensor, ...], Tensor]] = []
+        self.batches: list[tuple[list[Tensor], Tensor]] = []
 
     def turn(self) -> dict[str, float]:
         clock, begin = Clock(), time.perf_counter()
@@ -138,15 +139,10 @@ class Turns(Callback):
         self.bare = BareLoop(cast(SurfaceModule, pl_module))
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        network = cast(SurfaceModule, pl_module).classifier.network
-        network.register_forward_pre_hook(self.clock.start)
-        network.register_forward_hook(self._forwarded)
         trainer.optimizers[0].register_step_post_hook(lambda *_: self.clock.stop("optimiser"))
         pl_module.inputs = self.clock.timed(pl_module.inputs, "augmentation")
-
-    def _forwarded(self, network: nn.Module, *_: object) -> None:
-        if network.training:  # and not validating
-            self.clock.stop("forward")
+        # scores begin with the inputs, whose end is where the forward pass starts
+        pl_module.scores = self.clock.timed(pl_module.scores, "forward")
 
     def on_train_batch_start(
         self, trainer: Trainer, pl_module: LightningModule, batch: Batch, batch_idx: int
@@ -219,29 +215,31 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
         ``environment`` and, by network, the entries of :meth:`Turns.summary`.
     """
     networks: dict[str, Any] = {}
-    unimodal: dict[Kind, Path] = {}
+    unimodal: dict[str, Path] = {}
     with tempfile.TemporaryDirectory() as folder:
         workspace = open_workspace(_config(overrides), Path(folder))
-        for kind in KINDS if workspace.kind == "fusion" else (workspace.kind,):
+        model = workspace.config.model
+        for kind in dict.fromkeys([*model.senses, model.kind]):
             watch = Turns()
-            unimodal[kind] = _train(workspace, kind, unimodal, watch)
-            steps = getattr(workspace.config.model, kind).fit.steps_per_epoch
-            networks[kind] = watch.summary(steps)
+            if kind == FUSION:
+                _train(workspace, model.senses, unimodal, watch)
+            else:
+                unimodal[kind] = _train(workspace, [kind], {}, watch)
+            networks[kind] = watch.summary(model.recipe(kind)["steps_per_epoch"])
     return {"environment": environment(torch.device("cpu")), "networks": networks}
 
 
 def _config(overrides: tuple[str, ...]) -> Config:
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        composed = compose("config", overrides=[*SETTINGS, *overrides])
-    config = cast(Config, OmegaConf.to_object(composed))
+    config = configured(*SETTINGS, *overrides)
     if config.trainer.threads is not None:
         torch.set_num_threads(config.trainer.threads)
     return config
 
 
-def _train(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path], watch: Turns) -> Path:
-    card, parts = make_card(workspace, kind, unimodal), workspace.parts()
+def _train(
+    workspace: Workspace, senses: list[str], unimodal: dict[str, Path], watch: Turns
+) -> Path:
+    card, parts = make_card(workspace, senses, unimodal), workspace.parts()
     return train_network(make_training(workspace, card, parts, unimodal), watch)
 
 

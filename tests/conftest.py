@@ -1,9 +1,12 @@
 """Small data in the real layouts, and the command line as a function."""
 
+import copy
+import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +18,9 @@ from PIL import Image
 from tex_lightning.__main__ import main
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.config import CONF
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.weights import read_config
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.networks.visualnet import VisualNet
 
@@ -139,29 +144,54 @@ def run_once(cache, tmp_path_factory) -> Callable[..., Path]:
     return run
 
 
+@functools.cache
+def branch_node(sense: str) -> dict[str, Any]:
+    """What a card says of a branch by default."""
+    return read_config(compose_config(CONF)).model.branch(sense).node
+
+
+def make_card(
+    *senses: str,
+    classes: Sequence[str] = CLASSES,
+    level: str = "fc2",
+    pairs: int = 50,
+    **changes: Any,
+) -> Card:
+    """The card of a classifier.
+
+    Args:
+        *senses: Its branches; photos are not halved.
+        classes: Their names.
+        level: That is fused.
+        pairs: That are voted over.
+        **changes: Keys of a branch, for each that has them: ``width=0.1``, ``axes="trace"``,
+            ``sampling_rate=2000.0``, ``half_scale=True``.
+    """
+    branches = {sense: copy.deepcopy(branch_node(sense)) for sense in senses}
+    for node in branches.values():
+        if "half_scale" in node["decode"]:
+            node["decode"]["half_scale"] = False
+        for part in (node, node["decode"]):
+            part |= {key: value for key, value in changes.items() if key in part}
+    return Card(
+        classes=list(classes),
+        branches=branches,
+        decision={"pairs": pairs, "seed": 0, "rule": "vote", "reject_below": None},
+        fusion={"level": level} if len(senses) > 1 else {},
+    )
+
+
 @pytest.fixture(scope="session")
 def untrained(tmp_path_factory) -> Path:
     """A run folder with a small FusionNet and its parts, of random weights."""
     folder = tmp_path_factory.mktemp("untrained")
     (folder / "checkpoints").mkdir()
-    network = {"width": 0.1, "norm": "batch", "dropout": 0.5}
     torch.manual_seed(0)
-    for kind in ("haptic", "visual", "fusion"):
-        card = Card(
-            kind=kind,
-            classes=["a", "b", "c"],
-            decode=DecodeSettings(half_scale=False).to_dict(),
-            decision={"pairs": 50, "seed": 0, "rule": "vote", "reject_below": None},
-            haptic_features={} if kind == "visual" else {"axes": "frame", "scale": "mel"},
-            haptic_network={} if kind == "visual" else network,
-            visual_network={}
-            if kind == "haptic"
-            else {**network, "trunk": trunk_node("alexnet_caffe")},
-            fusion={"level": "fc2"} if kind == "fusion" else {},
-        )
+    for senses in (("haptic",), ("visual",), ("haptic", "visual")):
+        card = make_card(*senses, classes=["a", "b", "c"], width=0.1)
         model = SurfaceClassifier(card)
         state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
         content = {"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}
-        torch.save(content, folder / "checkpoints" / f"{kind}.ckpt")
-    (folder / "settings.json").write_text('{"model.kind": "fusion"}')
+        torch.save(content, folder / "checkpoints" / f"{card.kind}.ckpt")
+    (folder / "settings.json").write_text('{"model.senses": ["haptic", "visual"]}')
     return folder

@@ -2,63 +2,103 @@
 
 import pytest
 import torch
+from conftest import make_card
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 
-NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
-CARD = Card(
-    kind="haptic",
-    classes=["a", "b"],
-    decode=DecodeSettings().to_dict(),
-    decision={"pairs": 10, "seed": 0, "rule": "vote", "reject_below": None},
-    haptic_features={"axes": "frame", "scale": "mel", "normalisation": "standard"},
-    haptic_network=NETWORK,
-)
+CARD = make_card("haptic", classes=["a", "b"], width=0.1)
+HAPTIC = CARD.branches["haptic"]
+FUSION = make_card("haptic", "visual", "sound", classes=["a", "b"], width=0.1)
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("kind", "tactile"),
-        ("kind", 3),
+        ("branches", {}),
+        ("branches", [HAPTIC]),
+        ("branches.haptic", 3),
+        ("branches.haptic.modality", None),
+        ("branches.haptic.network", {"width": 0.1}),
+        ("branches.haptic.features", "own.Features"),
         ("decision.rule", "median"),
         ("decision.rule", ["vote"]),
         ("decision.pairs", "many"),
         ("decision.seed", -1),
         ("decision.reject_below", float("nan")),
-        ("haptic_features.axes", "frames"),
-        ("haptic_features.scale", "bark"),
-        ("haptic_features.normalisation", "none"),
-        ("haptic_network.norm", "layer"),
-        ("haptic_network.width", 1e30),
-        ("haptic_network.width", "wide"),
-        ("decode.sampling_rate", None),
+        ("branches.haptic.axes", "frames"),
+        ("branches.haptic.scale", "bark"),
+        ("branches.haptic.normalisation", "none"),
+        ("branches.haptic.norm", "layer"),
+        ("branches.haptic.width", 1e30),
+        ("branches.haptic.width", "wide"),
+        ("branches.haptic.decode.sampling_rate", "fast"),
         ("classes", ["a", 5]),
         ("classes", "ab"),
         ("calibration", {"temperature": 0}),
-        ("input_ranges", {"level": ["low", 1]}),
+        ("input_ranges", {"haptic": {"level": ["low", 1]}}),
         ("trained_on", {"fold": 1}),
-        ("haptic_features", {"colour": 1}),
-        ("decode", {"speed": 1}),
+        ("branches.haptic.decode", {"speed": 1}),
         ("decision", {}),
     ],
 )
 def test_a_value_that_cannot_be_meant_is_said_when_it_is_loaded(tmp_path, key, value):
     card = CARD.to_dict()
-    outer, _, inner = key.partition(".")
-    card[outer] = {**card[outer], inner: value} if inner else value
+    *outer, last = key.split(".")
+    place = card
+    for name in outer:
+        place = place[name]
+    place[last] = value
     state = {f"classifier.{k}": v for k, v in SurfaceClassifier(CARD).state_dict().items()}
     content = {"hyper_parameters": {"card": card}, "state_dict": state}
     torch.save(content, tmp_path / "m.ckpt")
     with pytest.raises(UserError, match="is damaged or was not written by tex_lightning") as caught:
         SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
     assert len(str(caught.value)) < 400
-    if inner:
-        assert f"its {key} is" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("decision.rule", "median"),
+        ("decision.pairs", "many"),
+        ("branches.haptic.axes", "frames"),
+        ("branches.sound.width", 1e30),
+        ("branches.sound.decode.sampling_rate", "fast"),
+        ("fusion.level", "fc1"),
+    ],
+)
+def test_the_value_is_named(key, value):
+    card = FUSION.to_dict()
+    *outer, last = key.split(".")
+    place = card
+    for name in outer:
+        place = place[name]
+    place[last] = value
+    with pytest.raises(ValueError, match=f"its {key} is"):
+        Card.from_dict(card)
+
+
+def test_a_card_tells_its_senses_and_what_it_is_called():
+    assert Card.from_dict(FUSION.to_dict()) == FUSION
+    assert FUSION.senses == ("haptic", "visual", "sound")
+    assert FUSION.modalities == ("haptic", "image", "sound")
+    assert (CARD.kind, FUSION.kind) == ("haptic", "fusion")
+    assert FUSION.title == "fusion network"
+
+
+def test_the_card_of_some_senses_is_that_of_a_network_of_them():
+    pair = FUSION.of(["visual", "sound"])
+    assert pair == make_card("visual", "sound", classes=["a", "b"], width=0.1)
+    single = FUSION.of(["haptic"])
+    assert (single.kind, single.fusion) == ("haptic", {})
+
+
+def test_two_senses_of_one_modality_look_at_it_once():
+    branches = {"coarse": {**HAPTIC, "width": 0.05}, "fine": HAPTIC}
+    assert Card(**{**FUSION.to_dict(), "branches": branches}).modalities == ("haptic",)
 
 
 def test_a_decision_given_goes_before_the_cards():

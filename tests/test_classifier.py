@@ -1,35 +1,24 @@
 import numpy as np
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier, content_seed
-from tex_lightning.data.decode import DecodeSettings
-from tex_lightning.decision.voting import random_pairs
+from tex_lightning.decision.voting import random_tuples
 from tex_lightning.errors import UserError
 
-NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
+SENSES = {
+    "haptic": ["haptic"],
+    "visual": ["visual"],
+    "fusion": ["haptic", "visual"],
+    "three": ["haptic", "visual", "sound"],
+}
 
 
-def card(kind: str, pairs: int = 200) -> Card:
-    return Card(
-        kind=kind,
-        classes=["a", "b", "c"],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": pairs, "seed": 0},
-        haptic_features={} if kind == "visual" else {"axes": "frame", "scale": "mel"},
-        haptic_network={} if kind == "visual" else NETWORK,
-        visual_network={}
-        if kind == "haptic"
-        else {**NETWORK, "trunk": trunk_node("alexnet_caffe")},
-        fusion={"level": "fc2"} if kind == "fusion" else {},
-    )
-
-
-def classifier(kind: str) -> SurfaceClassifier:
+def classifier(kind: str, level: str = "fc2") -> SurfaceClassifier:
     torch.manual_seed(0)
-    return SurfaceClassifier(card(kind)).eval()
+    card = make_card(*SENSES[kind], level=level, pairs=200, width=0.1)
+    return SurfaceClassifier(card).eval()
 
 
 def trace(seconds: float = 2.4, seed: int = 0) -> torch.Tensor:
@@ -42,29 +31,44 @@ def photo(side: int = 260, seed: int = 0) -> torch.Tensor:
     return torch.from_numpy(rng.integers(0, 256, (side, side, 3)).astype(np.uint8))
 
 
+def sound(seconds: float = 2.4, seed: int = 0) -> torch.Tensor:
+    rng = np.random.default_rng([seed, 1])
+    return torch.from_numpy(rng.standard_normal((1, int(seconds * 44_100))).astype(np.float32))
+
+
+def sample(seed: int = 0) -> dict[str, torch.Tensor]:
+    return {"haptic": trace(seed=seed), "image": photo(seed=seed), "sound": sound(seed=seed)}
+
+
 def test_fragments_are_the_networks_positions():
-    assert classifier("haptic").logits(trace(20.0)).shape == (3, 114)
-    assert classifier("visual").logits(photo=photo(384)).shape == (3, 36)
-    assert classifier("fusion").logits(trace(), photo()).shape == (3, 200)
+    assert classifier("haptic").logits(haptic=trace(20.0)).shape == (3, 114)
+    assert classifier("visual").logits(image=photo(384)).shape == (3, 36)
+    assert classifier("fusion").logits(haptic=trace(), image=photo()).shape == (3, 200)
+    assert classifier("three").logits(**sample()).shape == (3, 200)
 
 
-def test_fusions_logits_are_those_of_the_stated_pairs():
-    model = classifier("fusion")
-    seed = content_seed(0, trace().numpy(), photo().numpy())
+@pytest.mark.parametrize("kind", ["fusion", "three"])
+def test_fusions_logits_are_those_of_the_stated_tuples(kind):
+    model = classifier(kind)
+    given = {name: sample()[name] for name in model.card.modalities}
+    seed = content_seed(0, *(each.numpy() for each in given.values()))
     with torch.no_grad():
-        haptic = model.network.haptic.features(model.haptic_input(trace()), "fc2")[0]
-        visual = model.network.visual.features(model.visual_input(photo()), "fc2")[0].flatten(1)
-        pairs = random_pairs(haptic.shape[1], visual.shape[1], 200, seed)
-        joined = torch.cat((haptic[:, pairs[:, 0]], visual[:, pairs[:, 1]]))
-        expected = model.network.head(joined.T).T
-        torch.testing.assert_close(model.logits(trace(), photo()), expected)
+        features = [
+            network.features(branch(recording), "fc2")[0].flatten(1)
+            for network, branch, recording in zip(
+                model.network.networks, model.branches.values(), given.values(), strict=True
+            )
+        ]
+        tuples = random_tuples([each.shape[1] for each in features], 200, seed)
+        chosen = [each[:, tuples[:, place]] for place, each in enumerate(features)]
+        expected = model.network.head(torch.cat(chosen).T).T
+        torch.testing.assert_close(model.logits(**given), expected)
 
 
 def test_the_label_depends_on_the_sample_alone():
-    model = classifier("fusion")
-    samples = [(trace(seed=i), photo(seed=i)) for i in range(4)]
-    forwards = [model.classify(*sample) for sample in samples]
-    backwards = [model.classify(*sample) for sample in reversed(samples)][::-1]
+    model = classifier("three")
+    forwards = [model.classify(**sample(seed)) for seed in range(4)]
+    backwards = [model.classify(**sample(seed)) for seed in reversed(range(4))][::-1]
     for left, right in zip(forwards, backwards, strict=True):
         assert left.label == right.label
         assert torch.equal(left.fragments, right.fragments)
@@ -76,25 +80,75 @@ def save(model: SurfaceClassifier, path, **changes) -> None:
     torch.save({**content, **changes}, path)
 
 
-@pytest.mark.parametrize("kind", ["haptic", "visual", "fusion"])
-def test_a_checkpoint_rebuilds_it(tmp_path, kind):
-    model = classifier(kind)
-    if model.haptic_features is not None:
-        model.haptic_features.fit([model.haptic_features.magnitudes(trace())])
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+@pytest.mark.parametrize("kind", SENSES)
+def test_a_checkpoint_rebuilds_it(tmp_path, kind, level):
+    model = classifier(kind, level)
+    for name, features in model.features.items():
+        if hasattr(features, "fit"):
+            features.fit([features.magnitudes(sample()[name])])
     save(model, tmp_path / "m.ckpt")
-    again = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt", kind)
-    given = {"trace": trace(), "photo": photo()}
-    torch.testing.assert_close(model.logits(**given), again.logits(**given), rtol=0, atol=0)
+    again = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt", model.card.kind)
+    torch.testing.assert_close(model.logits(**sample()), again.logits(**sample()), rtol=0, atol=0)
     assert again.card == model.card
     assert not again.training
 
 
-def test_an_older_checkpoint_has_the_features_that_there_were(tmp_path):
-    model = classifier("haptic")
-    older = {**model.card.to_dict(), "haptic_features": {"normalisation": "standard"}}
-    save(model, tmp_path / "m.ckpt", hyper_parameters={"card": older})
-    features = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt").haptic_features
-    assert (features.axes, features.scale) == ("trace", "linear")
+@pytest.fixture
+def three(request) -> SurfaceClassifier:
+    """A FusionNet of three senses with a bias that is not 0."""
+    model = classifier("three", request.param)
+    torch.nn.init.normal_(model.network.head.bias)
+    return model.requires_grad_(False)
+
+
+def own(model: SurfaceClassifier) -> dict[str, torch.Tensor]:
+    """Of the sample, what the model looks at."""
+    return {modality: sample()[modality] for modality in model.card.modalities}
+
+
+@pytest.mark.parametrize("three", ["fc2"], indirect=True)
+@pytest.mark.parametrize(
+    "senses",
+    [["haptic", "visual"], ["haptic", "sound"], ["visual", "sound"], ["haptic", "visual", "sound"]],
+)
+def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
+    parts = [three.part([name]) for name in senses]
+    scores = [part.logits(**own(part)) for part in parts]
+    several = three.part(senses)
+    assert several.card.senses == tuple(senses)
+    counts = [each.shape[1] for each in scores]
+    tuples = random_tuples(counts, 200, several.seed(**own(several)))
+    expected = sum(each[:, tuples[:, place]] for place, each in enumerate(scores))
+    torch.testing.assert_close(several.logits(**own(several)), expected)
+
+
+@pytest.mark.parametrize("three", ["fc3"], indirect=True)
+def test_parts_of_a_fusion_of_fc3_have_the_scores_of_their_networks(three):
+    scores = {}
+    for network, (name, branch) in zip(three.network.networks, three.branches.items(), strict=True):
+        part = three.part([name])
+        scores[name] = network(branch(sample()[branch.modality]))[0].flatten(1)
+        torch.testing.assert_close(part.logits(**own(part)), scores[name])
+    pair = three.part(["haptic", "sound"])
+    counts = [scores[name].shape[1] for name in pair.card.senses]
+    tuples = random_tuples(counts, 200, pair.seed(**own(pair)))
+    joined = [scores[name][:, tuples[:, i]] for i, name in enumerate(pair.card.senses)]
+    weight = three.network.head.weight[:, [0, 1, 2, 6, 7, 8]]  # of three classes each
+    expected = weight @ torch.cat(joined) + three.network.head.bias[:, None]
+    torch.testing.assert_close(pair.logits(**own(pair)), expected)
+
+
+@pytest.mark.parametrize("three", ["fc2", "fc3"], indirect=True)
+def test_a_part_is_a_copy_and_is_saved_as_any_other(three, tmp_path):
+    part = three.part(["haptic", "visual"])
+    expected = part.logits(**own(part))
+    save(part, tmp_path / "m.ckpt")
+    for parameter in three.parameters():
+        parameter.zero_()
+    assert torch.equal(part.logits(**own(part)), expected)
+    again = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
+    assert torch.equal(again.logits(**own(part)), expected)
 
 
 def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):
@@ -113,9 +167,9 @@ def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):
 
 def test_too_short_too_small_and_missing_are_said():
     with pytest.raises(UserError, match=r"2\.26 s|1\.81 s for one fragment"):
-        classifier("haptic").logits(trace(1.8))
-    assert classifier("haptic").logits(trace(1.81)).shape == (3, 1)
+        classifier("haptic").logits(haptic=trace(1.8))
+    assert classifier("haptic").logits(haptic=trace(1.81)).shape == (3, 1)
     with pytest.raises(UserError, match=r"198x198 pixels .* needs 199 on each side"):
-        classifier("visual").logits(photo=photo(198))
+        classifier("visual").logits(image=photo(198))
     with pytest.raises(UserError, match="give image=FILE too"):
-        classifier("fusion").logits(trace())
+        classifier("fusion").logits(haptic=trace())

@@ -40,7 +40,7 @@ def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
     assert logger.params["haptic.fit.epochs"] == 2
     assert logger.params["seed"] == 0
     assert logger.images.keys() == {
-        "samples/spectrograms", "test/confusion", "test/class_accuracy", "test/calibration",
+        "samples/haptic", "test/confusion", "test/class_accuracy", "test/calibration",
     }  # fmt: skip
     (pixels,) = logger.images["test/confusion"]
     assert pixels.dtype == np.uint8

@@ -16,6 +16,7 @@ from tex_lightning.config.check import missing_keys
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.keys import Key
 from tex_lightning.config.mistakes import config_groups
+from tex_lightning.config.model import kind_of
 from tex_lightning.config.reading import keys_read
 from tex_lightning.dispatch import TASKS
 from tex_lightning.perturbations.augment import trainable
@@ -110,7 +111,14 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["model=minirocket", "model.settings.kernels=5"], "is model.baseline.kernels now"),
         (["model=minirocket", "model.baseline.kernel=5"], "did you mean model.baseline.kernels"),
         (["model.baseline=minirocket"], "model.baseline is minirocket: give a class"),
-        (["model.visual.trunk=tcnn"], "as in model/trunk=NAME"),
+        (["model.visual.trunk=tcnn"], "as in trunk=NAME"),
+        (["model/trunk=tcnn"], "The key model/trunk is trunk now"),
+        (["model.kind=haptic"], "The key model.kind is model.senses now"),
+        (["model.senses=[]"], "model.senses is []: name one sense or several"),
+        (["model=fusion", "model.senses=[haptic,haptic]"], "each once"),
+        (["model=fusion", "model.senses=[haptic,smell]"], "model.senses names smell"),
+        (["+model.smell.width=2"], "There is no key model.smell"),
+        (["+smell=A.wav"], "There is no key smell"),
         (["model=hptic"], "model=hptic does not exist (did you mean haptic?)"),
         (["model.haptic.widht=2"], "no key model.haptic.widht (did you mean model.haptic.width"),
         (["modle=haptic"], "no key modle (did you mean model"),
@@ -213,7 +221,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["weights=x.npz"], "HapticNet starts from a checkpoint"),
         (["model=visual", "weights=/no/x.npz"], "weights"),
         (["model=visual_squeezenet", "weights=/no/x.npz"], "/no/x.npz"),
-        (["model=visual", "model/trunk=squeezenet", "model.visual.norm=lrn"], "model.visual.norm"),
+        (["model=visual", "trunk=squeezenet", "model.visual.norm=lrn"], "model.visual.norm"),
         (["model=fusion", "model.fusion.haptic_checkpoint=/no.ckpt"], "/no.ckpt does not exist"),
         (["task=predict", "checkpoint=/no.ckpt", "haptic=a.wav"], "/no.ckpt does not exist"),
     ],
@@ -274,7 +282,7 @@ def test_presets_of_the_paper_run(cli, tmp_path, preset):
 )
 def test_presets_hold_the_papers_table_of_hyper_parameters(preset, kind, expected):
     config = compose_config(CONF, [f"experiment=paper/{preset}"])
-    assert config.model.kind == kind
+    assert kind_of(config.model.senses) == kind
     fit = config.model[kind].fit
     size = fit.get("frames", fit.get("patch"))
     steps = fit.epochs * fit.steps_per_epoch
@@ -290,7 +298,7 @@ def test_presets_hold_the_papers_table_of_hyper_parameters(preset, kind, expecte
 def test_robust_presets_train_on_what_is_not_held_out(preset):
     config = compose_config(CONF, [f"experiment=robust/{preset}"])
     plain = compose_config(CONF, [f"model={config.model.name}"])
-    assert config.model.kind == preset
+    assert kind_of(config.model.senses) == preset
     assert {*config.model.haptic.fit.perturb} < {*trainable("haptic")}
     assert {*config.model.visual.fit.perturb} < {*trainable("image")}
     assert plain.model.haptic.fit.perturb == plain.model.visual.fit.perturb == []

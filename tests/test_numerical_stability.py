@@ -3,24 +3,23 @@
 import numpy as np
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card, trunk_node
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier, content_seed
 from tex_lightning.config import EngineConfig
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.hapticnet import HapticNet
 
 ENGINE = EngineConfig(
     fold_batch_norm=True,
     fast_response_norm=True,
+    fast_spectrogram=True,
     channels_last=True,
     precision="fp32",
     compile=False,
@@ -28,21 +27,16 @@ ENGINE = EngineConfig(
 )
 
 
+SENSES = {"haptic": ["haptic"], "visual": ["visual"], "fusion": ["haptic", "visual"]}
+
+
 def classifier(kind: str, normalisation: str = "standard", pairs: int = 200) -> SurfaceClassifier:
     """Random weights whose class scores differ enough to be told apart."""
     torch.manual_seed(0)
-    network = {"width": 0.1, "norm": "batch", "dropout": 0.5}
-    haptic = {"normalisation": normalisation, "skip_impact": False}
-    card = Card(
-        kind=kind,
-        classes=["a", "b", "c", "d"],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": pairs, "seed": 0},
-        haptic_features={} if kind == "visual" else haptic,
-        haptic_network={} if kind == "visual" else network,
-        visual_network={} if kind == "haptic" else {**network, "trunk": trunk_node("tcnn")},
-        fusion={"level": "fc2"} if kind == "fusion" else {},
-    )
+    card = make_card(
+        *SENSES[kind], classes=["a", "b", "c", "d"], pairs=pairs, width=0.1, axes="frame",
+        scale="linear", normalisation=normalisation, skip_impact=False, trunk=trunk_node("tcnn"),
+    )  # fmt: skip
     model = SurfaceClassifier(card).eval().requires_grad_(False)
     for module in model.modules():
         if isinstance(module, nn.Conv2d | nn.Linear):
@@ -67,8 +61,8 @@ def test_the_number_of_threads_does_not_matter(kind):
     try:
         for count in (1, 2, 4):
             torch.set_num_threads(count)
-            votes.append(model.classify(noise(), photo()))
-            scores.append(model.logits(noise(), photo()))
+            votes.append(model.classify(haptic=noise(), image=photo()))
+            scores.append(model.logits(haptic=noise(), image=photo()))
     finally:
         torch.set_num_threads(threads)
     assert len({vote.label for vote in votes}) == 1
@@ -78,7 +72,7 @@ def test_the_number_of_threads_does_not_matter(kind):
 
 def test_a_batch_gives_what_its_samples_give():
     model = classifier("haptic")
-    inputs = torch.cat([model.haptic_input(noise(seed=seed)) for seed in range(5)])
+    inputs = torch.cat([model.branch("haptic")(noise(seed=seed)) for seed in range(5)])
     for order in (range(5), (4, 2, 0, 1, 3), (3, 3)):
         scores = model.network(inputs[list(order)])
         for place, seed in enumerate(order):
@@ -90,13 +84,10 @@ def test_a_batch_gives_what_its_samples_give():
 @pytest.mark.parametrize("seed", [0, 1, 2**32 - 1])
 def test_random_pairs_estimate_the_vote_of_all_pairs(seed):
     model, count = classifier("fusion"), 4000
-    halves = [
-        model.network.project_haptic(model.haptic_positions(noise(), "fc2")[None]),
-        model.network.project_visual(model.visual_positions(photo(), "fc2").flatten(1)[None]),
-    ]
-    every = (halves[0][0, :, :, None] + halves[1][0, :, None, :]).flatten(1)
+    halves = [model.summand("haptic", noise()), model.summand("visual", photo())]
+    every = (halves[0][:, :, None] + halves[1][:, None, :]).flatten(1)
     exact = torch.bincount(every.argmax(dim=0), minlength=4) / every.shape[1]
-    share = max_vote(model.pair_scores(*halves, seed, count)).shares
+    share = max_vote(model.join(halves, seed, count)).shares
     spread = (exact * (1 - exact) / count).sqrt()
     assert ((share - exact).abs() <= 4.5 * spread + 1e-6).all()
 
@@ -122,22 +113,23 @@ def test_the_order_of_fragments_never_changes_a_vote(order, seed):
 @given(st.floats(-60, 60))
 def test_paper_normalisation_makes_the_vote_blind_to_gain(decibel):
     model = classifier("haptic", "paper")
-    plain, loud = model.logits(noise()), model.logits(noise() * 10 ** (decibel / 20))
+    plain, loud = model.logits(haptic=noise()), model.logits(haptic=noise() * 10 ** (decibel / 20))
     torch.testing.assert_close(plain, loud, rtol=1e-2, atol=1e-2)
     assert max_vote(plain).label == max_vote(loud).label
 
 
 def test_standard_normalisation_is_not_and_does_not_promise_it():
     model = classifier("haptic")
-    assert not torch.allclose(model.logits(noise()), model.logits(noise() * 10))
+    assert not torch.allclose(model.logits(haptic=noise()), model.logits(haptic=noise() * 10))
 
 
 def test_shifting_by_a_stride_of_hops_shifts_the_fragments_by_one():
-    model, step = classifier("haptic"), HapticFeatures.hop_length * HapticNet.stride
+    model = classifier("haptic")
+    step = model.features["haptic"].hop_length * HapticNet.stride
     trace = noise(8.0)
     trace -= trace.mean()
     later = trace[:, step:]
-    whole, shifted = model.logits(trace), model.logits(later - later.mean())
+    whole, shifted = model.logits(haptic=trace), model.logits(haptic=later - later.mean())
     inner = slice(2, shifted.shape[1] - 2)  # away from what stands for what is outside
     torch.testing.assert_close(shifted[:, inner], whole[:, 1:][:, inner], rtol=1e-2, atol=1e-2)
 
@@ -162,7 +154,7 @@ UNUSABLE = {
 @pytest.mark.parametrize("edge", EDGES)
 def test_input_at_the_edge_ends_in_a_label(edge, normalisation):
     model = classifier("haptic", normalisation)
-    scores = model.logits(torch.from_numpy(EDGES[edge].astype(np.float32))[None])
+    scores = model.logits(haptic=torch.from_numpy(EDGES[edge].astype(np.float32))[None])
     assert scores.isfinite().all()
     assert max_vote(scores).shares.sum() == pytest.approx(1)
 
@@ -172,16 +164,17 @@ def test_input_at_the_edge_ends_in_a_label(edge, normalisation):
 def test_input_without_a_spectrum_ends_in_a_sentence(edge, normalisation):
     model = classifier("haptic", normalisation)
     with pytest.raises(UserError, match="NaN, infinity or numbers too large"):
-        model.classify(torch.from_numpy(UNUSABLE[edge].astype(np.float32))[None])
+        model.classify(haptic=torch.from_numpy(UNUSABLE[edge].astype(np.float32))[None])
 
 
 def test_one_sample_too_few_is_refused_and_one_more_is_not():
     model = classifier("haptic")
-    least = (HapticNet.min_frames - 1) * HapticFeatures.hop_length + HapticFeatures.window_length
-    assert model.logits(noise()[:, :least]).shape == (4, 1)
+    features = model.features["haptic"]
+    least = (HapticNet.min_size[1] - 1) * features.hop_length + features.window_length
+    assert model.logits(haptic=noise()[:, :least]).shape == (4, 1)
     with pytest.raises(UserError, match="record a longer stroke"):
-        model.logits(noise()[:, : least - 1])
-    features = HapticFeatures(skip_impact=False)
+        model.logits(haptic=noise()[:, : least - 1])
+    features = SpectrogramFeatures(skip_impact=False)
     assert features.magnitudes(noise()[:, :500]).shape[1] == 1
     with pytest.raises(UserError, match="less than one window"):
         features.magnitudes(noise()[:, :499])
@@ -189,6 +182,6 @@ def test_one_sample_too_few_is_refused_and_one_more_is_not():
 
 @pytest.mark.parametrize("value", [0, 128, 255])
 def test_a_photo_of_one_colour_has_a_label(value):
-    scores = classifier("visual").logits(photo=torch.full((240, 240, 3), value, dtype=torch.uint8))
+    scores = classifier("visual").logits(image=torch.full((240, 240, 3), value, dtype=torch.uint8))
     assert scores.isfinite().all()
     assert 0 <= max_vote(scores).label < 4

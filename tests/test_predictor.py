@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import soundfile
 import torch
-from conftest import RATE, make_photo, make_trace
+from conftest import RATE, make_card, make_photo, make_trace
 from PIL import Image
 
 import tex_lightning as tl
+from tex_lightning.classifier import SurfaceClassifier
 
 TRACE, PHOTO = make_trace(0, 0), make_photo(1, 0)
 PHOTO[..., 0] //= 2  # so that the order of colours matters
@@ -103,7 +104,7 @@ def test_a_chunk_with_other_axes_is_refused(haptic):
         ({"haptic": np.ones(9, complex)}, "complex128; give numbers"),
         ({"haptic": ["a.wav", "b.wav"]}, "give numbers"),
         ({"haptic": [[1, 2], [3]]}, "cannot be read as an array"),
-        ({"haptic": TRACE[:100]}, "less than one window"),
+        ({"haptic": TRACE[:100]}, r"0\.00 s of movement, and HapticNet needs 1\.81 s"),
         ({"haptic": TRACE, "rate": 0}, "rate is 0; give the sampling rate in Hz"),
         ({"haptic": "gone.wav"}, "gone.wav does not exist"),
         ({"image": PHOTO / 255.0}, "float64; give uint8"),
@@ -134,6 +135,26 @@ def test_overrides_are_those_of_the_command_line(untrained):
     strict = tl.load(path, "decision.reject_below=1").predict(haptic=TRACE)
     assert (strict.label, strict.rejected) == (None, True)
     assert strict.top_k[0]["label"] in ("a", "b", "c")
+
+
+def test_some_of_three_senses_are_enough(tmp_path):
+    torch.manual_seed(0)
+    model = SurfaceClassifier(make_card("haptic", "visual", "sound", width=0.1))
+    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
+    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
+    torch.save(content, tmp_path / "fusion.ckpt")
+    predictor = tl.load(tmp_path / "fusion.ckpt")
+    sound = np.random.default_rng(0).standard_normal(105_840).astype(np.float32)
+    given = {"haptic": TRACE, "image": PHOTO, "sound": sound}
+    for names in (["sound"], ["haptic", "sound"], ["haptic", "image"], list(given)):
+        some = {name: given[name] for name in names}
+        found = predictor.predict(**some, rate=None)
+        assert found.modalities == tuple(names)
+        assert found.fragments == (4 if len(names) == 1 else 50)
+        others = dict.fromkeys(set(given) - set(names))  # None is as if it was not given
+        assert essence(predictor.predict(**some, **others)) == essence(found)
+    with pytest.raises(tl.UserError, match="nothing to classify; give some of haptic, image, so"):
+        predictor.predict()
 
 
 def test_a_stream_of_a_fusion_network_is_refused(fusion):

@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from tex_lightning.config import CONF, register
 from tex_lightning.config.arguments import quote_files
 from tex_lightning.config.job import current_job
-from tex_lightning.config.search import use_config_dir
+from tex_lightning.config.search import use_config_dir, with_own_senses
 from tex_lightning.config.usage import answer, asks
 from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake
@@ -93,7 +93,7 @@ def _answer(arguments: list[str]) -> int:
 
 def _run() -> int:
     """Run the command line and return its exit status."""
-    sys.argv[1:] = quote_files(sys.argv[1:])
+    sys.argv[1:] = with_own_senses(quote_files(sys.argv[1:]))
     register()
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:

@@ -1,10 +1,13 @@
-"""The trained thing itself: features, network and decision in one module.
+"""The trained thing itself: features, networks and decision in one module.
 
 A :class:`Card` of plain values rebuilds it, and a checkpoint holds the card and the weights, so
 that prediction from raw files does exactly what testing did.
 """
 
 import zlib
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,39 +16,34 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.branches import Branch, make_branch
+from tex_lightning.branches.base import content
 from tex_lightning.card import Card, damaged, read_checkpoint
-from tex_lightning.config.instantiation import TARGET, build
-from tex_lightning.data.folds import NEEDS, Kind
-from tex_lightning.decision.voting import RULES, Vote, random_pairs
+from tex_lightning.config.model import FUSION
+from tex_lightning.decision.voting import RULES, Vote, random_tuples
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import ImageFeatures
-from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.trunks import Trunk
-from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.networks.windows import window_size
-
-TRUNK = "model.visual.trunk"
-SHARED = ("width", "norm")  # keys of VisualNet that its trunk takes as well
 
 
 class SurfaceClassifier(nn.Module):
-    """Classify raw traces and photos.
+    """Classify decoded recordings.
+
+    One branch decides by its own class scores; of several the scores add up (FusionNet).
 
     Attributes:
-        haptic_features: None for VisualNet.
-        image_features: None for HapticNet.
-        network: HapticNet, VisualNet or FusionNet.
+        card: What it is made of.
+        features: Those of each branch, by the name of the sense.
+        network: That of the only branch, or the FusionNet of all.
+        tile: Most elements of an input that go through a network at once; None never divides.
 
     Example:
         >>> import tex_lightning as tl, torch
         >>> classifier = tl.load("RUN").classifier
         >>> trace, photo = torch.randn(3, 24_000), torch.zeros(240, 240, 3, dtype=torch.uint8)
-        >>> classifier.logits(trace, photo).shape  # of classes and pairs of fragments
+        >>> classifier.logits(haptic=trace, image=photo).shape  # of classes and pairs of fragments
         torch.Size([3, 50])
-        >>> vote = classifier.classify(trace, photo)
+        >>> vote = classifier.classify(haptic=trace, image=photo)
         >>> vote.label in (0, 1, 2)
         True
     """
@@ -53,13 +51,26 @@ class SurfaceClassifier(nn.Module):
     def __init__(self, card: Card) -> None:
         super().__init__()
         self.card = card
-        needs = NEEDS[card.kind]
-        self.haptic_features = HapticFeatures(**card.haptic_features) if "haptic" in needs else None
-        self.image_features = ImageFeatures() if "image" in needs else None
-        self.network = build_network(card)
+        self.tile: int | None = None
+        classes = len(card.classes)
+        self._take({name: make_branch(name, node, classes) for name, node in card.branches.items()})
+
+    def _take(self, branches: dict[str, Branch]) -> None:
+        """Hold the modules of new branches; :meth:`branch` puts each together again."""
+        networks = [branch.network for branch in branches.values()]
+        self.features = nn.ModuleDict({name: each.features for name, each in branches.items()})
+        self.network: nn.Module = (
+            networks[0]
+            if len(networks) == 1
+            else FusionNet(*networks, classes=len(self.card.classes), **self.card.fusion)
+        )
+        empty = nn.Module()
+        self._kinds = {
+            name: replace(each, features=empty, network=empty) for name, each in branches.items()
+        }
 
     @classmethod
-    def from_checkpoint(cls, path: str | Path, kind: Kind | None = None) -> "SurfaceClassifier":
+    def from_checkpoint(cls, path: str | Path, kind: str | None = None) -> "SurfaceClassifier":
         """Load a checkpoint of this package, ready to classify on the CPU.
 
         Args:
@@ -70,9 +81,9 @@ class SurfaceClassifier(nn.Module):
             UserError: If the file is missing, damaged, from elsewhere, a baseline's or of another
                 kind.
         """
-        path, content = Path(path).expanduser(), read_checkpoint(path)
+        path, stored = Path(path).expanduser(), read_checkpoint(path)
         try:
-            card = Card.from_dict(content["hyper_parameters"]["card"])
+            card = Card.from_dict(stored["hyper_parameters"]["card"])
             if card.baseline:
                 raise UserError(
                     f"Checkpoint {path} holds {card.title}, and this needs one of this package's "
@@ -82,7 +93,7 @@ class SurfaceClassifier(nn.Module):
             prefix = "classifier."
             state = {
                 key.removeprefix(prefix): value
-                for key, value in content["state_dict"].items()
+                for key, value in stored["state_dict"].items()
                 if key.startswith(prefix)
             }
             classifier.load_state_dict(state)
@@ -98,134 +109,151 @@ class SurfaceClassifier(nn.Module):
         return classifier.eval()
 
     @property
+    def fusion(self) -> FusionNet | None:
+        """The FusionNet of several branches; None of a single one."""
+        return cast(FusionNet, self.network) if self.card.kind == FUSION else None
+
+    def branch(self, name: str) -> Branch:
+        """One sense with its features and network as they are now."""
+        place = self.card.senses.index(name)
+        network = self.network if self.fusion is None else self.fusion.networks[place]
+        kind = self._kinds[name]
+        return replace(kind, features=self.features[name], network=network, tile=self.tile)
+
+    @property
+    def branches(self) -> dict[str, Branch]:
+        """All senses by name."""
+        return {name: self.branch(name) for name in self.card.senses}
+
+    @property
     def device(self) -> torch.device:
         """Where it computes."""
-        return next(self.parameters()).device
+        return next(iter(self.branches.values())).device
 
     def count_parameters(self) -> int:
         """How many numbers were trained."""
         return sum(parameter.numel() for parameter in self.network.parameters())
 
-    def adopt_haptic_features(self, other: "SurfaceClassifier") -> None:
-        """Take over the normalisation that another classifier was fitted with."""
-        if self.haptic_features is not None and other.haptic_features is not None:
-            self.haptic_features.load_state_dict(other.haptic_features.state_dict())
-
     @torch.inference_mode()
-    def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
+    def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; see :meth:`logits`."""
-        return self.decide(self.logits(trace, photo), self.card.temperature)
+        return self.decide(self.logits(**recordings), self.card.temperature)
 
     def decide(self, logits: Tensor, temperature: float) -> Vote:
         """Decide by class scores (classes, fragments) with the card's rule."""
         return RULES[self.card.rule](logits, temperature)
 
-    def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
+    def logits(self, **recordings: Tensor) -> Tensor:
         """Class scores of every fragment of one sample of decoded recordings.
 
         Args:
-            trace: (axes, samples) float32 at the card's sampling rate.
-            photo: (height, width, 3) uint8, already halved if the card says so.
+            **recordings: By modality. A signal is (axes, samples) float32 at the rate of its
+                branch, a photo (height, width, 3) uint8, already halved if the card says so.
 
         Returns:
-            (classes, fragments); FusionNet's fragments are its random pairs.
+            (classes, fragments); FusionNet's fragments are its random tuples of positions.
 
         Raises:
             UserError: If a modality the network needs is absent, or a recording is too small.
         """
-        self._require(trace, photo)
-        if isinstance(self.network, HapticNet):
-            return self.haptic_positions(cast(Tensor, trace), "fc3")
-        if isinstance(self.network, VisualNet):
-            return self.visual_positions(cast(Tensor, photo), "fc3").flatten(1)
-        visual = self.visual_positions(cast(Tensor, photo), self.network.level).flatten(1)
-        haptic = self.haptic_positions(cast(Tensor, trace), self.network.level)
-        halves = self.network.project(haptic[None], visual[None])
-        return self.pair_scores(*halves, self.seed(trace, photo))
+        self.require(recordings)
+        summands = [
+            self.summand(name, recordings[branch.modality])
+            for name, branch in self.branches.items()
+        ]
+        return self.join(summands, self.seed(**recordings))
 
-    def seed(self, *recordings: Tensor | None) -> int:
+    def seed(self, **recordings: Tensor) -> int:
         """Of the random choices for one sample of decoded recordings."""
-        arrays = (each.cpu().contiguous().numpy() for each in recordings if each is not None)
+        arrays = (content(recordings[modality]) for modality in self.card.modalities)
         return content_seed(self.card.decision["seed"], *arrays)
 
-    def pair_scores(
-        self, haptic: Tensor, visual: Tensor, seed: int, count: int | None = None
-    ) -> Tensor:
-        """FusionNet's class scores (classes, pairs) of random pairs of positions of one sample.
+    def summand(self, name: str, recording: Tensor) -> Tensor:
+        """What one sense adds to the class scores: (classes, positions).
 
         Args:
-            haptic: Haptic summands (1, classes, L).
-            visual: Visual summands (1, classes, M * N).
-            seed: Of the pairs; see :func:`content_seed`.
-            count: Number of pairs; None takes the card's.
+            name: Of the sense.
+            recording: Decoded.
         """
-        pairs = random_pairs(
-            haptic.shape[-1],
-            visual.shape[-1],
-            self.card.decision["pairs"] if count is None else count,
-            seed,
-        )
-        network = cast(FusionNet, self.network)
-        return network.join(haptic, visual, pairs.to(visual.device))[0]
+        return self.project(name, self.positions(name, recording))
 
-    def haptic_positions(self, trace: Tensor, level: Level) -> Tensor:
-        """Features (D, L) of a decoded trace at every position of HapticNet."""
-        network = self.network.haptic if isinstance(self.network, FusionNet) else self.network
-        return cast(HapticNet, network).features(self.haptic_input(trace), level)[0]
+    def positions(self, name: str, recording: Tensor) -> Tensor:
+        """Features (D, positions) of one sense, of the layer that is fused; scores of a single."""
+        return self.branch(name).positions(recording, self.level(name))
 
-    def visual_positions(self, photo: Tensor, level: Level) -> Tensor:
-        """Features (D, M, N) of a decoded photo at every position of VisualNet."""
-        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
-        return cast(VisualNet, network).features(self.visual_input(photo), level)[0]
+    def level(self, name: str) -> Level:
+        """The layer of one sense that is fused; of a single one that of the scores."""
+        place = self.card.senses.index(name)
+        return "fc3" if self.fusion is None else self.fusion.levels[place]
 
-    def haptic_input(self, trace: Tensor) -> Tensor:
-        """Spectrogram (1, 1, 50, frames) of a decoded trace, on the module's device."""
-        features = cast(HapticFeatures, self.haptic_features)
-        spectrogram = features(trace.to(features.window.device))
-        check_frames(spectrogram.shape[-1], features)
-        check_finite(spectrogram)
-        return cast(Tensor, spectrogram)
+    def project(self, name: str, features: Tensor) -> Tensor:
+        """The summand of features (D, positions) of one sense, see :meth:`positions`."""
+        if self.fusion is None:
+            return features
+        return self.fusion.project(self.card.senses.index(name), features[None])[0]
 
-    def visual_input(self, photo: Tensor) -> Tensor:
-        """Normalised pixels (1, 3, height, width) of a decoded photo, on the module's device."""
-        features = cast(ImageFeatures, self.image_features)
-        check_side(photo.shape[0], photo.shape[1], self.min_side)
-        return cast(Tensor, features(photo.permute(2, 0, 1)[None].to(features.mean.device)))
-
-    def visual_windows(self, photo: Tensor, corners: Tensor, level: Level) -> Tensor:
-        """Features (D, windows), float32, of single windows of a decoded photo.
+    def join(self, summands: Sequence[Tensor], seed: int, count: int | None = None) -> Tensor:
+        """Class scores (classes, fragments) of one sample.
 
         Args:
-            photo: As for :meth:`logits`.
-            corners: (windows, 2) row and column of the upper left pixel of each.
-            level: As for :meth:`visual_positions`.
+            summands: Those of all senses, in order; of a single one they are the scores.
+            seed: Of the tuples; see :func:`content_seed`.
+            count: Number of tuples; None takes the card's.
         """
-        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
-        features = cast(ImageFeatures, self.image_features)
-        height, width = window_size(cast(VisualNet, network))
-        crops = torch.stack(
-            [photo[row : row + height, col : col + width] for row, col in corners.tolist()]
-        )
-        pixels = features(crops.permute(0, 3, 1, 2).to(features.mean.device))
-        pixels = pixels.to(next(network.parameters()).dtype)
-        return cast(VisualNet, network).features(pixels, level).flatten(1).T.float()
+        if self.fusion is None:
+            return summands[0]
+        wanted: int = self.card.decision["pairs"] if count is None else count
+        tuples = random_tuples([each.shape[-1] for each in summands], wanted, seed)
+        parts = [each[None] for each in summands]
+        return self.fusion.join(parts, tuples.to(summands[0].device))[0]
 
-    @property
-    def min_side(self) -> int:
-        """Smallest side in pixels of a photo; 0 for HapticNet."""
-        if isinstance(self.network, HapticNet):
-            return 0
-        network = self.network.visual if isinstance(self.network, FusionNet) else self.network
-        return network.min_side
+    @torch.no_grad()
+    def part(self, senses: Sequence[str]) -> "SurfaceClassifier":
+        """A copy that looks at some of the senses, for samples that lack the others.
 
-    def _require(self, trace: Tensor | None, photo: Tensor | None) -> None:
-        given = {"haptic": trace is not None, "image": photo is not None}
-        absent = [modality for modality in NEEDS[self.card.kind] if not given[modality]]
-        if absent:
+        Where FC2 is fused a single sense has no FC3 of its own; it takes its part of the fusion
+        layer, so that the scores of all add up to those of the fusion. At FC3 it is the network
+        with its own scores.
+        """
+        if self.fusion is None or tuple(senses) == self.card.senses:
+            return self
+        part = SurfaceClassifier(self.card.of(senses))
+        part.tile = self.tile
+        for name in senses:
+            part.features[name] = deepcopy(self.features[name])
+        places = [self.card.senses.index(name) for name in senses]
+        fused = self.fusion.subset(places)
+        if len(self.card.senses) - 1 not in places:  # the bias is in the summand of the last
+            fused.head.bias.zero_()
+        part.network = fused if len(places) > 1 else _alone(part, fused)
+        return part.to(self.device).train(self.training)
+
+    def require(self, given: Sequence[str] | dict[str, Any]) -> None:
+        """Refuse a sample that lacks a modality.
+
+        Raises:
+            UserError: Naming it.
+        """
+        needs = self.card.modalities
+        if absent := [modality for modality in needs if modality not in given]:
             raise UserError(
-                f"This {self.card.kind} network needs {' and '.join(NEEDS[self.card.kind])}; "
-                f"give {' and '.join(f'{key}=FILE' for key in absent)} too."
+                f"This {self.card.kind} network needs {' and '.join(needs)}; give "
+                f"{' and '.join(f'{key}=FILE' for key in absent)} too."
             )
+
+
+def _alone(part: SurfaceClassifier, fused: FusionNet) -> nn.Module:
+    """The network of a single sense out of a FusionNet of it alone."""
+    network = fused.networks[0]
+    if fused.levels[0] == "fc3":
+        return network
+    whole: Any = network
+    if hasattr(whole, "head"):  # whose scores FusionNet has taken out
+        whole.head.scores = part.network.get_submodule("head").scores
+    layer = whole.score_layer
+    layer.weight.copy_(fused.head.weight.reshape(layer.weight.shape))
+    layer.bias.copy_(fused.head.bias)
+    return network
 
 
 def content_seed(seed: int, *recordings: npt.NDArray[Any]) -> int:
@@ -234,65 +262,3 @@ def content_seed(seed: int, *recordings: npt.NDArray[Any]) -> int:
     for array in recordings:
         seed = zlib.crc32(np.ascontiguousarray(array).data, seed)
     return seed
-
-
-def check_frames(frames: int, features: HapticFeatures) -> None:
-    """Refuse a spectrogram too short for one fragment."""
-    least = HapticNet.min_frames
-    if frames < least:
-        rate, hop = features.sampling_rate, features.hop_length
-        have = max(0, (frames - 1) * hop + features.window_length) / rate
-        need = ((least - 1) * hop + features.window_length) / rate
-        raise UserError(
-            f"The trace has {have:.2f} s of movement, and HapticNet needs {need:.2f} s for one "
-            "fragment; record a longer stroke."
-        )
-
-
-def check_finite(signal: Tensor) -> None:
-    """Refuse what no class score can be computed from: NaN would win every vote."""
-    if not bool(signal.isfinite().all()):
-        raise UserError(
-            "The trace holds NaN, infinity or numbers too large to square; repair the recording."
-        )
-
-
-def check_side(height: int, width: int, least: int) -> None:
-    """Refuse a photo too small for one fragment."""
-    if min(height, width) < least:
-        raise UserError(
-            f"The photo has {width}x{height} pixels after decoding, and this network needs "
-            f"{least} on each side; use a larger photo or train with data.half_scale=false."
-        )
-
-
-def build_visualnet(card: Card) -> VisualNet:
-    """The VisualNet that a card describes; its trunk gets those of width and norm that it takes.
-
-    Raises:
-        UserError: If the trunk cannot be made or is none.
-    """
-    values = dict(card.visual_network)
-    node, shared = values.pop("trunk"), {key: values.pop(key) for key in SHARED if key in values}
-    trunk = build(TRUNK, node, **shared)
-    if not isinstance(trunk, Trunk):
-        raise UserError(
-            f"{TRUNK} names {node[TARGET]}, which is no trunk; derive it from "
-            f"{Trunk.__module__}.{Trunk.__name__}."
-        )
-    return VisualNet(len(card.classes), trunk, **values)
-
-
-def build_network(card: Card) -> HapticNet | VisualNet | FusionNet:
-    """The network that a card describes, with random weights."""
-    classes = len(card.classes)
-    if card.kind == "haptic":
-        return HapticNet(classes, **card.haptic_network)
-    if card.kind == "visual":
-        return build_visualnet(card)
-    return FusionNet(
-        HapticNet(classes, **card.haptic_network),
-        build_visualnet(card),
-        classes=classes,
-        level=cast(Level, card.fusion["level"]),
-    )

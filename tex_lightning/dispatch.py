@@ -2,14 +2,14 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import torch
 from omegaconf import DictConfig
 
 from tex_lightning.auto import resolve_auto
-from tex_lightning.config import Config, flatten
+from tex_lightning.config import Config, flatten, plain_values
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import trust, trusting
@@ -77,8 +77,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     with announced_once(config), trusting(config.trusted):
         trust(config)
         if is_rank_zero():
-            values = {**asdict(config), "trainer": vars(config.trainer)}  # Lightning's flags too
-            claim_folder(composed, flatten(values), job)
+            claim_folder(composed, flatten(plain_values(config)), job)
         if config.model.name == AUTO:
             config = resolve_auto(config, job)
         results = TASKS[config.task](config, job)

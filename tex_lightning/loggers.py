@@ -92,7 +92,7 @@ def log_test(
     Args:
         nodes: ``logger`` of the configuration.
         directory: The run folder.
-        name: haptic, visual or fusion.
+        name: Of the network: its sense, or ``fusion``.
         config: The whole configuration as plain values.
         result: The network's entry of ``results.json``.
         figures: Matplotlib figures by title.

@@ -1,12 +1,11 @@
 """A trained system that classifies files and arrays, as the command line and Python use it."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
@@ -18,22 +17,12 @@ from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.trust import trusting
 from tex_lightning.config.weights import read_config
-from tex_lightning.data.arrays import as_photo, as_trace
-from tex_lightning.data.decode import decode_image, read_trace, to_rate
-from tex_lightning.data.folds import NEEDS
-from tex_lightning.data.quality import (
-    Quality,
-    TraceMonitor,
-    photo_quality,
-    together,
-    trace_measures,
-)
+from tex_lightning.data.quality import Quality, together
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.live import LiveStream
-from tex_lightning.parts import part_for
 from tex_lightning.prediction import Prediction, describe
 from tex_lightning.runfolder import find_checkpoint
 
@@ -102,43 +91,40 @@ class Predictor:
         self.config = config
         self.classifier = classifier.to(pick_device(config.trainer.accelerator))
         self.card: Card = classifier.card.deciding(config.decision)
-        self._deciders: dict[tuple[bool, bool], SurfaceClassifier] = {}
+        self._deciders: dict[tuple[str, ...], SurfaceClassifier] = {}
 
     def predict(
-        self,
-        haptic: Input = None,
-        image: Input = None,
-        *,
-        rate: float | None = None,
-        colour: str = "rgb",
+        self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
     ) -> Prediction:
-        """Classify one sample. Of a FusionNet one of the two is enough.
+        """Classify one sample. Of a FusionNet some of its senses are enough.
 
         Args:
-            haptic: File of a trace, or its samples: (samples,), (axes, samples) or (samples, axes)
-                with one or three axes, in the unit of the training recordings.
-            image: File of a photo, or its pixels: (height, width, 3), or (height, width) in grey,
-                uint8. Both are halved or resized as the checkpoint says.
-            rate: Of the samples in Hz, and of a file that carries none; None takes the
-                checkpoint's.
+            rate: Of samples in Hz, and of files that carry none; None takes the checkpoint's.
             colour: Order of the colours of an array, ``rgb`` or, as OpenCV has it, ``bgr``.
+            **recordings: By modality, ``haptic``, ``image``, ``sound`` or a user's own. Of a signal
+                a file, or its samples: (samples,), (axes, samples) or (samples, axes) with one or
+                three axes, in the unit of the training recordings. Of a photo a file, or its
+                pixels: (height, width, 3), or (height, width) in grey, uint8. They are brought to
+                the rate and the size that the checkpoint says. None is as if it was not given.
 
         Raises:
             UserError: If the input cannot be used, or is not what this checkpoint looks at.
         """
-        self.check_senses(haptic=haptic is not None, image=image is not None)
-        decider = self._decider(haptic is not None, image is not None)
+        given = {name: each for name, each in recordings.items() if each is not None}
+        self.check_senses(given)
+        senses = self._senses(given)
+        decider = self._decider(senses)
         begin = time.perf_counter()
         try:
-            trace, photo, quality = self._inputs(haptic, image, rate, colour)
-            vote = decider.classify(trace, photo)
+            decoded, quality = self._decoded(given, senses, rate, colour)
+            vote = decider.classify(**decoded)
         except UserError as error:
-            files = [str(each) for each in (haptic, image) if isinstance(each, str | Path)]
+            files = [str(each) for each in given.values() if isinstance(each, str | Path)]
             named = not files or any(file in str(error) for file in files)
             raise UserError(str(error) if named else f"{' and '.join(files)}: {error}") from error
         synchronise(decider.device)
-        latency, fused = time.perf_counter() - begin, self.card.kind == "fusion"
-        said = NEEDS[decider.card.kind] if fused else ()
+        latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
+        said = decider.card.modalities if fused else ()
         return describe(vote, decider.card, quality, self.config.top_k, latency, said)
 
     def stream(self) -> LiveStream:
@@ -151,69 +137,48 @@ class Predictor:
         engine.card = self.card
         return LiveStream(engine, wait=self.config.stream.wait, top_k=self.config.top_k)
 
-    def check_senses(self, *, haptic: bool, image: bool) -> None:
+    def check_senses(self, given: Collection[str]) -> None:
         """Refuse to be given nothing, or what this checkpoint does not look at.
 
         Raises:
             UserError: Naming it.
         """
-        given = [key for key, there in (("haptic", haptic), ("image", image)) if there]
-        unused = [key for key in given if key not in NEEDS[self.card.kind]]
-        if not given:
-            raise UserError("There is nothing to classify; give haptic, image or both.")
+        known = self.card.modalities
+        unused = [name for name in given if name not in known]
         if unused:
             raise UserError(
                 f"This {self.card.title} does not look at {unused[0]}; leave {unused[0]}= "
                 "out or give another checkpoint."
             )
+        if not given:
+            some = f"{known[0]}=FILE" if len(known) == 1 else f"some of {', '.join(known)}"
+            raise UserError(f"There is nothing to classify; give {some}.")
 
-    def _decider(self, haptic: bool, image: bool) -> SurfaceClassifier:
-        """What decides on such a sample: of a FusionNet perhaps one part."""
-        if (haptic, image) not in self._deciders:
-            classifier = self.classifier
-            if self.card.kind == "fusion" and not (haptic and image):
-                classifier = part_for(classifier, "haptic" if haptic else "image")
-            self._deciders[haptic, image] = prepare(
-                classifier, self.config.engine, self.config.decision
-            )
-        return self._deciders[haptic, image]
+    def _senses(self, given: Collection[str]) -> tuple[str, ...]:
+        """Those whose recordings are there."""
+        branches = self.classifier.branches.items()
+        return tuple(name for name, branch in branches if branch.modality in given)
 
-    def _inputs(
-        self, haptic: Input, image: Input, rate: float | None, colour: str
-    ) -> tuple[Tensor | None, Tensor | None, Quality]:
-        """Decoded trace and photo, and what is wrong with them."""
-        trace = photo = None
+    def _decider(self, senses: tuple[str, ...]) -> SurfaceClassifier:
+        """What decides by these senses: of a FusionNet perhaps a part."""
+        if senses not in self._deciders:
+            part = self.classifier.part(senses)
+            self._deciders[senses] = prepare(part, self.config.engine, self.config.decision)
+        return self._deciders[senses]
+
+    def _decoded(
+        self, given: Mapping[str, Input], senses: Sequence[str], rate: float | None, colour: str
+    ) -> tuple[dict[str, Tensor], Quality]:
+        """Decoded recordings by modality, and what is wrong with them."""
+        decoded: dict[str, Tensor] = {}
         found: list[Quality] = []
-        if haptic is not None:
-            trace, quality = self._trace(haptic, rate)
-            found.append(quality)
-        if image is not None:
-            photo, quality = self._photo(image, colour)
-            found.append(quality)
-        return trace, photo, together(found)
-
-    def _trace(self, given: Input, rate: float | None) -> tuple[Tensor, Quality]:
-        target = self.card.settings.sampling_rate
         rate = self.config.data.file_rate if rate is None else rate
-        if isinstance(given, str | Path):
-            path = Path(given).expanduser()
-            raw, found = read_trace(path, self.card.settings_for(rate))
-            source = found.hz
-            name = f"Trace {path}"
-        else:
-            raw, source, name = as_trace(given), target if rate is None else rate, "haptic"
-        if not source > 0:
-            raise UserError(f"rate is {source:g}; give the sampling rate in Hz.")
-        trace, monitor = to_rate(raw, source, target, name), TraceMonitor()
-        monitor.update(raw)  # resampling would blur what is constant or clipped
-        measures = trace_measures(trace, source, target)
-        return torch.from_numpy(trace), monitor.quality(self.card.input_ranges, **measures)
-
-    def _photo(self, given: Input, colour: str) -> tuple[Tensor, Quality]:
-        settings = self.card.settings
-        if isinstance(given, str | Path):
-            fast = self.config.predict.fast_decode
-            photo = decode_image(Path(given).expanduser(), settings, fast=fast)
-        else:
-            photo = as_photo(given, settings, colour)
-        return torch.from_numpy(photo), photo_quality(photo, self.card.input_ranges)
+        how = {"rate": rate, "colour": colour, "fast": self.config.predict.fast_decode}
+        for name in senses:
+            branch = self.classifier.branch(name)
+            ranges = self.card.input_ranges.get(branch.modality, {})
+            if branch.modality not in decoded:
+                recording, quality = branch.receive(given[branch.modality], ranges, **how)
+                decoded[branch.modality] = recording
+                found.append(quality)
+        return decoded, together(found)

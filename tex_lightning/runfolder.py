@@ -8,6 +8,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config.job import Job
+from tex_lightning.config.model import kind_of
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_text
 
@@ -94,7 +95,8 @@ def find_checkpoint(given: str | Path) -> Path:
             "the folder of a finished run."
         )
     note = path / SETTINGS
-    own = _read(note).get("model.kind") if note.is_file() else None
+    senses = _read(note).get("model.senses") if note.is_file() else None
+    own = kind_of(senses) if senses else None
     if own is None and len(found) == 1:
         own = next(iter(found))
     if own not in found:

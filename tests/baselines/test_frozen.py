@@ -112,4 +112,4 @@ def test_weights_are_checked_before_any_work(cli, surfaces, tmp_path):
     assert "/no/x.npz" in outcome.err
     outcome = cli("model=lbp", "weights=/no/x.npz", "data=folder", f"data.root={surfaces}")
     assert outcome.status == 2
-    assert "visual trunk" in outcome.err
+    assert "weights belong to a trunk, which model=lbp does not have" in outcome.err

@@ -4,13 +4,20 @@ import torch
 from conftest import ramp
 from scipy import stats
 
-from tex_lightning.data.banks import PhotoBank, SpectrogramBank
+from tex_lightning.data.banks import InputBank, PhotoBank
+
+FIRST = np.array([0]), np.random.default_rng(0)
+
+
+def spectrogram(frames, start):
+    """One channel whose columns are numbered."""
+    return ramp(frames, start)[None]
 
 
 def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
-    bank = SpectrogramBank([ramp(20, 0), ramp(35, 100), ramp(11, 200)], frames=10)
+    bank = InputBank([spectrogram(20, 0), spectrogram(35, 100), spectrogram(11, 200)], frames=10)
     indices = np.array([0, 1, 2, 1] * 50)
-    cut = bank.cut(indices, np.random.default_rng(0))
+    cut = bank.cut(indices, np.random.default_rng(0))["input"]
     assert cut.shape == (200, 1, 3, 10)
     assert cut[:, 0, 0].diff().eq(1).all()
     starts = cut[:, 0, 0, 0].numpy()
@@ -20,16 +27,28 @@ def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
     assert (starts[indices == 1] <= 125).all()
 
 
+@pytest.mark.parametrize("shape", [(), (2,), (1, 4), (2, 3, 4)])
+def test_inputs_of_any_shape_are_cut_along_their_last_axis(shape):
+    whole = torch.arange(30.0).expand(*shape, 30) + torch.rand(*shape, 1)
+    cut = InputBank([whole], frames=10).cut(np.zeros(7, int), np.random.default_rng(0))["input"]
+    assert cut.shape == (7, *shape, 10)
+    for piece in cut:
+        places = [at for at in range(21) if torch.equal(whole[..., at : at + 10], piece)]
+        assert len(places) == 1
+
+
 def test_a_short_spectrogram_is_repeated():
-    cut = SpectrogramBank([ramp(4, 0)], frames=10).cut(np.array([0]), np.random.default_rng(0))
+    cut = InputBank([spectrogram(4, 0)], frames=10).cut(*FIRST)["input"]
     steps = cut[0, 0, 0].diff()
     assert set(steps.tolist()) == {1.0, -3.0}
 
 
 def test_every_version_of_a_recording_is_cut_alike():
-    versions = [ramp(20, 100 * number) for number in range(6)]  # two recordings, three versions
-    bank = SpectrogramBank(versions, frames=10, versions=3)
-    cut = bank.cut(np.repeat([0, 1], 3000), np.random.default_rng(0))
+    versions = [
+        spectrogram(20, 100 * number) for number in range(6)
+    ]  # two recordings, three versions
+    bank = InputBank(versions, frames=10, versions=3)
+    cut = bank.cut(np.repeat([0, 1], 3000), np.random.default_rng(0))["input"]
     number = (cut[:, 0, 0, 0] // 100).long().numpy()
     assert {*number[:3000]} == {0, 2, 4}
     assert {*number[3000:]} == {1, 3, 5}
@@ -38,8 +57,9 @@ def test_every_version_of_a_recording_is_cut_alike():
 
 def test_crops_are_pieces_of_the_photo(photos):
     rows, store = photos
-    crop = PhotoBank(rows, store, side=230).cut(np.array([3]), np.random.default_rng(1))[0]
-    photo = torch.from_numpy(np.array(store.image(rows[3]))).permute(2, 0, 1)
+    bank = PhotoBank(rows, store, side=230, rotation=0.0)
+    crop = bank.cut(np.array([3]), np.random.default_rng(1))["crop"][0]
+    photo = torch.from_numpy(np.array(store.load(rows[3]))).permute(2, 0, 1)
     places = [
         (top, left)
         for top in range(11)
@@ -49,9 +69,16 @@ def test_crops_are_pieces_of_the_photo(photos):
     assert len(places) == 1
 
 
+def test_crops_are_turned_evenly_either_way(photos):
+    bank = PhotoBank(*photos, side=20, rotation=30.0)
+    degrees = bank.cut(np.zeros(3000, int), np.random.default_rng(0))["degrees"].numpy()
+    assert stats.kstest(degrees, stats.uniform(-30, 60).cdf).pvalue > 0.01
+
+
 def test_photos_too_small_are_mirrored_without_black(photos):
     rows, store = photos
-    crop = PhotoBank(rows, store, side=500).cut(np.array([0]), np.random.default_rng(1))[0]
+    bank = PhotoBank(rows, store, side=500, rotation=0.0)
+    crop = bank.cut(np.array([0]), np.random.default_rng(1))["crop"][0]
     assert crop.shape == (3, 500, 500)
     assert torch.equal(crop[:, :240, :240], crop[:, :240, 240:480].flip(2))
     assert crop.float().mean() == pytest.approx(128, abs=10)

@@ -5,18 +5,32 @@ import torch
 from conftest import ramp
 from scipy import stats
 
-from tex_lightning.data.banks import PhotoBank, SpectrogramBank
-from tex_lightning.data.datamodule import EpochSampler, TrainingBatches, _partners
+from tex_lightning.data.banks import InputBank, PhotoBank
+from tex_lightning.data.datamodule import EpochSampler, SampleSet, TrainingBatches, _partners
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
+from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers.folder import read_folder
+from tex_lightning.data.store import Store
 from tex_lightning.perturbations.augment import Augmentation
+
+TRACES = np.array([2, 0, 1])  # their classes
 
 
 def batches(surfaces, store, seed=0) -> TrainingBatches:
     rows = [row for row in read_folder(surfaces).of("image") if row.group < 4]
     labels = np.array([["alpha", "beta", "gamma"].index(row.label) for row in rows])
-    bank = SpectrogramBank([ramp(20, 100 * i) for i in range(3)], frames=10)
-    photo_bank = PhotoBank(rows, store, 40)
-    return TrainingBatches((bank, np.array([2, 0, 1])), (photo_bank, labels), 6, 30.0, seed)
+    bank = InputBank([ramp(20, 100 * i)[None] for i in range(3)], frames=10)
+    photo_bank = PhotoBank(rows, store, 40, 30.0)
+    banks = {"haptic": (bank, TRACES), "visual": (photo_bank, labels)}
+    return TrainingBatches(banks, 6, seed)
+
+
+def leaves(batch):
+    """The tensors of a batch by the names that lead to them."""
+    found = {"label": batch["label"]}
+    for sense in batch.keys() - {"label"}:
+        found |= {f"{sense}.{name}": value for name, value in batch[sense].items()}
+    return found
 
 
 def test_a_batch_depends_on_seed_and_number_alone(surfaces, photos):
@@ -24,10 +38,12 @@ def test_a_batch_depends_on_seed_and_number_alone(surfaces, photos):
     first, again = batches(surfaces, store), batches(surfaces, store)
     for step in (5, 0, 5):
         left, right = first[step], again[step]
-        assert left.keys() == {"spectrogram", "crop", "degrees", "label"}
-        assert all(torch.equal(left[key], right[key]) for key in left)
-    assert not torch.equal(first[0]["crop"], first[1]["crop"])
-    assert not torch.equal(first[0]["crop"], batches(surfaces, store, seed=1)[0]["crop"])
+        assert left.keys() == {"haptic", "visual", "label"}
+        assert leaves(left).keys() == {"haptic.input", "visual.crop", "visual.degrees", "label"}
+        assert all(torch.equal(leaves(left)[key], value) for key, value in leaves(right).items())
+    crop = first[0]["visual"]["crop"]
+    assert not torch.equal(crop, first[1]["visual"]["crop"])
+    assert not torch.equal(crop, batches(surfaces, store, seed=1)[0]["visual"]["crop"])
 
 
 def test_every_photo_comes_once_per_round_with_a_trace_of_its_class(surfaces, photos):
@@ -37,17 +53,17 @@ def test_every_photo_comes_once_per_round_with_a_trace_of_its_class(surfaces, ph
     for step in range(2):  # 12 photos in batches of 6
         batch = stream[step]
         seen += batch["label"].tolist()
-        trace = (batch["spectrogram"][:, 0, 0, 0] // 100).long()
-        assert torch.equal(torch.tensor([2, 0, 1])[trace], batch["label"])
-        assert batch["degrees"].abs().max() <= 30
+        trace = (batch["haptic"]["input"][:, 0, 0, 0] // 100).long()
+        assert torch.equal(torch.from_numpy(TRACES)[trace], batch["label"])
+        assert batch["visual"]["degrees"].abs().max() <= 30
     assert sorted(seen) == [0] * 4 + [1] * 4 + [2] * 4
 
 
 def test_shares_of_a_batch_make_the_whole(surfaces, photos):
     _, store = photos
     whole = batches(surfaces, store)
-    shares = [replace(whole, share=slice(rank, None, 3))[4] for rank in range(3)]
-    for key, expected in whole[4].items():
+    shares = [leaves(replace(whole, share=slice(rank, None, 3))[4]) for rank in range(3)]
+    for key, expected in leaves(whole[4]).items():
         joined = torch.stack([share[key] for share in shares], dim=1).flatten(0, 1)
         assert torch.equal(joined, expected)
 
@@ -75,9 +91,52 @@ def test_perturbed_crops_keep_their_size_and_place_in_shares(surfaces, photos):
     clean = batches(surfaces, store)
     perturbed = batches(surfaces, store)
     names = ["darkness", "scale_down", "scale_up"]
-    perturbed.photos[0].augmentation = Augmentation.of(names)
-    whole = perturbed[4]
-    assert whole["crop"].shape == clean[4]["crop"].shape
-    assert (whole["crop"] != clean[4]["crop"]).flatten(1).any(1).all()
-    shares = [replace(perturbed, share=slice(rank, None, 3))[4]["crop"] for rank in range(3)]
-    assert torch.equal(torch.stack(shares, dim=1).flatten(0, 1), whole["crop"])
+    perturbed.banks["visual"][0].augmentation = Augmentation.of(names)
+    whole, plain = (each[4]["visual"]["crop"] for each in (perturbed, clean))
+    assert whole.shape == plain.shape
+    assert (whole != plain).flatten(1).any(1).all()
+    shares = [replace(perturbed, share=slice(rank, None, 3))[4] for rank in range(3)]
+    crops = torch.stack([share["visual"]["crop"] for share in shares], dim=1)
+    assert torch.equal(crops.flatten(0, 1), whole)
+
+
+def numbered(count, labels):
+    """A bank whose every piece names its recording."""
+    return InputBank([torch.full((1, 10), number) for number in range(count)], 10), labels
+
+
+def test_of_three_senses_the_longest_leads_and_the_others_have_its_classes():
+    labels = {
+        "haptic": np.array([0, 1]),
+        "own": np.array([1, 1, 0, 0, 1]),
+        "sound": np.array([1, 0, 0]),
+    }
+    banks = {name: numbered(len(own), own) for name, own in labels.items()}
+    stream, led = TrainingBatches(banks, batch_size=4, seed=0), []
+    for step in range(5):
+        batch = stream[step]
+        for name, own in labels.items():
+            chosen = batch[name]["input"][:, 0, 0].int().numpy()
+            assert np.array_equal(own[chosen], batch["label"].numpy())
+            led += chosen.tolist() if name == "own" else []
+    assert sorted(led) == sorted([*range(5)] * 4)
+
+
+def test_a_single_sense_makes_batches_of_its_own():
+    stream = TrainingBatches({"own": numbered(2, np.array([0, 1]))}, batch_size=2, seed=0)
+    batch = stream[0]
+    assert batch.keys() == {"label", "own"}
+    assert sorted(batch["label"].tolist()) == [0, 1]
+
+
+def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_path):
+    decoders = {"haptic": SignalDecoder(), "image": PhotoDecoder(half_scale=False)}
+    store = Store(tmp_path, decoders)
+    samples = make_samples(read_folder(surfaces), ("haptic", "image"))
+    whole = SampleSet(samples, store, ["alpha", "beta", "gamma"])
+    assert len(whole) == 30
+    item = whole[12]
+    assert (item["label"], item["recordings"].keys()) == (1, {"haptic", "image"})
+    for modality, recording in item["recordings"].items():
+        expected, _ = decoders[modality].decode(samples[12].recordings[modality].path)
+        np.testing.assert_array_equal(recording.numpy(), expected)

@@ -6,11 +6,18 @@ import pytest
 import soundfile
 from PIL import Image
 
-from tex_lightning.data.decode import STRIP, DecodeSettings, decode_image, decode_trace, halve
+from tex_lightning.data.decode import (
+    STRIP,
+    PhotoDecoder,
+    SignalDecoder,
+    decode_image,
+    decode_trace,
+    halve,
+)
 from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError
 
-SETTINGS = DecodeSettings()
+SIGNAL, PHOTO = SignalDecoder(), PhotoDecoder()
 AXES = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 700)).astype(np.float32)
 
 
@@ -31,9 +38,18 @@ def test_every_format_gives_the_same_trace(tmp_path, axes, suffix):
             np.savetxt(path, trace.T, fmt="%.9g")
         case "csv":
             write_csv(path, trace.T, header="x,y,z"[: 2 * axes - 1])
-    decoded = decode_trace(path, SETTINGS)
+    decoded = decode_trace(path, SIGNAL)
     assert decoded.dtype == np.float32
     np.testing.assert_allclose(decoded, trace, rtol=1e-6)
+
+
+def test_a_sound_without_loss_is_that_of_the_wav(tmp_path):
+    counts = (AXES[0] * 32_767).astype(np.int16)
+    for suffix in ("wav", "flac"):
+        soundfile.write(tmp_path / f"t.{suffix}", counts, 44_100, subtype="PCM_16")
+    wav, flac = (SIGNAL.decode(tmp_path / f"t.{suffix}") for suffix in ("wav", "flac"))
+    np.testing.assert_array_equal(flac[0], wav[0])
+    assert flac[1] == wav[1]
 
 
 def test_axes_in_three_files_are_one_trace(tmp_path):
@@ -42,15 +58,15 @@ def test_axes_in_three_files_are_one_trace(tmp_path):
         np.savetxt(path, axis, fmt="%.9g")
     for path in files:
         assert axis_files(path) == tuple(files)
-        np.testing.assert_allclose(decode_trace(path, SETTINGS), AXES, rtol=1e-6)
+        np.testing.assert_allclose(decode_trace(path, SIGNAL), AXES, rtol=1e-6)
     np.savetxt(files[1], AXES[1, 1:])
     with pytest.raises(UserError, match="have 1 x 700, 1 x 699, 1 x 700 samples; they must"):
-        decode_trace(files[0], SETTINGS)
+        decode_trace(files[0], SIGNAL)
     files[1].unlink()
     with pytest.raises(UserError, match=f"one axis of three, but {files[1]} does not exist"):
-        decode_trace(files[0], SETTINGS)
+        decode_trace(files[0], SIGNAL)
     files[2].unlink()
-    assert decode_trace(files[0], SETTINGS).shape == (1, 700)
+    assert decode_trace(files[0], SIGNAL).shape == (1, 700)
     photos = [tmp_path / f"a_{axis}_1.png" for axis in "XYZ"]
     for photo in photos:
         photo.touch()
@@ -60,7 +76,7 @@ def test_axes_in_three_files_are_one_trace(tmp_path):
 def test_resized_photos_are_square_and_keep_their_mean(tmp_path):
     noise = np.random.default_rng(0).integers(0, 256, (6, 9, 3)).astype(np.uint8)
     Image.fromarray(noise).save(tmp_path / "p.png")
-    settings = DecodeSettings(half_scale=False, resize=90)
+    settings = PhotoDecoder(half_scale=False, resize=90)
     found = decode_image(tmp_path / "p.png", settings)
     theirs = cv2.resize(noise, (90, 90), interpolation=cv2.INTER_LINEAR)
     assert found.shape == (90, 90, 3)
@@ -72,16 +88,16 @@ def test_resized_photos_are_square_and_keep_their_mean(tmp_path):
 
 def test_orientation_and_shape_of_arrays(tmp_path):
     np.save(tmp_path / "a.npy", AXES.T)
-    np.testing.assert_array_equal(decode_trace(tmp_path / "a.npy", SETTINGS), AXES)
+    np.testing.assert_array_equal(decode_trace(tmp_path / "a.npy", SIGNAL), AXES)
     np.save(tmp_path / "b.npy", AXES[0])
-    assert decode_trace(tmp_path / "b.npy", SETTINGS).shape == (1, 700)
+    assert decode_trace(tmp_path / "b.npy", SIGNAL).shape == (1, 700)
 
 
 @pytest.mark.parametrize("rate", [44_100, 5_000, 12_345])
 def test_a_tone_keeps_its_frequency_when_resampled(tmp_path, rate):
     time = np.arange(rate * 2) / rate
     soundfile.write(tmp_path / "t.wav", np.sin(2 * np.pi * 440 * time), rate, subtype="FLOAT")
-    trace = decode_trace(tmp_path / "t.wav", SETTINGS)[0]
+    trace = decode_trace(tmp_path / "t.wav", SIGNAL)[0]
     assert abs(len(trace) - 20_000) <= 1
     middle = trace[5000:15_000]
     assert np.abs(np.fft.rfft(middle)).argmax() == 440
@@ -90,8 +106,8 @@ def test_a_tone_keeps_its_frequency_when_resampled(tmp_path, rate):
 
 def test_the_known_rate_of_a_bare_file_is_used(tmp_path):
     np.save(tmp_path / "t.npy", AXES)
-    assert decode_trace(tmp_path / "t.npy", SETTINGS, rate=5000).shape == (3, 1400)
-    slower = DecodeSettings(file_rate=20_000)
+    assert decode_trace(tmp_path / "t.npy", SIGNAL, rate=5000).shape == (3, 1400)
+    slower = SignalDecoder(file_rate=20_000)
     assert decode_trace(tmp_path / "t.npy", slower).shape == (3, 350)
 
 
@@ -101,8 +117,8 @@ def test_columns_may_be_apart_by_any_mark(tmp_path, mark, header):
     lines = [mark.join(header)] if header else []
     lines += [mark.join(f"{value:.9f}" for value in sample) for sample in AXES.T]
     (tmp_path / "t.txt").write_text("\n".join(lines))
-    expected = decode_trace(_saved(tmp_path / "t.npy"), SETTINGS)
-    assert np.allclose(decode_trace(tmp_path / "t.txt", SETTINGS), expected, atol=1e-6)
+    expected = decode_trace(_saved(tmp_path / "t.npy"), SIGNAL)
+    assert np.allclose(decode_trace(tmp_path / "t.txt", SIGNAL), expected, atol=1e-6)
 
 
 def _saved(path):
@@ -115,7 +131,7 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
         path = tmp_path / name
         path.write_bytes(content)
         with pytest.raises(UserError, match=message):
-            decode_trace(path, SETTINGS)
+            decode_trace(path, SIGNAL)
 
     def npy(array):
         stream = io.BytesIO()
@@ -142,12 +158,12 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
     refuse("two.wav", wav(AXES[:2].T), "one or three axes")
     refuse("cube.npy", npy(np.zeros((2, 3, 4))), "one or three axes")
     refuse("none.npy", npy(np.zeros((3, 0))), "no samples")
-    refuse("trace.mp3", b"x", "unknown type; use .wav, .npy, .txt, .csv")
+    refuse("trace.mp3", b"x", "unknown type; use .wav, .flac, .npy, .txt, .csv")
     with pytest.raises(UserError, match="does not exist"):
-        decode_trace(tmp_path / "nowhere.wav", SETTINGS)
+        decode_trace(tmp_path / "nowhere.wav", SIGNAL)
     (tmp_path / "t.npy").write_bytes(npy(AXES))
     with pytest.raises(UserError, match="too far from"):
-        decode_trace(tmp_path / "t.npy", DecodeSettings(file_rate=1.0))
+        decode_trace(tmp_path / "t.npy", SignalDecoder(file_rate=1.0))
 
 
 def test_halving_is_opencvs_area_mean():
@@ -160,7 +176,7 @@ def test_halving_is_opencvs_area_mean():
 def test_photos_taller_than_a_strip_are_whole(tmp_path):
     photo = np.random.default_rng(0).integers(0, 256, (2 * STRIP + 7, 31, 3)).astype(np.uint8)
     Image.fromarray(photo).save(tmp_path / "tall.png")
-    whole = decode_image(tmp_path / "tall.png", DecodeSettings(half_scale=False))
+    whole = decode_image(tmp_path / "tall.png", PhotoDecoder(half_scale=False))
     np.testing.assert_array_equal(whole, photo)
     blocks = photo[:-1, :-1].reshape(STRIP + 3, 2, 15, 2, 3).astype(int)
     np.testing.assert_array_equal(halve(photo), (blocks.sum((1, 3)) + 2) // 4)
@@ -171,16 +187,16 @@ def test_photos_come_upright_in_rgb(tmp_path):
     photo[:, :20] = (200, 100, 0)
     image = Image.fromarray(photo)
     image.save(tmp_path / "p.png")
-    whole = decode_image(tmp_path / "p.png", DecodeSettings(half_scale=False))
+    whole = decode_image(tmp_path / "p.png", PhotoDecoder(half_scale=False))
     np.testing.assert_array_equal(whole, photo)
-    assert decode_image(tmp_path / "p.png", SETTINGS).shape == (10, 20, 3)
+    assert decode_image(tmp_path / "p.png", PHOTO).shape == (10, 20, 3)
     exif = Image.Exif()
     exif[0x0112] = 6  # to be turned clockwise
     image.save(tmp_path / "turned.png", exif=exif)
-    turned = decode_image(tmp_path / "turned.png", DecodeSettings(half_scale=False))
+    turned = decode_image(tmp_path / "turned.png", PhotoDecoder(half_scale=False))
     np.testing.assert_array_equal(turned, np.rot90(photo, -1))
     image.convert("L").save(tmp_path / "grey.png")
-    assert decode_image(tmp_path / "grey.png", SETTINGS).shape == (10, 20, 3)
+    assert decode_image(tmp_path / "grey.png", PHOTO).shape == (10, 20, 3)
 
 
 def test_the_jpeg_decoder_halves_nearly_as_the_mean_does(tmp_path):
@@ -190,23 +206,23 @@ def test_the_jpeg_decoder_halves_nearly_as_the_mean_does(tmp_path):
     exif = Image.Exif()
     exif[0x0112] = 6
     image.save(tmp_path / "p.jpg", quality=95, exif=exif)
-    mean, fast = (decode_image(tmp_path / "p.jpg", SETTINGS, fast=fast) for fast in (False, True))
+    mean, fast = (decode_image(tmp_path / "p.jpg", PHOTO, fast=fast) for fast in (False, True))
     assert fast.shape == mean.shape == (160, 120, 3)
     difference = np.abs(fast.astype(float) - mean)
     assert 0 < difference.mean() < 1.5
     image.save(tmp_path / "p.png")
-    whole = DecodeSettings(half_scale=False)
-    for path, settings in ((tmp_path / "p.png", SETTINGS), (tmp_path / "p.jpg", whole)):
+    whole = PhotoDecoder(half_scale=False)
+    for path, settings in ((tmp_path / "p.png", PHOTO), (tmp_path / "p.jpg", whole)):
         np.testing.assert_array_equal(
             decode_image(path, settings, fast=True), decode_image(path, settings)
         )
     for side in (2, 3, 33):
         Image.new("RGB", (side, 90)).save(tmp_path / "odd.jpg")
-        found = decode_image(tmp_path / "odd.jpg", SETTINGS, fast=True)
+        found = decode_image(tmp_path / "odd.jpg", PHOTO, fast=True)
         assert found.shape == (45, (side + 1) // 2, 3)
     Image.new("RGB", (1, 9)).save(tmp_path / "thin.jpg")
     with pytest.raises(UserError, match="too thin to be halved"):
-        decode_image(tmp_path / "thin.jpg", SETTINGS, fast=True)
+        decode_image(tmp_path / "thin.jpg", PHOTO, fast=True)
 
 
 @pytest.mark.parametrize("suffix", ["jpg", "png"])
@@ -217,16 +233,16 @@ def test_truncated_photos_are_refused(tmp_path, suffix):
     cut = tmp_path / f"cut.{suffix}"
     cut.write_bytes(whole.read_bytes()[:-2000])
     with pytest.raises(UserError, match="damaged"):
-        decode_image(cut, SETTINGS)
+        decode_image(cut, PHOTO)
 
 
 def test_bad_photos_are_refused_with_a_reason(tmp_path):
     (tmp_path / "text.jpg").write_text("hello")
     with pytest.raises(UserError, match="no known image format"):
-        decode_image(tmp_path / "text.jpg", SETTINGS)
+        decode_image(tmp_path / "text.jpg", PHOTO)
     Image.fromarray(np.zeros((4, 4), np.uint16)).save(tmp_path / "deep.png")
     with pytest.raises(UserError, match="8 bits"):
-        decode_image(tmp_path / "deep.png", SETTINGS)
+        decode_image(tmp_path / "deep.png", PHOTO)
     Image.new("RGB", (1, 9)).save(tmp_path / "thin.png")
     with pytest.raises(UserError, match="too thin to be halved"):
-        decode_image(tmp_path / "thin.png", SETTINGS)
+        decode_image(tmp_path / "thin.png", PHOTO)

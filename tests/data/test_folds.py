@@ -50,41 +50,54 @@ def test_without_a_test_fold_everything_is_test():
     assert split(rows, 10, None, None).test == rows
 
 
-def test_fusion_pairs_go_through_the_longer_list():
-    samples = make_samples(table(a=(1, 4), b=(3, 2), c=(2, 0)), "fusion")
+def test_pairs_go_through_the_longer_list():
+    samples = make_samples(table(a=(1, 4), b=(3, 2), c=(2, 0)), ("haptic", "image"))
     assert [s.label for s in samples] == ["a"] * 4 + ["b"] * 3
-    assert {s.image.path.name for s in samples if s.label == "a"} == {f"a{i}.jpg" for i in range(4)}
-    assert [(s.haptic.group, s.image.group) for s in samples if s.label == "b"] == [
-        (0, 0),
-        (1, 1),
-        (2, 0),
+    assert {s.recordings["image"].path.name for s in samples if s.label == "a"} == {
+        f"a{i}.jpg" for i in range(4)
+    }
+    assert [[row.group for row in s.recordings.values()] for s in samples if s.label == "b"] == [
+        [0, 0],
+        [1, 1],
+        [2, 0],
     ]
-    assert all(s.haptic.label == s.image.label == s.label for s in samples)
+    assert all(row.label == s.label for s in samples for row in s.recordings.values())
+
+
+def test_samples_of_three_modalities_have_a_recording_of_each():
+    rows = table(a=(2, 3), b=(1, 1))
+    sounds = [Recording("a", "sound", Path(f"s{i}.wav"), i) for i in range(5)]
+    samples = make_samples(Recordings((*rows, *sounds)), ("sound", "image", "haptic"))
+    assert {sample.label for sample in samples} == {"a"}  # b has no sounds
+    found = [[row.path.name for row in sample.recordings.values()] for sample in samples]
+    assert found == [[f"s{i}.wav", f"a{i % 3}.jpg", f"a{i % 2}.wav"] for i in range(5)]
+    with pytest.raises(UserError, match="no sound recordings to train on for b"):
+        check_split(split(rows, 2, None, None), ["b"], ["sound"], 0)
 
 
 def test_unimodal_samples_leave_the_other_modality_out():
     rows = table(a=(2, 3))
-    assert len(make_samples(rows, "haptic")) == 2
-    assert all(sample.haptic is None for sample in make_samples(rows, "visual"))
+    assert len(make_samples(rows, ["haptic"])) == 2
+    assert all([*sample.recordings] == ["image"] for sample in make_samples(rows, ["image"]))
 
 
 def test_classes_that_cannot_be_trained_are_named():
     rows = table(a=(10, 10), b=(1, 10))
     with pytest.raises(UserError, match="no traces to train on for b"):
-        check_split(split(rows, 10, 0, None), rows.classes, "haptic", 0)
-    check_split(split(rows, 10, 0, None), rows.classes, "visual", 0)
+        check_split(split(rows, 10, 0, None), rows.classes, ["haptic"], 0)
+    check_split(split(rows, 10, 0, None), rows.classes, ["image"], 0)
 
 
 def test_an_empty_test_fold_is_said():
     rows = table(a=(3, 0), b=(3, 0))
     with pytest.raises(UserError, match="Fold 7 holds nothing"):
-        check_split(split(rows, 10, 7, None), rows.classes, "haptic", 7)
+        check_split(split(rows, 10, 7, None), rows.classes, ["haptic"], 7)
 
 
 def test_a_message_shortens_the_names_of_classes():
     label = "x" * 100_000
     parts = Split(Recordings(()), Recordings(()), Recordings(()))
     with pytest.raises(UserError) as caught:
-        check_split(parts, [label], "haptic", 0)
+        check_split(parts, [label], ["haptic"], 0)
     assert "There are no traces to train on for xxx" in str(caught.value)
     assert len(str(caught.value)) < 400

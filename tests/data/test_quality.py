@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from conftest import branch_node
 
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.branches import make_branch
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.quality import (
     TraceMonitor,
     photo_quality,
@@ -19,7 +21,7 @@ NOISE = RNG.standard_normal((1, 20_000)).astype(np.float32)
 
 
 def quality(trace, pieces=1, **ranges):
-    monitor = TraceMonitor()
+    monitor = TraceMonitor("trace")
     for piece in np.array_split(trace, pieces, axis=1):
         monitor.update(piece)
     return monitor.quality(ranges, level=monitor.level, rate=10_000)
@@ -46,7 +48,7 @@ def test_level_is_the_deviation_whatever_the_offset_and_the_pieces():
     three = np.concatenate([NOISE, NOISE[:, ::-1] * 2])
     expected = float(np.sqrt(three.astype(np.float64).var(axis=1).sum()))
     for pieces in (1, 13):
-        monitor = TraceMonitor()
+        monitor = TraceMonitor("trace")
         for piece in np.array_split(three + 100, pieces, axis=1):
             monitor.update(piece)
         assert monitor.level == pytest.approx(expected, rel=1e-4)
@@ -71,13 +73,23 @@ def test_a_rate_above_the_networks_own_adds_nothing():
 def test_photos_that_show_nothing_or_little():
     photo = RNG.integers(60, 200, (300, 400, 3)).astype(np.uint8)
     ranges = {"brightness": [90.0, 160.0], "contrast": [20.0, 50.0]}
-    assert photo_quality(photo, ranges).warnings == ()
+    assert photo_quality(photo, ranges, "photo").warnings == ()
     for grey in (0, 128, 255):
-        uniform = photo_quality(np.full_like(photo, grey), {})
+        uniform = photo_quality(np.full_like(photo, grey), {}, "photo")
         assert uniform.empty
         assert "uniform" in uniform.warnings[0]
-    said = photo_quality(photo // 20, ranges).warnings
+    said = photo_quality(photo // 20, ranges, "photo").warnings
     assert [warning.split()[4] for warning in said] == ["brightness", "contrast"]
+
+
+def test_a_recording_is_called_by_its_name():
+    monitor = TraceMonitor("force recording")
+    monitor.update(NOISE * 0)
+    assert monitor.quality({}).warnings[0].startswith("The force recording is silent")
+    assert (
+        "The scan is uniform"
+        in photo_quality(np.zeros((9, 9, 3), np.uint8), {}, "scan").warnings[0]
+    )
 
 
 def test_a_sample_is_empty_if_all_of_it_is():
@@ -87,13 +99,20 @@ def test_a_sample_is_empty_if_all_of_it_is():
     assert together([empty, fine]).warnings == empty.warnings
 
 
+def measures(rows, folder):
+    """What the branch of the sense measures of its training recordings."""
+    store = Store(folder, {"haptic": SignalDecoder()})
+    branch = make_branch("haptic", branch_node("haptic"), 2)
+    return (branch.measure(row, store) for row in rows)
+
+
 def test_ranges_leave_out_the_oddest_recordings(tmp_path):
     rows = []
     for number in range(300):
         path = tmp_path / f"{number}.npy"
         np.save(path, NOISE[:, :600] * (1e6 if number == 0 else 1 + number / 100))
         rows.append(Recording("a", "haptic", path, number, 5000.0 if number else None))
-    ranges = training_ranges(rows, Store(tmp_path, DecodeSettings()))
+    ranges = training_ranges(measures(rows, tmp_path))
     assert 0.9 < ranges["level"][0] < 1.2
     assert 3 < ranges["level"][1] < 5
     assert ranges["rate"] == pytest.approx([5000, 5000])
@@ -107,6 +126,5 @@ def test_the_rate_in_the_ranges_is_the_one_that_the_file_was_decoded_at(tmp_path
     )
     path.write_text(f"time,x\n{rows}\n")
     row = Recording("a", "haptic", path, 0)
-    assert training_ranges([row], Store(tmp_path, DecodeSettings()))["rate"] == pytest.approx(
-        [2500, 2500], rel=1e-3
-    )
+    ranges = training_ranges(measures([row], tmp_path))
+    assert ranges["rate"] == pytest.approx([2500, 2500], rel=1e-3)

@@ -8,13 +8,13 @@ import pytest
 import soundfile
 
 from tex_lightning.config import DataConfig
-from tex_lightning.data.decode import DecodeSettings, decode_trace, decode_trace_and_rate
+from tex_lightning.data.decode import SignalDecoder, decode_trace
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 
-SETTINGS = DecodeSettings()
+SETTINGS = SignalDecoder()
 SAMPLES = np.random.default_rng(0).uniform(-1, 1, 400).round(6)
 
 
@@ -74,7 +74,7 @@ def test_a_sidecar_is_found_by_readers_and_for_a_single_file(root, name):
     path = root / "a" / "haptic" / "1.npy"
     path.with_name(name).write_text(json.dumps({"rate": 2500, "operator": "x"}))
     assert rates(root)["a/1.npy"] == 2500
-    trace, source = decode_trace_and_rate(path, SETTINGS)
+    trace, source = SETTINGS.decode(path)
     assert (trace.shape, source.source, source.hz) == ((1, 1600), "stated", 2500)
 
 
@@ -109,7 +109,7 @@ def test_the_file_goes_before_what_is_said_of_it_and_that_before_the_assumption(
     wav = tmp_path / "1.wav"
     soundfile.write(wav, SAMPLES, 4000, subtype="FLOAT")
     found = [
-        decode_trace_and_rate(path, DecodeSettings(file_rate=8000), given)[1]
+        SignalDecoder(file_rate=8000).decode(path, given)[1]
         for path, given in ((wav, 4000), (timed, 2510), (bare, 2500), (bare, None))
     ]
     assert [(rate.source, round(rate.hz)) for rate in found] == [
@@ -138,12 +138,12 @@ def test_contradictions_are_refused(root, tmp_path):
 
 
 def test_another_rate_is_decoded_anew(root, tmp_path):
-    store = Store(tmp_path / "cache", SETTINGS)
+    store = Store(tmp_path / "cache", {"haptic": SETTINGS})
     lengths = []
     for rate in (2500, 5000):
         (root / "rates.csv").write_text(f"path,rate\na/haptic/1.npy,{rate}\n")
         row = next(row for row in read(root) if row.sampling_rate)
-        lengths.append(store.trace(row).shape[1])
+        lengths.append(store.load(row).shape[1])
     assert lengths == [1600, 800]
 
 

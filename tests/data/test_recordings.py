@@ -88,7 +88,11 @@ def test_rows_are_left_out_without_a_change_of_groups():
     [
         ("label,path\n", "lacks the column modality, group"),
         (HEADER, "lists no recordings"),
-        (HEADER + "w,sound,a.wav,0\n", "line 2: modality is 'sound'; write haptic or image"),
+        (HEADER + "w,haptics,a.wav,0\n", r"modality is 'haptics' \(did you mean haptic\?\); write"),
+        (
+            HEADER + "w,two words,a.wav,0\n",
+            "line 2: modality is 'two words'; write haptic, image, ",
+        ),
         (HEADER + "w,haptic,b.wav,0\n", "b.wav does not exist"),
         (HEADER + "w,haptic,a.wav,x\n", "not a number"),
         (HEADER + "w,haptic,a.wav,-1\n", "0 or more"),

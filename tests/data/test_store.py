@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tex_lightning.data.decode import DecodeSettings, decode_image, decode_trace
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image, decode_trace
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, cache_root, fingerprint
 from tex_lightning.errors import UserError
 
+DECODERS = {"haptic": SignalDecoder(), "image": PhotoDecoder()}
 BARE = ("bare.txt", "timed.csv")
 
 
 @pytest.fixture
 def store(tmp_path) -> Store:
-    return Store(cache_root(str(tmp_path / "cache")), DecodeSettings())
+    return Store(cache_root(str(tmp_path / "cache")), DECODERS)
 
 
 def entries(store: Store) -> set[Path]:
@@ -27,11 +28,11 @@ def entries(store: Store) -> set[Path]:
 
 def test_gives_what_decoding_gives_from_a_read_only_map(store, surfaces):
     trace, photo = (read_folder(surfaces).of(modality).rows[0] for modality in ("haptic", "image"))
-    np.testing.assert_array_equal(store.trace(trace), decode_trace(trace.path, store.settings))
-    np.testing.assert_array_equal(store.image(photo), decode_image(photo.path, store.settings))
-    assert isinstance(store.trace(trace), np.memmap)
+    np.testing.assert_array_equal(store.load(trace), decode_trace(trace.path, SignalDecoder()))
+    np.testing.assert_array_equal(store.load(photo), decode_image(photo.path, PhotoDecoder()))
+    assert isinstance(store.load(trace), np.memmap)
     with pytest.raises(ValueError, match="read-only"):
-        store.trace(trace)[0, 0] = 1
+        store.load(trace)[0, 0] = 1
 
 
 def test_decodes_each_file_once(store, surfaces, monkeypatch):
@@ -42,10 +43,10 @@ def test_decodes_each_file_once(store, surfaces, monkeypatch):
     def forbidden(*args):
         raise AssertionError("decoded twice")
 
-    monkeypatch.setattr("tex_lightning.data.store.decode_trace_and_rate", forbidden)
-    monkeypatch.setattr("tex_lightning.data.store.decode_image", forbidden)
+    monkeypatch.setattr(SignalDecoder, "decode", forbidden)
+    monkeypatch.setattr(PhotoDecoder, "decode", forbidden)
     store.fill(rows)
-    store.trace(rows.of("haptic").rows[0])
+    store.load(rows.of("haptic").rows[0])
 
 
 def test_a_changed_file_or_setting_is_decoded_anew(store, tmp_path):
@@ -53,12 +54,12 @@ def test_a_changed_file_or_setting_is_decoded_anew(store, tmp_path):
     path.parent.mkdir(parents=True)
     np.save(path, np.ones(100))
     (row,) = read_folder(tmp_path / "data")
-    assert store.trace(row).max() == 1
+    assert store.load(row).max() == 1
     np.save(path, np.full(100, 2.0))
     os.utime(path, ns=(1, 1))
-    assert store.trace(row).max() == 2
-    half_rate = Store(store.root.parent, DecodeSettings(sampling_rate=5000))
-    assert half_rate.trace(row).shape == (1, 50)
+    assert store.load(row).max() == 2
+    half_rate = Store(store.root.parent, {"haptic": SignalDecoder(sampling_rate=5000)})
+    assert half_rate.load(row).shape == (1, 50)
 
 
 def test_a_change_of_any_axis_is_decoded_anew_and_seen(store, tmp_path):
@@ -68,22 +69,22 @@ def test_a_change_of_any_axis_is_decoded_anew_and_seen(store, tmp_path):
         np.save(folder / f"t_{axis}_1.npy", np.ones(100))
     (row,) = read_folder(tmp_path / "data")
     assert row.path.name == "t_X_1.npy"
-    assert store.trace(row).shape == (3, 100)
+    assert store.load(row).shape == (3, 100)
     before = fingerprint(row.path)
     assert fingerprint(folder / "t_Z_1.npy") == before
     np.save(folder / "t_Z_1.npy", np.full(100, 2.0))
     os.utime(folder / "t_Z_1.npy", ns=(1, 1))
-    assert store.trace(row)[:, 0].tolist() == [1, 1, 2]
+    assert store.load(row)[:, 0].tolist() == [1, 1, 2]
     assert fingerprint(row.path) != before
 
 
 def test_a_damaged_entry_is_replaced(store, surfaces):
     row = read_folder(surfaces).of("haptic").rows[0]
-    whole = np.array(store.trace(row))
+    whole = np.array(store.load(row))
     (entry,) = entries(store)
     for damage in (b"", entry.read_bytes()[:50], entry.read_bytes()[:-8]):
         entry.write_bytes(damage)
-        np.testing.assert_array_equal(store.trace(row), whole)
+        np.testing.assert_array_equal(store.load(row), whole)
 
 
 def test_an_entry_knows_the_rate_of_its_file(store, surfaces, tmp_path):
@@ -95,7 +96,7 @@ def test_an_entry_knows_the_rate_of_its_file(store, surfaces, tmp_path):
     stated = replace(bare, sampling_rate=5000.0)
     rows = [header, bare, stated, timed]
     assert store.fill(rows) == []
-    for again in (store, Store(store.root.parent, store.settings)):
+    for again in (store, Store(store.root.parent, DECODERS)):
         rates = [again.rate(row) for row in rows]
         assert [rate.source for rate in rates] == ["header", "assumed", "stated", "time column"]
         assert [rate.hz for rate in rates[:3]] == [10_000, 10_000, 5000]
@@ -109,9 +110,9 @@ def test_an_entry_knows_the_rate_of_its_file(store, surfaces, tmp_path):
 
 def _fill(root: str, surfaces: str) -> int:
     rows = read_folder(Path(surfaces))
-    store = Store(Path(root), DecodeSettings())
+    store = Store(Path(root), DECODERS)
     store.fill(rows)
-    return sum(int(store.image(row).sum()) for row in rows.of("image"))
+    return sum(int(store.load(row).sum()) for row in rows.of("image"))
 
 
 def test_two_processes_may_fill_it_at_once(tmp_path, surfaces):

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from tex_lightning.data.decode import DecodeSettings, decode_trace, decode_trace_and_rate
+from tex_lightning.data.decode import SignalDecoder, decode_trace
 from tex_lightning.errors import UserError
 
 RATE = 2500
 RNG = np.random.default_rng(0)
 AXES = RNG.uniform(-9, 9, (3, 200)).round(5)
 TIMES = np.arange(200) / RATE
-SAME = DecodeSettings(sampling_rate=RATE, file_rate=RATE)
+SAME = SignalDecoder(sampling_rate=RATE, file_rate=RATE)
 
 
 def lines(columns, mark=",", comma=False, form="%.6g", end=""):
@@ -46,7 +46,7 @@ def timed(times, form="%.9g", mark=",", name="time,x,y,z"):
     ],
 )
 def test_dialects_give_the_same_axes(tmp_path, text, encoding):
-    trace, source = decode_trace_and_rate(write(tmp_path, text, encoding), SAME)
+    trace, source = SAME.decode(write(tmp_path, text, encoding))
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
     assert source.source == "assumed"
 
@@ -71,18 +71,18 @@ def test_dialects_give_the_same_axes(tmp_path, text, encoding):
 )
 def test_a_column_of_time_gives_the_rate_and_is_no_axis(tmp_path, name, scale):
     path = write(tmp_path, timed(TIMES * scale + 40 * scale, name=name))
-    trace, source = decode_trace_and_rate(path, DecodeSettings(RATE, file_rate=77_000))
+    trace, source = SignalDecoder(RATE, file_rate=77_000).decode(path)
     assert source.source == "time column"
     assert source.hz == pytest.approx(RATE, rel=1e-9)
     assert not source.interpolated
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
-    assert decode_trace(path, DecodeSettings(4 * RATE)).shape == (3, 800)
+    assert decode_trace(path, SignalDecoder(4 * RATE)).shape == (3, 800)
 
 
 def test_time_may_stand_behind_a_single_axis_or_before_it(tmp_path):
     for name, columns in (("x,time", [AXES[0], TIMES]), ("", [TIMES, AXES[0]])):
         text = f"{name}\n" + lines(np.stack(columns), form="%.9g")
-        trace, source = decode_trace_and_rate(write(tmp_path, text), SAME)
+        trace, source = SAME.decode(write(tmp_path, text))
         np.testing.assert_allclose(trace, AXES[:1], rtol=1e-5)
         assert source.source == "time column"
 
@@ -92,8 +92,8 @@ def test_uneven_times_are_interpolated_to_an_even_rate(tmp_path, caplog):
     times = np.arange(5000) / 5000 + RNG.uniform(-0.2, 0.2, 5000) / 5000
     wave = np.sin(2 * np.pi * 100 * times)
     path = write(tmp_path, "t,x\n" + lines(np.stack([times, wave]), form="%.9g"))
-    trace = decode_trace(path, DecodeSettings(5000))[0]
-    hz = decode_trace_and_rate(path, DecodeSettings(5000))[1].hz
+    trace = decode_trace(path, SignalDecoder(5000))[0]
+    hz = SignalDecoder(5000).decode(path)[1].hz
     assert hz == pytest.approx(5000, rel=1e-3)
     even = np.sin(2 * np.pi * 100 * (times[0] + np.arange(5000) / hz))
     assert np.abs(trace - even).max() < 0.012
@@ -104,7 +104,7 @@ def test_uneven_times_are_interpolated_to_an_even_rate(tmp_path, caplog):
 def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
     times = np.arange(5000) / 44_100
     path = write(tmp_path, "t,x\n" + lines(np.stack([times, np.ones(5000)]), form="%.6f"))
-    assert decode_trace_and_rate(path, SAME)[1].hz == pytest.approx(44_100, rel=1e-4)
+    assert SAME.decode(path)[1].hz == pytest.approx(44_100, rel=1e-4)
 
 
 @pytest.mark.parametrize(

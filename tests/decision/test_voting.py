@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tex_lightning.decision.voting import max_vote, mean_vote, random_pairs
+from tex_lightning.decision.voting import max_vote, mean_vote, random_tuples
 
 LOGITS = arrays(
     np.float32,
@@ -53,11 +53,20 @@ def test_no_fragments_is_a_programming_error():
 
 
 def test_pairs_are_uniform_independent_and_repeatable():
-    pairs = random_pairs(4, 6, 24_000, seed=7)
-    assert torch.equal(pairs, random_pairs(4, 6, 24_000, seed=7))
-    assert not torch.equal(pairs, random_pairs(4, 6, 24_000, seed=8))
+    pairs = random_tuples([4, 6], 24_000, seed=7)
+    assert torch.equal(pairs, random_tuples([4, 6], 24_000, seed=7))
+    assert not torch.equal(pairs, random_tuples([4, 6], 24_000, seed=8))
     counts = torch.bincount(pairs[:, 0] * 6 + pairs[:, 1], minlength=24).double()
     assert ((counts - 1000) ** 2 / 1000).sum() < 49.7  # chi-squared, 23 degrees, 0.1 %
+
+
+@pytest.mark.parametrize("positions", [[24], [2, 3, 4], [3, 1, 2, 4]])
+def test_tuples_of_any_number_of_senses_are_uniform(positions):
+    tuples = random_tuples(positions, 24_000, seed=7)
+    assert tuples.shape == (24_000, len(positions))
+    cells = np.ravel_multi_index(tuples.numpy().T, positions)
+    counts = np.bincount(cells, minlength=24)
+    assert ((counts - 1000) ** 2 / 1000).sum() < 49.7
 
 
 def test_mean_vote_follows_the_sure_fragments():

@@ -24,7 +24,7 @@ CLASSES = ["a", "b", "c"]
 def outcome(label: str, probabilities: np.ndarray) -> Outcome:
     named = dict(zip(CLASSES, probabilities.tolist(), strict=True))
     predicted = CLASSES[int(probabilities.argmax())]
-    return Outcome("", "", label, predicted, 1.0, 1, 1, 1.0, probabilities=json.dumps(named))
+    return Outcome({}, label, predicted, 1.0, 1, 1, 1.0, probabilities=json.dumps(named))
 
 
 @pytest.fixture(scope="module")

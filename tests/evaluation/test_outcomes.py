@@ -28,7 +28,8 @@ LABELS = st.lists(st.tuples(st.sampled_from(CLASSES), st.sampled_from(CLASSES)),
 
 
 def outcome(label: str, predicted: str, fragments: int = 4, right: int = 2) -> Outcome:
-    return Outcome("x.wav", "", label, predicted, 0.5, fragments, right, 1.5)
+    files = {"haptic": "x.wav", "sound": "y.wav"}
+    return Outcome(files, label, predicted, 0.5, fragments, right, 1.5)
 
 
 @given(LABELS)

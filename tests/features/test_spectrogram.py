@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import ShortTimeFFT, spectrogram
 
-from tex_lightning.data.decode import DecodeSettings, decode_trace
+from tex_lightning.data.decode import SignalDecoder, decode_trace
 from tex_lightning.errors import UserError
 from tex_lightning.features.mel import mel_filters
-from tex_lightning.features.spectrogram import HapticFeatures, movement_start
+from tex_lightning.features.spectrogram import SpectrogramFeatures, movement_start
 
 
 def noise(seconds: float, axes: int = 1, seed: int = 0) -> torch.Tensor:
@@ -16,14 +16,14 @@ def noise(seconds: float, axes: int = 1, seed: int = 0) -> torch.Tensor:
     return torch.from_numpy(rng.standard_normal((axes, int(seconds * 10_000))).astype(np.float32))
 
 
-def scipys(trace: torch.Tensor) -> np.ndarray:
-    """Magnitudes (251, frames) in double precision, every frame without its own mean."""
-    window = np.hamming(500)
+def scipys(trace: torch.Tensor, length: int = 500, hop: int = 100) -> np.ndarray:
+    """Magnitudes (channels, frames) in double precision, every frame without its own mean."""
+    window = np.hamming(length)
     _, _, axes = spectrogram(
         trace.double().numpy(),
         window=window,
-        nperseg=500,
-        noverlap=400,
+        nperseg=length,
+        noverlap=length - hop,
         detrend="constant",
         scaling="spectrum",
         mode="magnitude",
@@ -34,15 +34,61 @@ def scipys(trace: torch.Tensor) -> np.ndarray:
 @pytest.mark.parametrize("axes", [1, 3])
 def test_magnitudes_equal_scipys(axes):
     trace = noise(1.5, axes) + torch.tensor([0.1, 9.81, -3.0])[:axes, None]
-    features = HapticFeatures(skip_impact=False)
+    features = SpectrogramFeatures(skip_impact=False)
     ours, theirs = features.magnitudes(trace).numpy(), scipys(trace)[:50]
     np.testing.assert_allclose(ours, theirs, atol=1e-5 * theirs.max())
+
+
+@pytest.mark.parametrize("scale", ["linear", "mel"])
+@pytest.mark.parametrize("joined", ["frame", "trace"])
+@pytest.mark.parametrize("axes", [1, 3])
+@pytest.mark.parametrize("seconds", [0.05, 0.5, 11.3])  # of one frame, and of several blocks
+def test_blocks_equal_the_whole(seconds, axes, joined, scale):
+    trace = noise(seconds, axes) + torch.tensor([0.1, 9.81, -3.0])[:axes, None]
+    features = SpectrogramFeatures(skip_impact=False, axes=joined, scale=scale)
+    whole = features.magnitudes(trace)
+    features.fast_spectrogram = True
+    blocks = features.magnitudes(trace)
+    assert blocks.shape == whole.shape
+    torch.testing.assert_close(blocks, whole, atol=1e-5 * float(whole.max()), rtol=0)
+
+
+@pytest.mark.parametrize("scale", ["linear", "mel"])
+@pytest.mark.parametrize("axes", [1, 3])
+def test_blocks_equal_scipys(axes, scale):
+    trace = noise(11.3, axes) + torch.tensor([0.1, 9.81, -3.0])[:axes, None]
+    features = SpectrogramFeatures(skip_impact=False, scale=scale)
+    features.fast_spectrogram = True
+    theirs = scipys(trace)
+    if scale == "mel":
+        theirs = np.sqrt(mel_filters(10_000, 500, 50).double().numpy() @ theirs**2)
+    ours = features.magnitudes(trace).numpy()
+    np.testing.assert_allclose(ours, theirs[:50], atol=1e-5 * theirs.max())
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize("scale", ["linear", "mel"])
+def test_windows_of_a_microphone_equal_scipys(scale, fast):
+    sound = noise(2.0) + 0.3
+    features = SpectrogramFeatures(
+        sampling_rate=44_100.0, skip_impact=False, scale=scale, window_length=1764, hop_length=441
+    )
+    features.fast_spectrogram = fast
+    theirs = scipys(sound, 1764, 441)
+    if scale == "mel":
+        theirs = np.sqrt(mel_filters(44_100, 1764, 50).double().numpy() @ theirs**2)
+    ours = features.magnitudes(sound).numpy()
+    assert ours.shape == (50, features.count_frames(sound)) == (50, (20_000 - 1764) // 441 + 1)
+    assert features.samples(ours.shape[1]) <= 20_000 < features.samples(ours.shape[1] + 1)
+    np.testing.assert_allclose(ours, theirs[:50], atol=1e-5 * theirs.max())
+    if scale == "linear":
+        torch.testing.assert_close(features.frequencies, torch.arange(50) * 25.0)
 
 
 @pytest.mark.parametrize("axes", [1, 3])
 def test_mel_bands_are_the_mean_power_of_scipys_channels(axes):
     trace = noise(1.5, axes) + torch.tensor([0.1, 9.81, -3.0])[:axes, None]
-    features = HapticFeatures(skip_impact=False, scale="mel")
+    features = SpectrogramFeatures(skip_impact=False, scale="mel")
     channels = scipys(trace) ** 2
     theirs = np.sqrt(mel_filters(10_000, 500, 50).double().numpy() @ channels)
     ours = features.magnitudes(trace).numpy()
@@ -51,7 +97,7 @@ def test_mel_bands_are_the_mean_power_of_scipys_channels(axes):
 
 def test_magnitudes_of_the_whole_trace_equal_scipys():
     trace = noise(1.5)
-    ours = HapticFeatures(skip_impact=False, axes="trace").magnitudes(trace).numpy()
+    ours = SpectrogramFeatures(skip_impact=False, axes="trace").magnitudes(trace).numpy()
     signal = (trace[0] - trace[0].mean()).numpy().astype(np.float64)
     transform = ShortTimeFFT(np.hamming(500), hop=100, fs=10_000)
     assert transform.f[49] == pytest.approx(980)
@@ -66,18 +112,18 @@ def test_magnitudes_of_the_whole_trace_equal_scipys():
 
 @pytest.mark.parametrize(("seconds", "frames"), [(20, 1996), (10, 996), (4.7985, 475)])
 def test_number_of_frames(seconds, frames):
-    assert HapticFeatures(skip_impact=False).magnitudes(noise(seconds)).shape == (50, frames)
+    assert SpectrogramFeatures(skip_impact=False).magnitudes(noise(seconds)).shape == (50, frames)
 
 
 @pytest.mark.parametrize("scale", ["linear", "mel"])
 def test_a_tone_lands_in_its_band(scale):
-    features, time = HapticFeatures(scale=scale), torch.arange(20_000) / 10_000
+    features, time = SpectrogramFeatures(scale=scale), torch.arange(20_000) / 10_000
     magnitudes = features.magnitudes(torch.sin(2 * torch.pi * 440 * time)[None])
     assert (magnitudes.argmax(dim=0) == (features.frequencies - 440).abs().argmin()).all()
 
 
 def test_shifting_by_a_hop_shifts_by_a_frame():
-    features = HapticFeatures(skip_impact=False, axes="trace")
+    features = SpectrogramFeatures(skip_impact=False, axes="trace")
     start, rest = noise(0.01), noise(1.0, seed=1)
     trace = torch.cat((start - start.mean(), rest - rest.mean()), dim=1)  # both have mean 0
     whole, later = features.magnitudes(trace), features.magnitudes(trace[:, 100:])
@@ -85,20 +131,20 @@ def test_shifting_by_a_hop_shifts_by_a_frame():
 
 
 def test_paper_normalisation_spans_zero_to_one_per_channel():
-    spectrogram = HapticFeatures(normalisation="paper")(noise(1.0, axes=3))[0, 0]
+    spectrogram = SpectrogramFeatures(normalisation="paper")(noise(1.0, axes=3))[0, 0]
     assert spectrogram.amin(dim=1).eq(0).all()
     assert spectrogram.amax(dim=1).eq(1).all()
 
 
 @given(gain=st.floats(1e-3, 1e3))
 def test_paper_normalisation_cancels_gain(gain):
-    features = HapticFeatures(normalisation="paper")
+    features = SpectrogramFeatures(normalisation="paper")
     trace = noise(0.5)
     torch.testing.assert_close(features(trace * gain), features(trace), atol=1e-3, rtol=0)
 
 
 def test_standard_normalisation_of_the_training_set_is_standard():
-    features = HapticFeatures()
+    features = SpectrogramFeatures()
     magnitudes = [features.magnitudes(noise(1.0, seed=seed)) for seed in range(4)]
     features.fit(magnitudes)
     frames = torch.cat([features.normalise(item) for item in magnitudes], dim=1)
@@ -107,7 +153,7 @@ def test_standard_normalisation_of_the_training_set_is_standard():
 
 
 def test_frames_depend_on_their_own_samples_alone():
-    features, trace = HapticFeatures(skip_impact=False), noise(1.0, axes=3)
+    features, trace = SpectrogramFeatures(skip_impact=False), noise(1.0, axes=3)
     changed = trace + 0.0
     changed[:, 5100:] *= 7
     whole, other = features.magnitudes(trace), features.magnitudes(changed)
@@ -121,7 +167,7 @@ def test_frames_depend_on_their_own_samples_alone():
     scale=st.sampled_from(["linear", "mel"]),
 )
 def test_frames_are_counted_before_they_are_computed(samples, axes, joined, scale):
-    features, trace = HapticFeatures(axes=joined, scale=scale), noise(samples / 10_000, axes)
+    features, trace = SpectrogramFeatures(axes=joined, scale=scale), noise(samples / 10_000, axes)
     assert features.count_frames(trace) == features.magnitudes(trace).shape[-1]
 
 
@@ -133,9 +179,9 @@ def assert_near(found: torch.Tensor, expected: torch.Tensor, share: float) -> No
 
 def test_channels_are_exact_on_real_traces(shared):
     """Channel 0 is what remains of large numbers, and the logarithm shows its rounding."""
-    features = HapticFeatures()
+    features = SpectrogramFeatures()
     files = sorted((shared / "data" / "lmt16").glob("*/haptic/*.wav"))[::20]
-    traces = [torch.from_numpy(decode_trace(file, DecodeSettings())) for file in files]
+    traces = [torch.from_numpy(decode_trace(file, SignalDecoder())) for file in files]
     features.fit([features.magnitudes(trace) for trace in traces])
     for trace in traces:
         exact = scipys(trace[:, movement_start(trace, 10_000) :])[:50].astype(np.float32)
@@ -147,7 +193,7 @@ def test_channels_are_exact_on_real_traces(shared):
 
 @pytest.mark.parametrize("normalisation", ["paper", "standard"])
 def test_silent_and_constant_traces_are_defined(normalisation):
-    features = HapticFeatures(normalisation=normalisation)
+    features = SpectrogramFeatures(normalisation=normalisation)
     features.fit([features.magnitudes(torch.zeros(1, 5000))])
     for trace in (torch.zeros(1, 5000), torch.full((3, 5000), 2.5)):
         assert torch.equal(features(trace), torch.zeros(1, 1, 50, 46))
@@ -170,5 +216,5 @@ def test_gravity_does_not_hide_the_touch():
 
 def test_a_trace_below_one_window_is_refused():
     with pytest.raises(UserError, match="longer stroke"):
-        HapticFeatures().magnitudes(noise(0.0499))
-    assert HapticFeatures().magnitudes(noise(0.05)).shape == (50, 1)
+        SpectrogramFeatures().magnitudes(noise(0.0499))
+    assert SpectrogramFeatures().magnitudes(noise(0.05)).shape == (50, 1)

@@ -5,20 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.costs import Costs
-from tex_lightning.inference.early_stopping import SequentialClassifier, decide
-from tex_lightning.parts import part_for
+from tex_lightning.inference.early_stopping import SequentialClassifier, decide, needs_threshold
 
 NEVER = 1.0
+SENSES = {
+    "haptic": ["haptic"],
+    "visual": ["visual"],
+    "fusion": ["haptic", "visual"],
+    "three": ["haptic", "visual", "sound"],
+}
 CONFIG = DecisionConfig(
     name="sequential",
     pairs=200,
@@ -35,21 +38,9 @@ CONFIG = DecisionConfig(
 
 def classifier(kind: str, level: str = "fc2", **calibration: float) -> SurfaceClassifier:
     torch.manual_seed(0)
-    network = {"width": 0.1, "norm": "batch", "dropout": 0.5}
-    card = Card(
-        kind=kind,
-        classes=["a", "b", "c", "d"],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 200, "seed": 0},
-        haptic_features={} if kind == "visual" else {"axes": "frame", "normalisation": "standard"},
-        haptic_network={} if kind == "visual" else network,
-        visual_network={}
-        if kind == "haptic"
-        else {**network, "trunk": trunk_node("alexnet_caffe")},
-        fusion={"level": level} if kind == "fusion" else {},
-        calibration=calibration,
-    )
-    model = SurfaceClassifier(card)
+    given = {"width": 0.1, "scale": "linear"}  # mel bands are a product that would be counted
+    card = make_card(*SENSES[kind], classes=["a", "b", "c", "d"], level=level, pairs=200, **given)
+    model = SurfaceClassifier(replace(card, calibration=calibration))
     for module in model.modules():
         if isinstance(module, nn.Conv2d | nn.Linear) and len(module.weight) == 4:
             nn.init.normal_(module.weight, std=0.3)
@@ -69,11 +60,16 @@ def photo(seed: int, height: int = 800, width: int = 1000) -> torch.Tensor:
     return torch.from_numpy((coarse / 2 + rng.integers(0, 128, coarse.shape)).astype(np.uint8))
 
 
+def sound(seed: int, seconds: float = 6.0) -> torch.Tensor:
+    rng = np.random.default_rng([seed, 1])
+    return torch.from_numpy(rng.standard_normal((1, int(seconds * 44_100))).astype(np.float32))
+
+
 def given(kind: str, seed: int) -> dict[str, torch.Tensor]:
-    inputs = {"trace": trace(seed), "photo": photo(seed)}
-    return {"haptic": {"trace": inputs["trace"]}, "visual": {"photo": inputs["photo"]}}.get(
-        kind, inputs
-    )
+    """A sample, as far as these networks look at it."""
+    make = {"haptic": trace, "visual": photo, "sound": sound}
+    names = {"haptic": "haptic", "visual": "image", "sound": "sound"}
+    return {names[sense]: make[sense](seed) for sense in SENSES[kind]}
 
 
 def spent(function) -> int:
@@ -84,18 +80,21 @@ def spent(function) -> int:
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
 def test_costs_known_in_advance_are_those_of_the_pass(level):
-    model = classifier("fusion", level)
+    model = classifier("three", level)
     costs = Costs(model.card)
-    inputs = given("fusion", 0)
-    frames = model.haptic_features.count_frames(inputs["trace"])
-    assert costs.haptic(frames) + costs.visual(800, 1000) == spent(lambda: model.logits(**inputs))
+    inputs = given("three", 0)
+    sizes = {"visual": (800, 1000)}
+    for name in ("haptic", "sound"):
+        sizes[name] = 50, model.features[name].count_frames(inputs[name])
+    total = sum(costs.of(name, *size) for name, size in sizes.items())
+    assert total == spent(lambda: model.logits(**inputs))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_trace_is_taken_only_as_far_as_the_exact_vote_needs(seed):
     model = classifier("haptic")
-    vote = SequentialClassifier(model, CONFIG).classify(trace(seed, 12.0))
-    full = model.classify(trace(seed, 12.0))
+    vote = SequentialClassifier(model, CONFIG).classify(haptic=trace(seed, 12.0))
+    full = model.classify(haptic=trace(seed, 12.0))
     assert vote.label == full.label
     assert len(vote.fragments) <= len(full.fragments)
     if vote.relative_macs > 1:
@@ -106,16 +105,15 @@ def test_the_rest_of_a_trace_is_neither_transformed_nor_run(monkeypatch):
     model = classifier("haptic")
     sequential = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
     seen = []
-    original = model.haptic_features.spectra
-    monkeypatch.setattr(
-        model.haptic_features, "spectra", lambda x: seen.append(x.shape[1]) or original(x)
-    )
-    vote = sequential.classify(trace(0, 12.0))  # which also counts what it will cost
-    counted = spent(lambda: sequential.classify(trace(0, 12.0)))
+    features = sequential.streams["haptic"].features
+    original = features.spectra
+    monkeypatch.setattr(features, "spectra", lambda x: seen.append(x.shape[1]) or original(x))
+    vote = sequential.classify(haptic=trace(0, 12.0))  # which also counts what it will cost
+    counted = spent(lambda: sequential.classify(haptic=trace(0, 12.0)))
     assert len(vote.fragments) == 1
     overlap = 500 - 100  # samples that two pieces share
     assert sum(seen) == 2 * (176 * 100 + 500 + overlap)
-    full = spent(lambda: model.classify(trace(0, 12.0)))
+    full = spent(lambda: model.classify(haptic=trace(0, 12.0)))
     assert vote.relative_macs * full == pytest.approx(counted)
     assert vote.relative_macs < 0.25
 
@@ -125,8 +123,8 @@ def test_a_short_trace_is_taken_whole_at_once(kind, monkeypatch):
     model = classifier(kind)
     sequential = SequentialClassifier(model, CONFIG)
     pushed = []
-    monkeypatch.setattr(sequential.stream, "push", pushed.append)
-    short = {"trace": trace(0, 3.0), **({"photo": photo(0)} if kind == "fusion" else {})}
+    monkeypatch.setattr(sequential.streams["haptic"], "push", pushed.append)
+    short = {"haptic": trace(0, 3.0), **({"image": photo(0)} if kind == "fusion" else {})}
     vote = sequential.classify(**short)
     assert pushed == []
     assert vote.label == model.classify(**short).label
@@ -137,10 +135,11 @@ def test_a_short_trace_is_taken_whole_at_once(kind, monkeypatch):
 def test_an_undecided_trace_costs_few_pushes_and_one_pass(monkeypatch):
     model = classifier("haptic")
     sequential = SequentialClassifier(model, CONFIG)
-    pushes, push = [], sequential.stream.push
-    monkeypatch.setattr(sequential.stream, "push", lambda x: pushes.append(x.shape[1]) or push(x))
-    vote = sequential.classify(trace(0, 20.0))
-    assert len(vote.fragments) == len(model.classify(trace(0, 20.0)).fragments) == 114
+    stream = sequential.streams["haptic"]
+    pushes, push = [], stream.push
+    monkeypatch.setattr(stream, "push", lambda x: pushes.append(x.shape[1]) or push(x))
+    vote = sequential.classify(haptic=trace(0, 20.0))
+    assert len(vote.fragments) == len(model.classify(haptic=trace(0, 20.0)).fragments) == 114
     assert 1 <= len(pushes) <= 6
     assert 1 < vote.relative_macs < 1.5
 
@@ -159,16 +158,16 @@ def test_windows_not_drawn_are_not_computed(monkeypatch, alpha):
     sequential = SequentialClassifier(model, replace(CONFIG, alpha=alpha))
     large = photo(0, 1400, 1600)
     rows = count_positions(monkeypatch, model.network)
-    vote = sequential.classify(photo=large)
+    vote = sequential.classify(image=large)
     assert vote.label == 1
     if alpha == 0:  # more than half of the positions: the dense pass is cheaper
         assert rows == [1]
         assert vote.relative_macs == 1
-        assert len(vote.fragments) == model.logits(photo=large).shape[1]
+        assert len(vote.fragments) == model.logits(image=large).shape[1]
     else:
         assert sum(rows) == len(vote.fragments) == sequential.rule.least_more([0] * 4, 10_000)
-        counted = spent(lambda: sequential.classify(photo=large))
-        full = spent(lambda: model.classify(photo=large))
+        counted = spent(lambda: sequential.classify(image=large))
+        full = spent(lambda: model.classify(image=large))
         assert vote.relative_macs == pytest.approx(counted / full)
         assert vote.relative_macs < 0.3
 
@@ -179,13 +178,16 @@ def test_single_windows_have_the_scores_of_isolated_crops():
     sequential = SequentialClassifier(model, CONFIG)
     rows, columns = model.network.output_size(800, 1000)
     last = rows * columns - 1
-    scores = sequential._windows(large, torch.tensor([columns + 2, last]))
-    inside = model.logits(photo=large[32 : 32 + 224, 64 : 64 + 224].contiguous())
-    edge = model.logits(photo=large[-224:, -224:].contiguous())
+    scores = sequential._windows(model.branch("visual"), large, torch.tensor([columns + 2, last]))
+    inside = model.logits(image=large[32 : 32 + 224, 64 : 64 + 224].contiguous())
+    edge = model.logits(image=large[-224:, -224:].contiguous())
     torch.testing.assert_close(scores, torch.cat((inside, edge), dim=1))
 
 
-@pytest.mark.parametrize(("kind", "level"), [("visual", ""), ("fusion", "fc2"), ("fusion", "fc3")])
+@pytest.mark.parametrize(
+    ("kind", "level"),
+    [("visual", "fc2"), ("fusion", "fc2"), ("fusion", "fc3"), ("three", "fc2"), ("three", "fc3")],
+)
 def test_the_dense_fallback_is_the_full_vote(kind, level):
     model = classifier(kind, level)
     sequential = SequentialClassifier(model, CONFIG)
@@ -199,7 +201,7 @@ def test_the_dense_fallback_is_the_full_vote(kind, level):
 
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
-    rows = count_positions(monkeypatch, model.network.visual)
+    rows = count_positions(monkeypatch, model.branch("visual").network)
     vote = SequentialClassifier(model, CONFIG).classify(**given("fusion", 0))
     assert rows == []
     assert 0 < vote.relative_macs < 1
@@ -212,21 +214,21 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
 def test_fusion_takes_no_more_of_a_trace_than_it_needs(level):
     model = classifier("fusion", level)
-    long = {"trace": trace(0, 20.0), "photo": photo(0, 1400, 1600)}
+    long = {"haptic": trace(0, 20.0), "image": photo(0, 1400, 1600)}
     whole = Costs(model.card)
-    haptic = whole.haptic(model.haptic_features.count_frames(long["trace"]))
-    share = haptic / (haptic + whole.visual(1400, 1600))
+    haptic = whole.of("haptic", 50, model.features["haptic"].count_frames(long["haptic"]))
+    share = haptic / (haptic + whole.of("visual", 1400, 1600))
     sure = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0)).classify(**long)
     assert sure.relative_macs < 0.3 * share
-    beginning = part_for(model, "haptic").classify(trace(0, 3.0))
+    beginning = model.part(["haptic"]).classify(haptic=trace(0, 3.0))
     assert sure.label == beginning.label
 
 
 def test_the_cheaper_modality_comes_first(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
     small = photo(0, 240, 240)
-    rows = count_positions(monkeypatch, model.network.haptic)
-    vote = SequentialClassifier(model, CONFIG).classify(trace(0, 60.0), small)
+    rows = count_positions(monkeypatch, model.branch("haptic").network)
+    vote = SequentialClassifier(model, CONFIG).classify(haptic=trace(0, 60.0), image=small)
     assert rows == []
     assert vote.relative_macs < 0.5
 
@@ -235,11 +237,62 @@ def test_fusion_draws_the_pairs_of_the_full_vote():
     model = classifier("fusion")
     model.network.head.weight.mul_(0.01)
     model.network.head.bias.copy_(torch.tensor([0.0, 0.0, 5.0, 0.0]))
-    large = {"trace": trace(0), "photo": photo(0, 1400, 1600)}
+    large = {"haptic": trace(0), "image": photo(0, 1400, 1600)}
     vote = SequentialClassifier(model, replace(CONFIG, alpha=0.2)).classify(**large)
     assert vote.label == model.classify(**large).label == 2
     assert len(vote.fragments) < 20
     assert vote.relative_macs < 0.5
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+def test_of_three_senses_the_cheapest_is_asked_alone_where_it_is_sure(monkeypatch, level):
+    model = classifier("three", level)
+    sample = given("three", 0)
+    costs = {
+        name: Costs(model.card).of(name, *branch.input_size(sample[branch.modality]))
+        for name, branch in model.branches.items()
+    }
+    first = min(costs, key=costs.get)
+    rows = {
+        name: count_positions(monkeypatch, branch.network)
+        for name, branch in model.branches.items()
+        if name != first
+    }
+    sure = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
+    vote = sure.classify(**sample)
+    assert not any(rows.values())
+    assert vote.relative_macs <= 1.01 * costs[first] / sum(costs.values())
+    unsure = SequentialClassifier(model, CONFIG).classify(**sample)
+    assert all(rows.values())
+    assert unsure.relative_macs >= 1
+
+
+def test_a_fusion_of_signals_alone_decides_as_the_full_one():
+    torch.manual_seed(0)
+    card = make_card("haptic", "sound", pairs=200, width=0.1)
+    model = SurfaceClassifier(card).eval().requires_grad_(False)
+    sample = {"haptic": trace(0), "sound": sound(0)}
+    vote, full = (m.classify(**sample) for m in (SequentialClassifier(model, CONFIG), model))
+    assert vote.label == full.label
+    assert torch.equal(vote.fragments, full.fragments)
+
+
+def test_windows_of_the_photo_of_three_senses_are_those_that_its_tuples_need():
+    model = classifier("three")
+    model.network.head.weight.mul_(0.01)
+    model.network.head.bias.copy_(torch.tensor([0.0, 0.0, 5.0, 0.0]))
+    sample = {**given("three", 0), "image": photo(0, 1400, 1600)}
+    vote = SequentialClassifier(model, replace(CONFIG, alpha=0.2)).classify(**sample)
+    full = model.classify(**sample)
+    assert vote.label == full.label == 2
+    assert len(vote.fragments) < 20
+    assert torch.equal(vote.fragments, full.fragments[: len(vote.fragments)])
+    assert vote.relative_macs < 0.7
+
+
+def test_a_single_photo_alone_needs_no_threshold():
+    needs = {kind: needs_threshold(classifier(kind)) for kind in SENSES}
+    assert needs == {"haptic": True, "visual": False, "fusion": True, "three": True}
 
 
 def test_a_mean_of_probabilities_is_refused():

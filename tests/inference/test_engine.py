@@ -5,19 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card
 from torch import nn
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 
 OFF = EngineConfig(
     fold_batch_norm=False,
     fast_response_norm=False,
+    fast_spectrogram=False,
     channels_last=False,
     precision="fp32",
     compile=False,
@@ -27,27 +26,22 @@ DEFAULT = replace(
     OFF,
     fold_batch_norm=True,
     fast_response_norm=True,
+    fast_spectrogram=True,
     channels_last=True,
 )
-KINDS = ("haptic", "visual", "fusion")
+SENSES = {
+    "haptic": ["haptic"],
+    "visual": ["visual"],
+    "fusion": ["haptic", "visual"],
+    "three": ["haptic", "visual", "sound"],
+}
 
 
 def classifier(kind: str, norm: str = "batch", level: str = "fc2") -> SurfaceClassifier:
     """A classifier with statistics as training leaves them, some scales negative."""
     torch.manual_seed(0)
-    network = {"width": 0.1, "norm": norm, "dropout": 0.5}
-    card = Card(
-        kind=kind,
-        classes=["a", "b", "c", "d"],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 200, "seed": 0},
-        haptic_features={} if kind == "visual" else {"normalisation": "standard"},
-        haptic_network={} if kind == "visual" else network,
-        visual_network={}
-        if kind == "haptic"
-        else {**network, "trunk": trunk_node("alexnet_caffe")},
-        fusion={"level": level} if kind == "fusion" else {},
-    )
+    given = {"width": 0.1, "norm": norm}
+    card = make_card(*SENSES[kind], classes=["a", "b", "c", "d"], level=level, pairs=200, **given)
     model = SurfaceClassifier(card)
     for module in model.modules():
         if isinstance(module, nn.BatchNorm2d):
@@ -66,10 +60,12 @@ def inputs() -> dict[str, torch.Tensor]:
     rng = np.random.default_rng(0)
     trace = rng.standard_normal((1, 60_000)).astype(np.float32)
     photo = rng.integers(0, 256, (300, 420, 3)).astype(np.uint8)
-    return {"trace": torch.from_numpy(trace), "photo": torch.from_numpy(photo)}
+    sound = rng.standard_normal((1, 100_000)).astype(np.float32)
+    arrays = {"haptic": trace, "image": photo, "sound": sound}
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SENSES)
 def test_without_a_switch_nothing_changes_in_a_single_bit(kind):
     model = classifier(kind)
     engine = accelerate(model, OFF)
@@ -77,16 +73,17 @@ def test_without_a_switch_nothing_changes_in_a_single_bit(kind):
 
 
 @pytest.mark.parametrize("norm", ["batch", "lrn"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SENSES)
 @pytest.mark.parametrize(
     "config",
     [
         replace(OFF, fold_batch_norm=True),
         replace(OFF, fast_response_norm=True),
+        replace(OFF, fast_spectrogram=True),
         replace(OFF, channels_last=True),
         DEFAULT,
     ],
-    ids=["fold_batch_norm", "fast_response_norm", "channels_last", "default"],
+    ids=["fold_batch_norm", "fast_response_norm", "fast_spectrogram", "channels_last", "default"],
 )
 def test_every_switch_keeps_class_scores_and_fragments(kind, norm, config):
     model = classifier(kind, norm)
@@ -96,14 +93,16 @@ def test_every_switch_keeps_class_scores_and_fragments(kind, norm, config):
     assert torch.equal(found.argmax(0), expected.argmax(0))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SENSES)
 def test_large_inputs_in_pieces_keep_class_scores_and_fragments(kind):
     model = classifier(kind)
     expected = model.logits(**inputs())
     engine = accelerate(model, replace(DEFAULT, tile=25_000 if kind == "haptic" else 60_000))
     sizes = []
-    network = engine.haptic_network if kind == "haptic" else engine.visual_network
-    network.trunk.register_forward_pre_hook(lambda _, given: sizes.append(given[0].shape[2:]))
+    sense = "haptic" if kind == "haptic" else "visual"
+    engine.branch(sense).network.trunk.register_forward_pre_hook(
+        lambda _, given: sizes.append(given[0].shape[2:])
+    )
     found = engine.logits(**inputs())
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
     assert torch.equal(found.argmax(0), expected.argmax(0))
@@ -111,7 +110,7 @@ def test_large_inputs_in_pieces_keep_class_scores_and_fragments(kind):
 
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SENSES)
 def test_bf16_gives_float32_scores_near_those_of_fp32(kind, level):
     model = classifier(kind, level=level)
     engine = accelerate(model, replace(DEFAULT, precision="bf16"))
@@ -143,7 +142,7 @@ def test_a_compiler_that_fails_is_said_in_one_sentence(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of the compiler's own
 @pytest.mark.parametrize("norm", ["batch", "lrn"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SENSES)
 def test_compiled_networks_keep_class_scores_and_say_how_long_it_took(caplog, kind, norm):
     caplog.set_level("INFO")
     model = classifier(kind, norm)
@@ -153,7 +152,7 @@ def test_compiled_networks_keep_class_scores_and_say_how_long_it_took(caplog, ki
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SENSES)
 def test_the_original_is_left_alone_and_the_type_is_kept(kind):
     model = classifier(kind).requires_grad_(True)
     before = {key: value.clone() for key, value in model.state_dict().items()}

@@ -13,7 +13,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.errors import UserError
-from tex_lightning.inference.inputs import Files, pair_files
+from tex_lightning.inference.inputs import Files, match_files
 
 
 @pytest.fixture(scope="module")
@@ -78,15 +78,38 @@ def test_what_gives_no_files_is_said(cli, untrained, folder):
 def test_stems_decide_where_nobody_chose_the_order():
     traces = tuple(map(Path, ("a.wav", "b.wav")))
     photos = tuple(map(Path, ("b.png", "a.png")))
-    by_order = [tuple(pair) for pair in zip(traces, photos, strict=True)]
-    assert pair_files(Files(traces), Files(photos)) == by_order
+
+    def matched(haptic: Files, image: Files) -> list[tuple[Path, Path]]:
+        return [
+            (each["haptic"], each["image"])
+            for each in match_files({"haptic": haptic, "image": image})
+        ]
+
+    by_order = list(zip(traces, photos, strict=True))
+    assert matched(Files(traces), Files(photos)) == by_order
     by_stem = list(zip(traces, reversed(photos), strict=True))
-    assert pair_files(Files(traces, searched=True), Files(photos)) == by_stem
+    assert matched(Files(traces, searched=True), Files(photos)) == by_stem
     others = tuple(map(Path, ("x.png", "y.png")))
     in_order = list(zip(traces, others, strict=True))
-    assert pair_files(Files(traces, searched=True), Files(others, searched=True)) == in_order
+    assert matched(Files(traces, searched=True), Files(others, searched=True)) == in_order
     with pytest.raises(UserError, match="nothing to classify"):
-        pair_files(Files(), Files())
+        matched(Files(), Files())
+
+
+def test_files_of_three_modalities_are_matched():
+    given = {
+        "haptic": Files((Path("a.wav"), Path("b.wav"))),
+        "image": Files((Path("b.png"), Path("a.png")), searched=True),
+        "sound": Files((Path("b.flac"), Path("a.flac"))),
+    }
+    stems = [{name: path.stem for name, path in each.items()} for each in match_files(given)]
+    assert stems == [dict.fromkeys(given, stem) for stem in "ab"]
+    one = match_files({"haptic": Files(), "sound": given["sound"]})
+    assert one == [{"sound": Path("b.flac")}, {"sound": Path("a.flac")}]
+    more = {**given, "sound": Files((Path("b.flac"), Path("a.flac"), Path("c.flac")))}
+    said = "2 traces and 2 photos and 3 .*c.flac has no partner"
+    with pytest.raises(UserError, match=said):
+        match_files(more)
 
 
 def test_a_reader_that_has_enough_ends_a_stream_quietly(untrained, folder, tmp_path):

@@ -4,35 +4,26 @@ import json
 
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card, trunk_node
 
-from tex_lightning.card import Card
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
-from tex_lightning.learning.visual import VisualModule
+from tex_lightning.learning.base import SurfaceModule
 
 FLIP = {"_target_": "kornia.augmentation.RandomHorizontalFlip", "p": 1.0}
 INVERT = {"_target_": "kornia.augmentation.RandomInvert", "p": 1.0}  # 1 - x of pixels in [0, 1]
 
 
-def module(augmentation: dict | None) -> VisualModule:
-    network = {"trunk": trunk_node("tcnn"), "width": 0.05, "norm": "batch"}
-    card = Card(
-        kind="visual",
-        classes=["a", "b"],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 10, "seed": 0},
-        visual_network=network,
-    )
-    fit = {"patch": 224, "head_factor": 1.0, "augmentation": augmentation}
-    return VisualModule(card.to_dict(), fit, 0)
+def module(augmentation: dict | None) -> SurfaceModule:
+    card = make_card("visual", trunk=trunk_node("tcnn"), width=0.05)
+    fit = {"head_factor": 1.0, "augmentation": augmentation}
+    return SurfaceModule(card.to_dict(), fit, 0, {"visual": 224})
 
 
 @pytest.fixture
-def batch() -> dict[str, torch.Tensor]:
+def batch() -> dict[str, dict[str, torch.Tensor]]:
     torch.manual_seed(0)
     crop = torch.randint(0, 256, (2, 3, 224, 224), dtype=torch.uint8)
-    return {"crop": crop, "degrees": torch.zeros(2)}
+    return {"visual": {"crop": crop, "degrees": torch.zeros(2)}}
 
 
 def test_a_container_changes_training_patches_alone(batch):
@@ -40,7 +31,7 @@ def test_a_container_changes_training_patches_alone(batch):
     both = {"_target_": "kornia.augmentation.AugmentationSequential", "_args_": [FLIP, INVERT]}
     augmented = module(both)
     (changed,) = augmented.inputs(batch)
-    features = augmented.classifier.image_features
+    features = augmented.classifier.features["visual"]
     expected = 1 - (plain * features.std + features.mean).flip(3)
     torch.testing.assert_close(changed, (expected - features.mean) / features.std)
     (left,) = augmented.eval().inputs(batch)
@@ -50,7 +41,7 @@ def test_a_container_changes_training_patches_alone(batch):
 
 def test_what_fails_on_patches_is_said(batch):
     wrong = module({"_target_": "kornia.augmentation.RandomCrop", "size": "a"})
-    with pytest.raises(UserError, match=r"model\.visual\.fit\.augmentation"):
+    with pytest.raises(UserError, match=r"fit\.augmentation"):
         wrong.inputs(batch)
 
 

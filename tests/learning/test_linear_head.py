@@ -5,13 +5,11 @@ import json
 import numpy as np
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card, trunk_node
 from sklearn.linear_model import LogisticRegression
 
-from tex_lightning.card import Card
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import _view, fit_linear_head
-from tex_lightning.learning.visual import VisualModule
 from tex_lightning.perturbations.augment import Augmentation
 
 COLOURS = np.array([[190, 150, 150], [150, 190, 150], [150, 150, 190]], np.uint8)
@@ -37,27 +35,18 @@ def photos_of(classes, count, seed, size=(240, 290)):
 
 
 def module_of(classes, probe=PROBE):
-    card = Card(
-        kind="visual",
-        classes=[str(number) for number in range(classes)],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 10, "seed": 0},
-        visual_network={
-            "trunk": trunk_node("squeezenet"),
-            "width": 0.1,
-            "norm": "none",
-            "head": [],
-        },
-    )
+    names = [str(number) for number in range(classes)]
+    trunk = trunk_node("squeezenet")
+    card = make_card("visual", classes=names, trunk=trunk, width=0.1, norm="none", head=[])
     torch.manual_seed(0)
     fit = {"head_factor": 1.0, "probe": probe}
-    return VisualModule(card.to_dict(), fit, 0)
+    return SurfaceModule(card.to_dict(), fit, 0, {"visual": 224})
 
 
 def scores(module, photo):
     module.eval()
     with torch.no_grad():
-        return module.classifier.logits(photo=torch.from_numpy(photo))
+        return module.classifier.logits(image=torch.from_numpy(photo))
 
 
 @pytest.mark.parametrize("classes", [2, 3])
@@ -78,7 +67,7 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
     raw = []
     with torch.no_grad():
         for photo in photos.recordings:
-            image = module.classifier.visual_input(torch.from_numpy(photo))
+            image = module.classifier.branch("visual")(torch.from_numpy(photo))
             raw.append(module.network.eval().trunk(image).mean(dim=(0, 2, 3)).double().numpy())
     fit_linear_head(module, photos, labels)
     spread = np.sqrt(np.var(raw, axis=0) + 0.1**2)

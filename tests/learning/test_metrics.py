@@ -16,7 +16,7 @@ from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote, max_vote
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.learning.haptic import HapticModule
+from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.metrics import train_metrics, vote_metrics
 from tex_lightning.learning.trainer import quiet_lightning
 
@@ -77,10 +77,10 @@ def run(run_once, surfaces) -> Path:
 
 def test_lightning_tests_and_predicts_a_checkpoint_as_the_package_does(run, surfaces, cache):
     checkpoint = run / "checkpoints" / "haptic.ckpt"
-    module = HapticModule.load_from_checkpoint(checkpoint, weights_only=True)
+    module = SurfaceModule.load_from_checkpoint(checkpoint, weights_only=True)
     card = module.classifier.card
-    store = Store(cache, card.settings)
-    samples = make_samples(split(read_folder(surfaces), 10, 0, None).test, "haptic")
+    store = Store(cache, {"haptic": module.classifier.branch("haptic").decoder})
+    samples = make_samples(split(read_folder(surfaces), 10, 0, None).test, ["haptic"])
     none, test = (SampleSet(each, store, card.classes) for each in ([], samples))
     data = SurfaceData(None, 0, none, test, 0)
     logger = MemoryLogger("lightning")

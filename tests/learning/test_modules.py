@@ -5,19 +5,17 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card
 from torch import nn
 
-from tex_lightning.card import Card
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.decision.voting import random_tuples
 from tex_lightning.errors import UserError
+from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.fusion import FusionModule
-from tex_lightning.learning.haptic import HapticModule
-from tex_lightning.learning.visual import VisualModule
 
 SCHEDULES = "torch.optim.lr_scheduler"
-NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
 FIT = {
     "epochs": 5,
     "steps_per_epoch": 20,
@@ -27,24 +25,46 @@ FIT = {
     "schedule": {"_target_": f"{SCHEDULES}.OneCycleLR", "_partial_": True},
     "label_smoothing": 0.0,
     "head_factor": 20.0,
-    "patch": 224,
     "modality_dropout": 0.0,
 }
-MODULES = {"haptic": HapticModule, "visual": VisualModule, "fusion": FusionModule}
+SENSES = {
+    "haptic": ["haptic"],
+    "visual": ["visual"],
+    "sound": ["sound"],
+    "fusion": ["haptic", "visual"],
+    "three": ["haptic", "visual", "sound"],
+}
+PIECES = {"haptic": 240, "visual": 224, "sound": 256}
 
 
-def module(kind: str, **changes):
-    card = Card(
-        kind=kind,
-        classes=["a", "b", "c"],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 10, "seed": 0},
-        haptic_network=NETWORK,
-        visual_network={**NETWORK, "trunk": trunk_node("alexnet_caffe")},
-        fusion={"level": "fc2"},
-    )
+def module(kind: str, **changes) -> SurfaceModule:
+    senses = SENSES[kind]
+    card = make_card(*senses, width=0.1)
     torch.manual_seed(0)
-    return MODULES[kind](card.to_dict(), {**FIT, **changes}, 0)
+    make = SurfaceModule if len(senses) == 1 else FusionModule
+    pieces = {name: PIECES[name] for name in senses}
+    return make(card.to_dict(), {**FIT, **changes}, 0, pieces)
+
+
+def quiet(model: SurfaceModule) -> SurfaceModule:
+    """A module whose steps can be taken without a trainer."""
+    model.log = model.log_dict = lambda *args, **kwargs: None
+    model._trainer = SimpleNamespace(
+        log_every_n_steps=10, global_step=0, optimizers=[SimpleNamespace(param_groups=[])]
+    )
+    return model
+
+
+def batch_of_three(samples: int) -> dict:
+    """Pieces of the size that gives one position; of photos larger, to be turned."""
+    torch.manual_seed(1)
+    crops = torch.randint(0, 256, (samples, 3, 320, 320), dtype=torch.uint8)
+    return {
+        "label": torch.arange(samples) % 3,
+        "haptic": {"input": torch.randn(samples, 1, 50, 192)},
+        "visual": {"crop": crops, "degrees": torch.linspace(-180, 180, samples)},
+        "sound": {"input": torch.randn(samples, 1, 50, 192)},
+    }
 
 
 def rates(model, steps: int) -> list[tuple[float, float]]:
@@ -59,7 +79,7 @@ def rates(model, steps: int) -> list[tuple[float, float]]:
     return found
 
 
-@pytest.mark.parametrize("kind", MODULES)
+@pytest.mark.parametrize("kind", SENSES)
 def test_every_parameter_is_in_exactly_one_group(kind):
     model = module(kind)
     groups = model.configure_optimizers()["optimizer"].param_groups
@@ -114,15 +134,12 @@ def test_an_optimizer_that_cannot_be_made_says_why(node, message):
 
 
 def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():
-    model = module("haptic")
+    model = quiet(module("haptic"))
     model.eval()  # no dropout, so that the network can be asked again
-    model.log = lambda *args, **kwargs: None
-    model._trainer = SimpleNamespace(
-        log_every_n_steps=10, global_step=0, optimizers=[SimpleNamespace(param_groups=[])]
-    )
-    batch = {"spectrogram": torch.randn(4, 1, 50, 240), "label": torch.tensor([0, 1, 2, 0])}
+    spectrogram = torch.randn(4, 1, 50, 240)
+    batch = {"haptic": {"input": spectrogram}, "label": torch.tensor([0, 1, 2, 0])}
     loss = model.training_step(batch, 0)
-    logits = model.classifier.network(batch["spectrogram"])
+    logits = model.classifier.network(spectrogram)
     by_hand = [
         -torch.log_softmax(logits[i, :, t], dim=0)[batch["label"][i]]
         for i in range(4)
@@ -138,28 +155,78 @@ def test_fusion_keeps_the_statistics_of_batch_normalisation():
     assert norms
     assert not any(layer.training for layer in norms)
     assert any(layer.training for layer in model.modules() if isinstance(layer, nn.Dropout))
-    crops = torch.randint(0, 256, (1, 3, 320, 320), dtype=torch.uint8)
-    batch = {"spectrogram": torch.randn(1, 1, 50, 192), "crop": crops, "degrees": torch.zeros(1)}
-    assert model.classifier.network(*model.inputs(batch)).shape == (1, 3, 1)
+    assert model.network(*model.inputs(batch_of_three(1))).shape == (1, 3, 1)
+
+
+def test_three_senses_are_trained_a_step():
+    model = quiet(module("three")).train()
+    assert model.pieces == {"haptic": 192, "visual": 224, "sound": 192}
+    before = {name: value.detach().clone() for name, value in model.named_parameters()}
+    optimizer = torch.optim.SGD(model.parameters(), lr=0.1)
+    model.training_step(batch_of_three(6), 0).backward()
+    optimizer.step()
+    network = model.network
+    for place, sense in enumerate(SENSES["three"]):
+        changed = [
+            name
+            for name, value in network.networks[place].named_parameters()
+            if not torch.equal(value, before[f"classifier.network.networks.{place}.{name}"])
+        ]
+        assert changed, sense
+    columns = torch.split(network.head.weight, network.sizes, dim=1)
+    old = torch.split(before["classifier.network.head.weight"], network.sizes, dim=1)
+    assert not any(torch.equal(new, start) for new, start in zip(columns, old, strict=True))
+
+
+def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
+    paths = {}
+    for name in SENSES["three"]:
+        single = module(name)
+        for buffer in single.classifier.features.buffers():
+            buffer.add_(0.5)  # what features have learnt comes along
+        card = {"card": single.classifier.card.to_dict()}
+        paths[name] = tmp_path / f"{name}.ckpt"
+        content = {"state_dict": single.state_dict(), "hyper_parameters": card}
+        torch.save(content, paths[name])
+    model = module("three")
+    FusionStart(paths, 20.0).setup(None, model, "fit")
+    assert model.head_factor == 20
+    classifier = model.eval().classifier
+    rng = torch.Generator().manual_seed(0)
+    sample = {
+        "haptic": torch.randn(1, 24_000, generator=rng),
+        "image": torch.randint(0, 256, (240, 240, 3), generator=rng, dtype=torch.uint8),
+        "sound": torch.randn(1, 105_840, generator=rng),
+    }
+    alone = []
+    for name, branch in classifier.branches.items():
+        start = SurfaceClassifier.from_checkpoint(paths[name], name)
+        alone.append(start.logits(**sample))
+        assert torch.equal(
+            branch(sample[branch.modality]), start.branch(name)(sample[branch.modality])
+        )
+    counts = [each.shape[1] for each in alone]
+    tuples = random_tuples(counts, 50, classifier.seed(**sample))
+    expected = sum(each[:, tuples[:, place]] for place, each in enumerate(alone))
+    torch.testing.assert_close(classifier.logits(**sample), expected, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("factor", [9.9, 50.1])
 def test_the_head_factor_has_the_papers_range(factor):
     with pytest.raises(UserError, match="from 10 to 50"):
-        FusionStart(Path("h.ckpt"), Path("v.ckpt"), factor)
-    FusionStart(Path("h.ckpt"), Path("v.ckpt"), 10.0)
+        FusionStart({"haptic": Path("h.ckpt")}, factor)
+    FusionStart({"haptic": Path("h.ckpt")}, 10.0)
 
 
-def test_a_dropped_modality_leaves_the_other_halfs_scores(monkeypatch):
-    model = module("fusion", modality_dropout=0.4)
-    haptic, visual = torch.randn(2, 4000, 3, 1)
+@pytest.mark.parametrize("kind", ["fusion", "three"])
+def test_a_dropped_modality_leaves_the_scores_of_a_single_one(monkeypatch, kind):
+    model = module(kind, modality_dropout=0.6)
+    parts = list(torch.randn(len(SENSES[kind]), 4000, 3, 1))
     monkeypatch.setattr(model, "inputs", lambda batch: ())
-    monkeypatch.setattr(model.network, "parts", lambda: (haptic, visual))
+    monkeypatch.setattr(model.network, "parts", lambda: parts)
     scores = model.scores({})
-    count = {
-        name: int((scores == expected).flatten(1).all(1).sum())
-        for name, expected in {"h": haptic, "v": visual, "both": haptic + visual}.items()
-    }
-    assert sum(count.values()) == 4000
-    assert count["h"] == pytest.approx(800, abs=100)
-    assert count["v"] == pytest.approx(800, abs=100)
+    counts = [
+        int((scores == expected).flatten(1).all(1).sum()) for expected in (*parts, sum(parts))
+    ]
+    assert sum(counts) == 4000
+    assert counts[:-1] == pytest.approx([4000 * 0.6 / len(parts)] * len(parts), abs=100)

@@ -6,13 +6,11 @@ from itertools import count
 
 import pytest
 import torch
-from conftest import trunk_node, visualnet
+from conftest import make_card, trunk_node, visualnet
 from torch import nn
 
-from tex_lightning.card import Card
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.probe import _fold_standardisation, probe_head
-from tex_lightning.learning.visual import VisualModule
 
 COLOURS = torch.tensor([[200, 40, 40], [40, 200, 40], [40, 40, 200]], dtype=torch.uint8)
 
@@ -22,21 +20,15 @@ def batch(step: int):
     label = torch.randint(3, (6,), generator=generator)
     noise = torch.randint(0, 40, (6, 3, 224, 224), generator=generator, dtype=torch.uint8)
     crop = COLOURS[label][:, :, None, None] + noise
-    return {"crop": crop, "degrees": torch.zeros(6), "label": label}
+    return {"visual": {"crop": crop, "degrees": torch.zeros(6)}, "label": label}
 
 
-def visual_module(norm: str = "none") -> VisualModule:
-    card = Card(
-        kind="visual",
-        classes=["a", "b", "c"],
-        decode=DecodeSettings().to_dict(),
-        decision={"pairs": 10, "seed": 0},
-        visual_network={"trunk": trunk_node("tcnn"), "width": 0.1, "norm": norm, "dropout": 0.2},
-    )
+def visual_module(norm: str = "none") -> SurfaceModule:
+    card = make_card("visual", trunk=trunk_node("tcnn"), width=0.1, norm=norm, dropout=0.2)
     probe = {"steps": 60, "passes": 1, "batch_size": 8, "learning_rate": 1e-2}
-    fit = {"patch": 224, "label_smoothing": 0.0, "head_factor": 1.0, "probe": probe}
+    fit = {"label_smoothing": 0.0, "head_factor": 1.0, "probe": probe}
     torch.manual_seed(0)
-    return VisualModule(card.to_dict(), fit, 0)
+    return SurfaceModule(card.to_dict(), fit, 0, {"visual": 224})
 
 
 @pytest.mark.parametrize("norm", ["none", "batch"])
@@ -78,7 +70,7 @@ def test_pretrained_weights_from_the_command_line(cli, surfaces, tmp_path):
     torch.save({key: value.detach() for key, value in state.items()}, tmp_path / "weights.pth")
     outcome = cli(
         "model=visual",
-        "model/trunk=alexnet_torchvision",
+        "trunk=alexnet_torchvision",
         "model.visual.width=1",
         "model.visual.norm=none",
         f"weights={tmp_path / 'weights.pth'}",

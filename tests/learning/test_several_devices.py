@@ -46,7 +46,7 @@ def weights(directory: Path, kind: str) -> dict[str, torch.Tensor]:
 def votes(directory: Path, kind: str) -> list[tuple[str, ...]]:
     with (directory / "predictions" / f"{kind}.csv").open() as stream:
         keys = ("haptic", "image", "predicted", "correct_fragments")
-        return [tuple(row[key] for key in keys) for row in csv.DictReader(stream)]
+        return [tuple(row.get(key, "") for key in keys) for row in csv.DictReader(stream)]
 
 
 def validated(directory: Path, kind: str) -> torch.Tensor:

@@ -1,37 +1,22 @@
 """Trunks that start from checkpoints."""
 
+from dataclasses import replace
+
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card, trunk_node
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
 from tex_lightning.learning.start import start_trunk
 
-FEATURES = {
-    "sampling_rate": 10_000.0, "normalisation": "standard", "skip_impact": True, "axes": "frame",
-    "scale": "mel",
-}  # fmt: skip
-NETWORK = {"width": 0.1, "norm": "batch", "dropout": 0.5}
-
 
 def classifier(kind: str, classes: int, **changes) -> SurfaceClassifier:
-    haptic = kind == "haptic"
-    network = {**NETWORK, **({} if haptic else {"trunk": trunk_node("tcnn")}), **changes}
-    return SurfaceClassifier(
-        Card(
-            kind=kind,
-            classes=[f"c{number}" for number in range(classes)],
-            decode=DecodeSettings().to_dict(),
-            decision={"pairs": 10, "seed": 0},
-            haptic_features=FEATURES if haptic else {},
-            haptic_network=network if haptic else {},
-            visual_network={} if haptic else network,
-            trained_on={"seen": [f"digest{number}" for number in range(classes)]},
-        )
-    )
+    names = [f"c{number}" for number in range(classes)]
+    given = {"width": 0.1, "trunk": trunk_node("tcnn"), **changes}
+    card = make_card(kind, classes=names, **given)
+    seen = [f"digest{number}" for number in range(classes)]
+    return SurfaceClassifier(replace(card, trained_on={"seen": seen}))
 
 
 def saved(source: SurfaceClassifier, path) -> str:

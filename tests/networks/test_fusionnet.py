@@ -9,6 +9,18 @@ from tex_lightning.networks import FusionNet, HapticNet
 CLASSES = 5
 
 
+class OwnNet(torch.nn.Module):
+    """A user's, of whom nothing is known but that it gives features; they are its scores."""
+
+    def __init__(self, classes):
+        super().__init__()
+        self.layer = torch.nn.Conv1d(2, classes, 5, stride=3)
+
+    def features(self, x, level):
+        assert level == "fc3"
+        return self.layer(x)
+
+
 def unimodal(norm="none"):
     torch.manual_seed(0)
     haptic = HapticNet(4, width=0.05, norm=norm)
@@ -39,7 +51,7 @@ def test_pair_scores_equal_concatenation_and_linear(level):
     length, (rows, columns) = f_haptic.shape[-1], f_visual.shape[-2:]
     assert (length, rows, columns) == (4, 2, 3)
     pairs = torch.cartesian_prod(torch.arange(length), torch.arange(rows * columns))
-    scores = net(spectrogram, image, pairs)
+    scores = net(spectrogram, image, tuples=pairs)
     assert scores.shape == (2, CLASSES, len(pairs))
     for index, (i, j) in enumerate(pairs.tolist()):
         row, column = divmod(j, columns)
@@ -54,7 +66,7 @@ def test_parts_sum_to_the_scores():
     assert haptic.shape == (2, CLASSES, 4)
     assert visual.shape == (2, CLASSES, 6)
     pairs = torch.tensor([[3, 5], [0, 1], [3, 5]])
-    scores = net(spectrogram, image, pairs)
+    scores = net(spectrogram, image, tuples=pairs)
     assert torch.equal(scores, haptic[..., [3, 0, 3]] + visual[..., [5, 1, 5]])
 
 
@@ -63,7 +75,7 @@ def test_a_start_from_scores_adds_the_scores_of_both_networks(level):
     torch.manual_seed(0)
     haptic = HapticNet(CLASSES, width=0.05).eval()
     visual = visualnet(CLASSES, trunk="tcnn", width=0.05).eval()
-    for score_layer in (haptic.head.score_layer, visual.head.score_layer):
+    for score_layer in (haptic.score_layer, visual.score_layer):
         torch.nn.init.normal_(score_layer.weight)
         torch.nn.init.normal_(score_layer.bias)
     net = FusionNet(haptic, visual, classes=CLASSES, level=level).eval()
@@ -71,20 +83,20 @@ def test_a_start_from_scores_adds_the_scores_of_both_networks(level):
     spectrogram, image = inputs()
     pairs = torch.tensor([[3, 5], [0, 1]])
     expected = haptic(spectrogram)[..., [3, 0]] + visual(image).flatten(2)[..., [5, 1]]
-    torch.testing.assert_close(net(spectrogram, image, pairs), expected)
+    torch.testing.assert_close(net(spectrogram, image, tuples=pairs), expected)
 
 
-def test_single_pair_needs_no_pairs():
+def test_a_single_pair_needs_no_tuples():
     net = fusion().eval()
     spectrogram, image = inputs(192, 224, 224)
     scores = net(spectrogram, image)
     assert scores.shape == (2, CLASSES, 1)
-    assert torch.equal(scores, net(spectrogram, image, torch.tensor([[0, 0]])))
+    assert torch.equal(scores, net(spectrogram, image, tuples=torch.tensor([[0, 0]])))
 
 
 @pytest.mark.parametrize("sides", [(193, 224, 224), (192, 231, 224)])
-def test_several_pairs_need_pairs(sides):
-    with pytest.raises(ValueError, match="pairs is needed"):
+def test_several_pairs_need_tuples(sides):
+    with pytest.raises(ValueError, match="tuples is needed for"):
         fusion().eval()(*inputs(*sides))
 
 
@@ -134,3 +146,87 @@ def test_parameter_groups_are_all_parameters_and_all_learn(level):
     assert len(groups) == len({id(p) for p in groups})
     assert len(list(net.head_parameters())) == 2
     assert all(p.grad is not None for p in groups)
+
+
+def senses(count):
+    """So many networks for CLASSES, with their inputs."""
+    torch.manual_seed(3)
+    visual = visualnet(CLASSES, trunk="tcnn", width=0.05, norm="none")
+    networks = HapticNet(CLASSES, width=0.05, norm="none"), visual, OwnNet(CLASSES)
+    return [net.eval() for net in networks][:count], (*inputs(), torch.randn(2, 2, 14))[:count]
+
+
+def several(count, level):
+    """A FusionNet of so many networks, their inputs and the features that it fuses."""
+    networks, given = senses(count)
+    net = FusionNet(*networks, classes=CLASSES, level=level).eval()
+    torch.nn.init.normal_(net.head.weight)
+    torch.nn.init.normal_(net.head.bias)
+    levels = (level, level, "fc3")
+    features = [
+        network.features(x, own).flatten(2)
+        for network, x, own in zip(networks, given, levels, strict=False)
+    ]
+    return net, given, features
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_parts_of_any_number_of_senses_sum_to_one_linear_layer(count, level):
+    net, given, features = several(count, level)
+    assert net.sizes == [each.shape[1] for each in features]
+    assert net.levels == [level, level, "fc3"][:count]  # the user's has no hidden layer to fuse
+    assert [each.shape[-1] for each in features] == [4, 6, 4][:count]
+    tuples = torch.tensor([[0, 0, 0], [3, 5, 1], [2, 1, 3], [3, 0, 0]])[:, :count]
+    chosen = [each[..., tuples[:, place]] for place, each in enumerate(features)]
+    expected = net.head(torch.cat(chosen, dim=1).mT).mT
+    torch.testing.assert_close(net(*given, tuples=tuples), expected)
+    torch.testing.assert_close(net.join(net.parts(*given), tuples), expected)
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+@pytest.mark.parametrize("places", [[0], [2], [0, 2], [1, 2], [2, 0], [0, 1, 2]])
+def test_a_subset_is_the_linear_layer_on_the_features_of_some_senses(places, level):
+    net, given, features = several(3, level)
+    before = {name: value.clone() for name, value in net.state_dict().items()}
+    part = net.subset(places)
+    columns = torch.split(net.head.weight, net.sizes, dim=1)
+    weight = torch.cat([columns[place] for place in places], dim=1)
+    firsts = torch.cat([features[place][..., 0] for place in places], dim=1)
+    expected = torch.nn.functional.linear(firsts, weight, net.head.bias)
+    first = torch.zeros(1, len(places), dtype=torch.int64)
+    found = part(*(given[place] for place in places), tuples=first)
+    torch.testing.assert_close(found[..., 0], expected)
+    for parameter in part.parameters():
+        torch.nn.init.zeros_(parameter)
+    assert all(torch.equal(value, before[name]) for name, value in net.state_dict().items())
+
+
+def test_a_start_from_scores_adds_those_of_three_networks():
+    networks, given = senses(3)
+    net = FusionNet(*networks, classes=CLASSES, level="fc2").eval()
+    net.start_from_scores(*networks)
+    tuples = torch.tensor([[3, 5, 2], [0, 1, 3]])
+    scores = [
+        network.features(x, "fc3").flatten(2) for network, x in zip(networks, given, strict=True)
+    ]
+    expected = sum(each[..., tuples[:, place]] for place, each in enumerate(scores))
+    torch.testing.assert_close(net(*given, tuples=tuples), expected)
+
+
+def test_tuples_of_three_senses_are_needed_unless_all_have_one_position():
+    networks, _ = senses(3)
+    net = FusionNet(*networks, classes=CLASSES).eval()
+    single = *inputs(192, 224, 224), torch.randn(2, 2, 5)
+    assert net(*single).shape == (2, CLASSES, 1)
+    with pytest.raises(ValueError, match="1 and 1 and 2 positions"):
+        net(*single[:2], torch.randn(2, 2, 8))
+
+
+def test_fused_networks_lose_the_scores_that_are_not_fused():
+    networks, _ = senses(3)
+    fused = FusionNet(*networks, classes=CLASSES, level="fc2")
+    for whole, part in zip(networks, fused.networks, strict=True):
+        gone = whole.state_dict().keys() - part.state_dict().keys()
+        scores = {"head.scores.1.weight", "head.scores.1.bias"}
+        assert gone == (set() if isinstance(whole, OwnNet) else scores)

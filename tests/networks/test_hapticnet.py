@@ -48,24 +48,35 @@ def test_pooling_before_relu_changes_nothing_of_the_papers_network():
     [(177, 1), (192, 1), (193, 2), (300, 8), (997, 52), (1996, 114)],
     # 10 s and 20 s at 10 kHz, window 500, hop 100: 996 and 1996 frames or one more.
 )
-def test_output_length(frames, length):
+def test_output_size(frames, length):
     net = HapticNet(3, width=NARROW).eval()
-    assert net.output_length(frames) == length
+    assert net.output_size(50, frames) == (1, length)
     assert net(torch.zeros(1, 1, 50, frames)).shape == (1, 3, length)
 
 
 def test_every_length_matches_the_forward_pass():
     net = HapticNet(2, width=NARROW).eval()
-    for frames in range(net.min_frames, net.min_frames + 40):
-        assert net(torch.zeros(1, 1, 50, frames)).shape[-1] == net.output_length(frames)
+    for frames in range(net.min_size[1], net.min_size[1] + 40):
+        assert (1, net(torch.zeros(1, 1, 50, frames)).shape[-1]) == net.output_size(50, frames)
 
 
 def test_single_output_range():
     net = HapticNet(2, width=NARROW)
-    single = [frames for frames in range(1, 400) if net.output_length(frames) == 1]
-    assert single == list(range(net.min_frames, net.window + 1)) == list(range(177, 193))
-    assert net.output_length(net.min_frames - 1) == net.output_length(5) == 0
-    assert net.output_length(1600 + net.stride) == net.output_length(1600) + 1
+    single = [frames for frames in range(1, 400) if net.output_size(50, frames) == (1, 1)]
+    assert (net.min_size, net.window_size) == ((50, 177), (50, 192))
+    assert single == list(range(177, 193))
+    assert net.output_size(50, 176) == net.output_size(50, 5) == (1, 0)
+    assert net.output_size(50, 1600 + net.stride)[1] == net.output_size(50, 1600)[1] + 1
+
+
+def test_fewer_or_more_bands_than_fifty_give_no_or_more_rows():
+    net = HapticNet(2, width=NARROW).eval()
+    single = [bands for bands in range(1, 200) if net.output_size(bands, 192)[0] == 1]
+    assert single == list(range(49, 65))  # 50 and what pooling rounds up alike
+    assert net.output_size(16, 192) == (0, 1)
+    with pytest.raises(RuntimeError):
+        net.head(net.trunk(torch.zeros(1, 1, 16, 192)))
+    assert net.head(net.trunk(torch.zeros(1, 1, 65, 192))).shape[2:] == net.output_size(65, 192)
 
 
 def test_receptive_field_by_impulses():
@@ -100,11 +111,11 @@ def test_features():
     net = HapticNet(7, width=0.5).eval()
     x = torch.rand(2, 1, 50, 300)
     hidden, scores = net.features(x, "fc2"), net.features(x, "fc3")
-    assert hidden.shape == (2, net.feature_size("fc2"), 8) == (2, 125, 8)
-    assert scores.shape == (2, net.feature_size("fc3"), 8) == (2, 7, 8)
+    assert hidden.shape == (2, net.hidden, 8) == (2, 125, 8)
+    assert scores.shape == (2, net.classes, 8) == (2, 7, 8)
     assert hidden.min() == 0
     assert torch.equal(scores, net(x))
-    last = net.head.scores[1]
+    last = net.score_layer
     expected = torch.einsum("cd,bdl->bcl", last.weight[..., 0, 0], hidden) + last.bias[:, None]
     torch.testing.assert_close(scores, expected)
 

@@ -47,7 +47,7 @@ def test_published_head_of_tcnn():
     dense = 4096 * (384 + 1) + 4096 * (4096 + 1) + 11 * (4096 + 1)
     net = visualnet(11, trunk="tcnn", norm="lrn", head=(4096, 4096))
     assert parameters(net) == convolutions + dense == 19_630_859
-    assert net.feature_size("fc2") == 4096
+    assert net.hidden == net.score_layer.in_channels == 4096
 
 
 @pytest.mark.parametrize(
@@ -68,11 +68,11 @@ def test_published_trunk_parameter_counts(trunk, count):
 def test_one_prediction_for_a_patch(trunk):
     net = visualnet(3, trunk=trunk, width=NARROW).eval()
     assert net(torch.zeros(1, 3, 224, 224)).shape == (1, 3, 1, 1)
-    assert net.patch == 224
+    assert net.window_size == (224, 224)
     low, high = SINGLE_OUTPUT[trunk]
     single = [side for side in range(1, 300) if net.output_size(side, side) == (1, 1)]
     assert single == list(range(low, high + 1))
-    assert net.min_side == net.trunk.min_side == low
+    assert net.min_size == (low, low) == (net.trunk.min_side, net.trunk.min_side)
 
 
 @pytest.mark.parametrize(
@@ -93,10 +93,11 @@ def test_output_size(trunk, height, width, expected):
 @pytest.mark.parametrize("trunk", TRUNKS)
 def test_output_size_matches_the_forward_pass(trunk):
     net = visualnet(2, trunk=trunk, width=0.02).eval()
+    least = net.min_size[0]
     for step in range(0, 70, 3):
-        height, width = net.min_side + step, net.min_side + 69 - step
+        height, width = least + step, least + 69 - step
         assert net(torch.zeros(1, 3, height, width)).shape[2:] == net.output_size(height, width)
-    assert net.output_size(net.min_side - 1, 400)[0] == 0
+    assert net.output_size(least - 1, 400)[0] == 0
     assert net.output_size(20, 5) == (0, 0)
     grown = net.output_size(1000 + net.stride, 1000)
     assert grown == (net.output_size(1000, 1000)[0] + 1, net.output_size(1000, 1000)[1])
@@ -150,8 +151,9 @@ def test_literal_1x1_fc1_gives_36_predictions():
     net = visualnet(3, width=NARROW, fc1_kernel=1).eval()
     assert net(torch.zeros(1, 3, 224, 224)).shape == (1, 3, 6, 6)
     assert net.output_size(224, 224) == (6, 6)
-    assert net(torch.zeros(1, 3, net.min_side, net.min_side)).shape == (1, 3, 1, 1)
-    assert net.output_size(net.min_side - 1, 224)[0] == 0
+    assert net(torch.zeros(1, 3, *net.min_size)).shape == (1, 3, 1, 1)
+    assert net.window_size == net.min_size
+    assert net.output_size(net.min_size[0] - 1, 224)[0] == 0
 
 
 def test_tcnn_features_are_plain_averages():
@@ -202,8 +204,8 @@ def test_features():
     net = visualnet(7, trunk="tcnn", width=0.2).eval()
     x = torch.rand(2, 3, 232, 216)
     hidden, scores = net.features(x, "fc2"), net.features(x, "fc3")
-    assert hidden.shape == (2, net.feature_size("fc2"), 2, 1) == (2, 50, 2, 1)
-    assert scores.shape == (2, net.feature_size("fc3"), 2, 1) == (2, 7, 2, 1)
+    assert hidden.shape == (2, net.hidden, 2, 1) == (2, 50, 2, 1)
+    assert scores.shape == (2, net.classes, 2, 1) == (2, 7, 2, 1)
     assert hidden.min() == 0
     assert torch.equal(scores, net(x))
 

@@ -12,7 +12,6 @@ from tex_lightning.networks.windows import (
     batches,
     cut_windows,
     dense_grid,
-    window_size,
 )
 
 
@@ -33,12 +32,16 @@ def noise(*shape):
     return torch.randn(shape, generator=torch.Generator().manual_seed(1))
 
 
+def cut(network, x):
+    return cut_windows(x, network.window_size, network.stride)
+
+
 VISUAL = [(trunk, norm) for trunk in TRUNKS for norm in TRUNKS[trunk].norms]
 
 
 @torch.no_grad()
 def check_twin(network, x):
-    grid = cut_windows(network, x)
+    grid = cut(network, x)
     alone = torch.cat([network(window[None]) for window in grid.flatten(0, 1)]).flatten(1)
     assert alone.shape == (grid.shape[0] * grid.shape[1], network.classes)
     twin = torch.cat([WindowNet(network)(batch) for batch in batches(grid, 3)])
@@ -59,18 +62,18 @@ def test_the_twin_of_visualnet_equals_the_network_on_each_window(trunk, norm):
 
 def test_the_literal_reading_of_fc1_has_smaller_windows():
     network = lively(visualnet(5, width=0.125, norm="none", fc1_kernel=1))
-    assert network.output_size(*window_size(network)) == (1, 1)
-    side = network.min_side + 2 * network.stride
+    assert network.output_size(*network.window_size) == (1, 1)
+    side = network.min_size[0] + 2 * network.stride
     check_twin(network, noise(1, 3, side, side))
 
 
 def test_windows_stand_where_the_predictions_do():
     haptic = HapticNet(3, width=0.1)
-    grid = cut_windows(haptic, noise(1, 1, 50, 1996))
+    grid = cut(haptic, noise(1, 1, 50, 1996))
     assert grid.shape == (1, 113, 1, 50, 192)  # and the 114th prediction has no full window
     visual = visualnet(3, width=0.1)
     x = torch.arange(3 * 300 * 400.0).reshape(1, 3, 300, 400)
-    grid = cut_windows(visual, x)
+    grid = cut(visual, x)
     assert grid.shape[:2] == (3, 6)
     assert torch.equal(grid[2, 5], x[0, :, 64 : 64 + 224, 160 : 160 + 224])
     rows, columns = visual.output_size(300, 400)
@@ -79,7 +82,7 @@ def test_windows_stand_where_the_predictions_do():
 
 def test_batches_hold_every_window_once_in_order():
     network = visualnet(3, width=0.1)
-    grid = cut_windows(network, noise(1, 3, 256, 288))
+    grid = cut(network, noise(1, 3, 256, 288))
     every = list(batches(grid, 4))
     assert [len(batch) for batch in every] == [4, 2]
     assert torch.equal(torch.cat(every), grid.flatten(0, 1))
@@ -95,7 +98,25 @@ def test_dense_output_is_laid_out_as_the_windows_are():
 
 def test_an_input_of_one_window_gives_the_same_densely():
     network = lively(HapticNet(4, width=0.2))
-    x = noise(1, 1, 50, HapticNet.window)
+    x = noise(1, 1, *HapticNet.window_size)
     with torch.no_grad():
         dense = dense_grid(network(x))
         torch.testing.assert_close(dense[0], WindowNet(network)(x), rtol=1e-4, atol=1e-4)
+
+
+def test_a_network_without_trunk_and_head_is_its_own_twin():
+    class Own(nn.Module):
+        window_size, stride, classes = (50, 192), 16, 4
+
+        def __init__(self):
+            super().__init__()
+            self.layer = nn.Conv2d(1, 4, (50, 192), stride=16)
+
+        def features(self, x, level):
+            return self.layer(x).squeeze(2)
+
+    network, x = Own().eval(), noise(1, 1, 50, 230)
+    grid = cut(network, x)
+    with torch.no_grad():
+        twin = WindowNet(network)(next(batches(grid, 3)))
+        torch.testing.assert_close(twin, network.features(x, "fc3")[0].T)

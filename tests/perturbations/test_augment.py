@@ -11,13 +11,16 @@ PHOTO = np.random.default_rng(1).integers(0, 256, (60, 80, 3), dtype=np.uint8)
 
 
 def test_what_is_held_out_or_needs_three_axes_cannot_be_trained_on():
-    names = {*trainable("haptic"), *trainable("image")}
-    assert {"white_noise", "jpeg"} <= names
+    names = {*trainable("haptic"), *trainable("image"), *trainable("sound")}
+    assert {"white_noise", "jpeg", "sound_low_pass"} <= names
+    assert trainable("force") == ()
     left = [each for name, each in perturbations().items() if name not in names]
     assert all(each.held_out or each.axes or each.modality == "both" for each in left)
 
 
-@pytest.mark.parametrize(("modality", "recording"), [("haptic", TRACE), ("image", PHOTO)])
+@pytest.mark.parametrize(
+    ("modality", "recording"), [("haptic", TRACE), ("image", PHOTO), ("sound", TRACE)]
+)
 def test_all_that_may_be_trained_on_needs_the_recording_alone(modality, recording):
     for name in trainable(modality):
         augmentation = Augmentation.of([name], rate=10_000.0)

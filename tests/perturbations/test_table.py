@@ -1,6 +1,7 @@
 """Every perturbation on its scale, against what its unit means."""
 
 import io
+from dataclasses import replace
 from itertools import pairwise
 
 import cv2
@@ -10,9 +11,11 @@ from conftest import make_photo, make_trace
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from scipy.signal import resample_poly
 
+from tex_lightning.errors import UserError
 from tex_lightning.perturbations.scene import Scene
-from tex_lightning.perturbations.table import SEVERITIES, perturbations
+from tex_lightning.perturbations.table import SEVERITIES, perturbations, read_severities
 
 RATE = 10_000.0
 TABLE = perturbations()
@@ -29,10 +32,15 @@ def trace(axes: int = 1) -> np.ndarray:
     return np.stack([make_trace(axis, 0) for axis in range(axes)])
 
 
+def sound() -> np.ndarray:
+    """A tone in noise, brought to the rate of sounds."""
+    return resample_poly(trace(), 441, 100, axis=1).astype(np.float32)
+
+
 def recording(perturbation) -> np.ndarray:
     if perturbation.modality == "image":
         return make_photo(0, 0)
-    return trace(perturbation.axes or 1)
+    return sound() if perturbation.modality == "sound" else trace(perturbation.axes or 1)
 
 
 def scene(seed: int = 0) -> Scene:
@@ -96,7 +104,7 @@ def test_the_scale_is_monotone_and_goes_through_its_levels(name, one, other):
 def test_there_are_enough_of_them_and_some_are_held_out():
     assert len(TABLE) >= 50
     assert all(len(each.levels) == 6 for each in TABLE.values())
-    for modality in ("haptic", "image"):
+    for modality in ("haptic", "image", "sound"):
         held = [each.held_out for each in TABLE.values() if each.modality == modality]
         assert 0 < sum(held) < len(held) / 2
 
@@ -192,3 +200,65 @@ def test_silence_and_darkness_are_harmless(perturbation):
     clean = np.zeros_like(recording(perturbation))
     harmed = perturbation.apply(clean, 5, scene())
     assert np.isfinite(harmed).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "function"),
+    [("sound_white_noise", "white_noise"), ("sound_low_pass", "low_pass"),
+     ("sound_silent", "haptic_silent")],
+)  # fmt: skip
+def test_what_harms_a_sound_is_what_harms_a_trace(name, function):
+    values = replace(TABLE[function], levels=TABLE[name].levels)
+    changed = TABLE[name].apply(sound(), 3, scene())
+    assert np.array_equal(changed, values.apply(sound(), 3, scene()))
+
+
+def test_a_low_pass_of_a_sound_leaves_what_lies_below():
+    time = np.arange(44_100) / 44_100
+    tones = (np.sin(2 * np.pi * 200 * time) + np.sin(2 * np.pi * 15_000 * time))[None]
+    at = Scene(np.random.default_rng(0), 44_100.0, sound)
+    spectrum = np.abs(np.fft.rfft(TABLE["sound_low_pass"].apply(tones, 4, at)[0])) / 22_050
+    assert spectrum[200] == pytest.approx(1, abs=0.05)
+    assert spectrum[15_000] < 0.01
+
+
+def own(tmp_path, text: str) -> dict:
+    path = tmp_path / "own.yaml"
+    path.write_text(text)
+    return read_severities(path)
+
+
+LEVELS = "unit: a, levels: [0, 1, 2, 3, 4, 5]"
+
+
+def test_a_users_table_names_any_modality(tmp_path):
+    found = own(
+        tmp_path,
+        f"force: {{weaker: {{function: quieter, {LEVELS}}}}}\n"
+        f"thermal: {{hot: {{function: tex_lightning.perturbations.pixels.darkness, {LEVELS}}}}}\n"
+        f"both: {{force_missing: {{{LEVELS}}}, force_swapped: {{{LEVELS}}}}}\n",
+    )
+    assert [each.modality for each in found.values()] == ["force", "thermal", "both", "both"]
+    assert found["force_missing"].fate == ("force", "missing")
+    weaker = found["weaker"].apply(trace(), 2, scene())
+    assert weaker == pytest.approx(trace() / 10**0.1)
+    assert weaker.dtype == np.float32
+    photo = make_photo(0, 0)
+    assert np.array_equal(found["hot"].apply(photo, 1, scene()), photo)
+    assert found["hot"].apply(photo, 0.5, scene()).dtype == np.uint8
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (f"image: {{jpeg: {{function: darkness, {LEVELS}}}}}", "jpeg is the name of one"),
+        (f"force: {{weak: {{function: weaker, {LEVELS}}}}}", "which is no function of the package"),
+        (f"force: {{weak: {{{LEVELS}}}}}", "names no function"),
+        (f"both: {{force_lost: {{{LEVELS}}}}}", "neither MODALITY_missing nor"),
+        (f"a: {{x: {{function: force, {LEVELS}}}}}\nb: {{x: {{function: force, {LEVELS}}}}}",
+         "x is there twice"),
+    ],
+)  # fmt: skip
+def test_a_users_table_is_refused_in_one_sentence(tmp_path, text, said):
+    with pytest.raises(UserError, match=said):
+        own(tmp_path, text)

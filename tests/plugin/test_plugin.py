@@ -36,7 +36,16 @@ def flat(tmp_path_factory) -> Path:
     for kind, label in enumerate(CLASSES):
         for number in range(10):
             Image.fromarray(make_photo(kind, number)).save(folder / f"{label}_{number}.png")
+            np.save(folder / f"{label}_{number}.npy", make_force(kind, number))
     return folder
+
+
+def make_force(kind: int, number: int) -> np.ndarray:
+    """Three seconds at 1 kHz, at a mean and with a ripple of its own for each class."""
+    rng = np.random.default_rng([kind, number, 2])
+    time = np.arange(3000) / 1000
+    ripple = (kind + 1) * np.sin(2 * np.pi * (3 + 4 * kind) * time + rng.uniform(0, 6))
+    return (kind + 0.3 * ripple + 0.05 * rng.standard_normal(3000)).astype(np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +76,7 @@ def test_reader_trunk_callback_and_logger_of_a_user_train(run):
     assert "test/vote_accuracy" in lines
     content = read_checkpoint(run / "checkpoints" / "visual.ckpt")
     card = content["hyper_parameters"]["card"]
-    assert card["visual_network"]["trunk"] == {"_target_": "my_ext.SmallTrunk", "channels": 6}
+    assert card["branches"]["visual"]["trunk"] == {"_target_": "my_ext.SmallTrunk", "channels": 6}
     assert content["state_dict"]["classifier.network.trunk.layers.0.weight"].shape == (6, 3, 8, 8)
 
 
@@ -91,6 +100,60 @@ def test_they_evaluate_predict_and_are_perturbed(cli, run, data, flat, tmp_path)
     assert found["perturbations"]["stains"]["function"] == "my_ext.stains"
 
 
+@pytest.fixture(scope="module")
+def fused(run_once, data) -> Path:
+    senses = ["model=fusion", "model.senses=[force,visual]", "trunk=small", "logger=text"]
+    budget = ["model.budget=1", "model.force.fit.learning_rate=0.02", "data.val_fold=null"]
+    return run_once(*CONF, *data, *senses, *budget)
+
+
+def test_a_sense_of_the_user_is_fused(fused):
+    found = results(fused)["networks"]
+    assert list(found) == ["force", "visual", "fusion"]
+    assert found["force"]["vote_accuracy"] == 1  # its budget is not that of debug=tiny
+    assert found["fusion"]["test_samples"] == 3
+    assert found["fusion"]["parameters"] > found["force"]["parameters"] > 0
+
+
+def test_it_is_crossvalidated_alone(cli, data, tmp_path):
+    outcome = cli(
+        *CONF, *data, "task=crossval", "crossval.only=[0,4]", "model=fusion",
+        "model.senses=[force]", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert [each["fold"] for each in results(tmp_path)["networks"]["force"]["folds"]] == [0, 4]
+
+
+def test_it_evaluates_predicts_and_is_perturbed(cli, fused, data, flat, tmp_path):
+    known = [*CONF, *data, "trusted=[my_ext]", f"checkpoint={fused}"]
+    outcome = cli(*known, "task=evaluate", f"hydra.run.dir={tmp_path}/a")
+    assert outcome.status == 0, outcome.err
+    both = [f"image={flat}/beta_0.png", f"+force={flat}/beta_0.npy"]
+    for given in (both, both[1:], both[:1]):
+        outcome = cli(*known, "task=predict", *given)
+        assert outcome.status == 0, outcome.err
+        said = json.loads(outcome.out)
+        assert len(said["modalities"]) == len(given)
+    outcome = cli(*known, "task=predict", f"+weight={flat}/beta_0.npy")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "does not look at weight" in outcome.err
+    outcome = cli(
+        *CONF, *data, "trusted=[my_ext]", "task=stability", f"stability.systems=[{fused}]",
+        "stability.only=[drift,stains,fewer_pairs]",
+        f"stability.severities=[{HERE}/my_ext/severities.yaml]", f"hydra.run.dir={tmp_path}/s",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    found = results(tmp_path / "s")["systems"]
+    assert [*found["fusion"]["perturbation_errors"]] == ["drift", "stains", "fewer_pairs"]
+
+
+def test_a_sense_that_does_not_exist_is_refused(cli, data, tmp_path):
+    wrong = ["model=fusion", "model.senses=[haptic,smell]", f"hydra.run.dir={tmp_path}"]
+    outcome = cli(*CONF, *data, *wrong)
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert "model.senses names smell" in outcome.err
+
+
 def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, tmp_path):
     outcome = cli(
         *CONF, *data, "model=nearest", "model.baseline.power=1", f"hydra.run.dir={tmp_path}"
@@ -107,7 +170,7 @@ def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, tmp_path):
 def test_a_sweep_tests_a_fold_of_the_users_data(cli, data, tmp_path):
     outcome = cli(
         "-m", *CONF, *data, "task=crossval", "crossval.only=[3]", "model=visual",
-        "model/trunk=small", "seed=5", "logger=text", f"hydra.sweep.dir={tmp_path}",
+        "trunk=small", "seed=5", "logger=text", f"hydra.sweep.dir={tmp_path}",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert results(tmp_path / "0")["networks"]["visual"]["folds"][0]["fold"] == 3
@@ -151,7 +214,7 @@ def test_the_current_folder_is_importable_with_the_flag(monkeypatch, tmp_path):
 def forge(run: Path, path: Path, target: str) -> Path:
     """The checkpoint with another class for its trunk."""
     content = torch.load(run / "checkpoints" / "visual.ckpt", weights_only=True)
-    content["hyper_parameters"]["card"]["visual_network"]["trunk"] = {"_target_": target}
+    content["hyper_parameters"]["card"]["branches"]["visual"]["trunk"] = {"_target_": target}
     torch.save(content, path)
     return path
 

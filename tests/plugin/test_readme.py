@@ -6,6 +6,7 @@ import shlex
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import make_photo
 from PIL import Image
@@ -36,11 +37,13 @@ def test_the_parts_of_the_readme_run_from_an_empty_folder(cli, empty):
         path = empty / re.search(r"^# (\S+\.\w+)$", text, re.MULTILINE)[1]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    assert len(files) == 5
+    assert len(files) == 6
     (empty / "DIR").mkdir()
     for kind, label in enumerate(("wood", "felt")):
         for number in range(10):
             Image.fromarray(make_photo(kind, number)).save(empty / f"DIR/{label}_{number}.png")
+            force = kind + np.random.default_rng(number).standard_normal(3000)
+            np.save(empty / f"DIR/{label}_{number}.npy", force)
     (commands,) = [text.splitlines() for language, text in blocks if language == "bash"]
     outcomes = []
     for command in commands:
@@ -50,5 +53,5 @@ def test_the_parts_of_the_readme_run_from_an_empty_folder(cli, empty):
     assert "Epoch 1 is over." in outcomes[0].out
     assert (empty / "RUN" / "mine" / "visual" / "metrics.csv").is_file()
     results = json.loads((empty / "RUN" / "results.json").read_text())
-    assert (results["data"], results["networks"]["visual"]["test_samples"]) == ("flat", 2)
+    assert (results["data"], results["networks"]["fusion"]["test_samples"]) == ("flat", 2)
     assert json.loads(outcomes[2].out)["label"] in ("wood", "felt")

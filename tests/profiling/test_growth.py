@@ -2,11 +2,10 @@
 
 import pytest
 import torch
+from conftest import make_card
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import ProfileConfig
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.profiling import growth, timing
 from tex_lightning.profiling.growth import Ladder, climb
 from tex_lightning.profiling.subject import Subject
@@ -65,14 +64,15 @@ def test_a_step_that_happens_to_be_quicker_does_not_make_later_ones_look_free(
 
 @pytest.mark.parametrize(("rate", "first"), [(10_000, 2.0), (8_000, 5.0)])
 def test_the_shortest_trace_has_a_window_at_every_rate(rate, first):
-    card = Card(
-        kind="haptic",
-        classes=["a", "b"],
-        decode=DecodeSettings(sampling_rate=rate).to_dict(),
-        decision={"pairs": 10, "seed": 0},
-        haptic_features={"sampling_rate": rate},
-        haptic_network={"width": 0.05, "norm": "batch"},
-    )
-    classifier = SurfaceClassifier(card).eval()
-    assert growth._sufficient_seconds(Subject(classifier, torch.zeros(1)))[0] == first
-    assert classifier.classify(torch.randn(3, round(first * rate))).label in (0, 1)
+    card = make_card("haptic", classes=["a", "b"], sampling_rate=rate, width=0.05)
+    subject = Subject(SurfaceClassifier(card).eval(), torch.zeros(3, 1))
+    assert growth._sufficient(subject)[0] == first
+    assert subject.classifier.classify(haptic=growth._noise(subject, first)).label in (0, 1)
+
+
+def test_photos_are_noise_of_so_many_megapixels():
+    card = make_card("visual", width=0.05)
+    subject = Subject(SurfaceClassifier(card).eval(), torch.zeros(1, 1, 3, dtype=torch.uint8))
+    assert growth._sufficient(subject) == growth.SIZES["photo"]
+    height, width, _ = growth._noise(subject, 2.0).shape
+    assert height * width / 1e6 == pytest.approx(2.0, rel=0.01)

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 import torch
+from conftest import make_card
 
-from tex_lightning.card import Card
 from tex_lightning.config import EngineConfig
 from tex_lightning.profiling.memory import forward_peak_mib
 
@@ -20,8 +20,7 @@ ENGINE = EngineConfig(
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="Linux only")
 def test_the_peak_holds_the_largest_map_and_not_much_more():
-    network = {"width": 1.0, "norm": "none"}
-    card = Card("haptic", ["a", "b"], decode={}, decision={}, haptic_network=network)
+    card = make_card("haptic", width=1.0, norm="none")
     frames = 6000
     before = dict(os.environ)
     peak = forward_peak_mib(card, ENGINE, (1, 1, 50, frames), torch.device("cpu"))

@@ -24,7 +24,7 @@ def swept(run_once, surfaces):
 
 def test_report_holds_every_row_with_counts_and_the_papers_figure(swept):
     report = (swept / "report.md").read_text().replace("**", "")
-    label = "| FusionNet-FC3 (trunk from random weights) |"
+    label = "| FusionNet-FC3 |"
     row = next(line for line in report.splitlines() if line.startswith(label))
     assert "98.1 %" in row
     assert re.search(r"\(\d/3\)", row)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.report.durations import describe_rates, unlike_the_others
@@ -22,7 +22,7 @@ def make(tmp_path):
 
 @pytest.fixture
 def store(tmp_path):
-    return Store(tmp_path / "cache", DecodeSettings())
+    return Store(tmp_path / "cache", {"haptic": SignalDecoder()})
 
 
 def test_assumed_durations_far_from_the_median_are_pointed_out(make, store):

@@ -66,6 +66,8 @@ def test_figures_of_a_network_can_be_saved(tmp_path: Path):
     assert [bar.get_width() for bar in ways.axes[0].patches] == [100.0, 10.0, 195.4, 20.5]
     layers = layers_figure("haptic", network)
     assert [bar.get_width() for bar in layers.axes[0].patches] == [2.0, 2.0, 0.1, 0.1]
+    sound = ways_figure("sound", network)  # which the paper does not have
+    assert [bar.get_width() for bar in sound.axes[0].patches] == [100.0, 10.0]
     for title, figure in (("ways", ways), ("layers", layers)):
         save_figure(figure, tmp_path / f"{title}.png")
         assert (tmp_path / f"{title}.png").stat().st_size > 1000

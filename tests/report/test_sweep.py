@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
+from tex_lightning.evaluation.outcomes import RANDOM, Outcome, summarise, write_outcomes
 from tex_lightning.report.sweep import SweepSummary
 
 
@@ -54,12 +54,13 @@ def finish(folder: Path, seed: int, correct: int, fold: int = 0) -> None:
     data = {"data": {"folds": 5, "test_fold": fold}}
     OmegaConf.save(OmegaConf.create(data), folder / ".hydra" / "config.yaml")
     outcomes = [
-        Outcome(f"{fold}-{n}.wav", "", "a", "ab"[n >= correct], 1.0, 1, 1, 2.0) for n in range(10)
+        Outcome({"haptic": f"{fold}-{n}.wav"}, "a", "ab"[n >= correct], 1.0, 1, 1, 2.0)
+        for n in range(10)
     ]
     write_outcomes(outcomes, folder / "predictions" / "haptic.csv")
     entry = {**summarise(outcomes), "fit_seconds": 40.0, "parameters": 7, "checkpoint": ""}
     results = {"model": "haptic", "data": "folder", "classes": ["a", "b"]}
-    results |= {"trunk_weights": None, "networks": {"haptic": entry}}
+    results |= {"weights": {"haptic": RANDOM}, "networks": {"haptic": entry}}
     (folder / "results.json").write_text(json.dumps(results))
 
 

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from tex_lightning.config import CONF, Config, register
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.recordings import Note, Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable
@@ -26,7 +26,8 @@ def config() -> Config:
 
 @pytest.fixture
 def store(tmp_path):
-    return Store(tmp_path / "cache", DecodeSettings(half_scale=False))
+    decoders = {"haptic": SignalDecoder(), "image": PhotoDecoder(half_scale=False)}
+    return Store(tmp_path / "cache", decoders)
 
 
 @pytest.fixture

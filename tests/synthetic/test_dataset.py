@@ -1,12 +1,13 @@
 import cv2
 import numpy as np
 import pytest
+import soundfile
 import torch
 
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
 from tex_lightning.synthetic import SyntheticSpec, make_materials, write_folder, write_tum
-from tex_lightning.synthetic.dataset import photograph, record
+from tex_lightning.synthetic.dataset import listen, photograph, record
 
 TINY = {"recordings": 2, "seconds": 1, "photo_width": 64, "photo_height": 48}
 
@@ -34,6 +35,25 @@ def test_folder_files_have_their_types_and_shapes(folder):
     assert trace.dtype == np.float32
     assert trace.shape == (3, 10_000)
     assert cv2.imread(str(next(folder.rglob("*.jpg")))).shape == (48, 64, 3)
+
+
+def test_sounds_are_written_only_when_asked_for_and_beside_the_same_files(folder, tmp_path):
+    write_folder(SyntheticSpec(classes=2, **TINY), tmp_path, ("haptic", "image", "sound"))
+    written, silent = _files(tmp_path), _files(folder)
+    sounds = [name for name in written if "/sound/" in name]
+    names = [material.name for material in make_materials(2, 0)]
+    assert set(sounds) == {f"{name}/sound/{n:02d}.flac" for name in names for n in range(2)}
+    assert all(silent[name] == written[name] for name in written if name not in sounds)
+
+
+def test_sound_files_hold_the_sound_in_16_bits_at_44100_hz(specimen, tmp_path):
+    spec = SyntheticSpec(classes=2, **TINY)
+    write_folder(spec, tmp_path, ["sound"])
+    path = tmp_path / specimen(1).material.name / "sound" / "01.flac"
+    assert soundfile.info(path).subtype == "PCM_16"
+    sound, rate = soundfile.read(path, dtype="float32")
+    assert rate == 44_100
+    np.testing.assert_allclose(sound, listen(spec, specimen(1), 1, 1), atol=1 / 32_000)
 
 
 def test_photos_are_written_as_red_green_blue(folder, specimen):

@@ -24,17 +24,23 @@ def test_names_are_unique_sorted_and_plain(classes):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_every_block_has_one_pair_alike_to_the_eye_and_one_alike_to_the_tool(seed):
+def test_every_block_has_one_pair_alike_to_each_sense(seed):
     materials = make_materials(72, seed)
-    alike_to_eye, alike_to_tool = [], []
-    for (i, first), (j, second) in itertools.combinations(enumerate(materials), 2):
-        if first.looks_like(second):
-            alike_to_eye.append((i, j))
-        if first.feels_like(second):
-            alike_to_tool.append((i, j))
-    blocks = range(0, 72, BLOCK)
-    assert alike_to_eye == [(start, start + 1) for start in blocks]
-    assert alike_to_tool == [(start + 2, start + 3) for start in blocks]
+    pairs = list(itertools.combinations(enumerate(materials), 2))
+    for place, alike in ((0, "looks_like"), (2, "feels_like"), (4, "sounds_like")):
+        found = [(i, j) for (i, first), (j, second) in pairs if getattr(first, alike)(second)]
+        assert found == [(at, at + 1) for at in range(place, 72, BLOCK)]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_feel_alikes_lie_on_opposite_boards_and_look_alikes_on_one(seed):
+    materials = make_materials(12, seed)
+    for start in (0, BLOCK):
+        assert materials[start].voice == materials[start + 1].voice
+        first, second = (materials[start + k].voice for k in (2, 3))
+        for name, apart in (("pitch", 10**0.5), ("quality", 3.6), ("loudness", 8**0.5)):
+            ratio = getattr(first, name) / getattr(second, name)
+            assert max(ratio, 1 / ratio) > 0.99 * apart
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -52,4 +58,6 @@ def test_parameters_stay_physical(seed):
         assert 0 < material.relief.depth < material.relief.wavelength / 10
         assert 0 < material.body.damping < 1
         assert 0 < material.body.stick < 1
+        assert material.voice.loudness > 0
+        assert 500 <= material.voice.pitch <= 5000
         assert all(0 <= part <= 1 for part in material.skin.colour + material.skin.accent)

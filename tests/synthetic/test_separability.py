@@ -8,7 +8,7 @@ from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from tex_lightning.synthetic.dataset import SyntheticSpec, photograph, record
+from tex_lightning.synthetic.dataset import SyntheticSpec, listen, photograph, record
 
 SPEC = SyntheticSpec(classes=6, seconds=3, photo_width=480, photo_height=360)
 TESTED = np.isin(np.arange(10), [4, 9])
@@ -16,8 +16,16 @@ TESTED = np.isin(np.arange(10), [4, 9])
 
 def _haptic_features(trace):
     _, _, spectrum = stft(trace[:, 8000:], 10_000, "hamming", 500, 400)
-    power = np.square(np.abs(spectrum[:, 1:50])).sum(axis=0)
-    bands = np.log(np.add.reduceat(power, np.geomspace(1, 40, 12).astype(int), axis=0))
+    return _bands(np.square(np.abs(spectrum[:, 1:50])).sum(axis=0))
+
+
+def _sound_features(sound):
+    _, _, spectrum = stft(sound[35_280:], 44_100, "hamming", 441, 341)
+    return _bands(np.square(np.abs(spectrum[1:])), 200)
+
+
+def _bands(power, last=40):
+    bands = np.log(np.add.reduceat(power, np.geomspace(1, last, 12).astype(int), axis=0))
     return np.concatenate([bands.mean(axis=1), bands.std(axis=1)])
 
 
@@ -46,8 +54,12 @@ def _confusions(features):
 
 @pytest.mark.parametrize(
     ("take", "describe", "twins"),
-    [(record, _haptic_features, {2, 3}), (photograph, _visual_features, {0, 1})],
-    ids=["haptic", "visual"],
+    [
+        (record, _haptic_features, {2, 3}),
+        (photograph, _visual_features, {0, 1}),
+        (listen, _sound_features, {4, 5}),
+    ],
+    ids=["haptic", "visual", "sound"],
 )
 def test_all_but_the_twins_are_told_apart(specimen, take, describe, twins):
     features = np.array(

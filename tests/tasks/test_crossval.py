@@ -45,7 +45,7 @@ def test_chosen_folds_are_run_and_pooled(cli, surfaces, directory):
     assert haptic["correct"] == correct
     interval = binomtest(correct, 6).proportion_ci(method="wilson")
     assert haptic["vote_ci95"] == pytest.approx([interval.low, interval.high])
-    tested = {Path(outcome.haptic).stem.rpartition("_")[2] for outcome in outcomes}
+    tested = {Path(outcome.files["haptic"]).stem.rpartition("_")[2] for outcome in outcomes}
     assert tested == {"0", "3"}
     drawn = {path.relative_to(directory).parts[0] for path in directory.rglob("*_confusion.png")}
     assert drawn == {"figures"}  # of all folds together, not of each

@@ -175,9 +175,11 @@ def test_what_cannot_be_meant_is_refused(cli, surfaces, argument, said):
 def test_samples_that_share_a_trace_count_once():
     traces = [Recording("a", "haptic", Path(f"{n}.wav"), n) for n in range(2)]
     photos = [Recording("a", "image", Path(f"{n}.png"), n) for n in range(4)]
-    samples = [Sample("a", traces[n % 2], photo) for n, photo in enumerate(photos)]
+    samples = [
+        Sample("a", {"haptic": traces[n % 2], "image": photo}) for n, photo in enumerate(photos)
+    ]
     assert independent(samples) == ["0.wav", "1.wav"] * 2
-    alone = [Sample("a", None, photo) for photo in photos]
+    alone = [Sample("a", {"image": photo}) for photo in photos]
     assert len(set(independent(alone))) == 4
 
 

@@ -198,8 +198,8 @@ def test_every_system_is_timed_on_photos_of_its_own_size(given, cli, monkeypatch
     sides = {}
 
     def classify(classifier, samples):
-        _, photo = next(samples)
-        sides[classifier.card.decode["half_scale"]] = photo.shape[0]
+        half_scale = classifier.card.branches["visual"]["decode"]["half_scale"]
+        sides[half_scale] = next(samples)["image"].shape[0]
 
     monkeypatch.setattr(frontier, "_classify_next", classify)
     systems = "frontier.only=[visualnet_squeezenet,visualnet_squeezenet_half]"
@@ -245,7 +245,7 @@ def test_auto_goes_on_with_the_choice_that_it_made(given, cli, tmp_path, monkeyp
     assert json.loads((tmp_path / "r/results.json").read_text())["model"] == "minirocket"
 
 
-def test_one_source_of_weights_is_for_networks_on_photos(tmp_path):
+def test_one_source_of_weights_is_for_published_trunks(tmp_path):
     given = ["weights=imagenet", "seed=3"]
     job = Job(tuple(given), tmp_path, "command", True, (), OmegaConf.create())
     assert with_system(job, given, ["model=haptic"]) == ["seed=3", "model=haptic"]

@@ -90,7 +90,7 @@ def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
         "12 recordings train, 6 validate (fold 1), 6 test (fold 0 of 4)"
     )
     assert entry(outcome.err, "Skipped") == "1 x stray file, 1 x class folder (why: see above)"
-    assert entry(outcome.err, "Trains") == "fusion: HapticNet, VisualNet, FusionNet"
+    assert entry(outcome.err, "Trains") == "fusion: haptic, visual, fusion"
     assert f"Class folder {mixed}/empty is skipped" in outcome.err
     assert "Is 10,000 Hz the rate" not in outcome.err
     assert "Rates" not in outcome.out

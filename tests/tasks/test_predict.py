@@ -56,11 +56,8 @@ def test_evaluate_and_predict_agree_with_the_test_after_training(
     assert [(o.predicted, o.share, o.fragments) for o in evaluated] == [
         (o.predicted, o.share, o.fragments) for o in tested
     ]
-    files = []
-    if kind != "visual":
-        files.append(f"haptic=[{','.join(o.haptic for o in tested)}]")
-    if kind != "haptic":
-        files.append(f"image=[{','.join(o.image for o in tested)}]")
+    modalities = list(tested[0].files)
+    files = [f"{name}=[{','.join(o.files[name] for o in tested)}]" for name in modalities]
     predicted = cli("task=predict", checkpoint(trained, kind), *files)
     lines = [json.loads(line) for line in predicted.out.splitlines()]
     assert [line["label"] for line in lines] == [o.predicted for o in tested]
@@ -68,9 +65,7 @@ def test_evaluate_and_predict_agree_with_the_test_after_training(
     # one at a time and the other way round
     alone = []
     for o in reversed(tested):
-        given = [f"haptic={o.haptic}"] * (kind != "visual") + [f"image={o.image}"] * (
-            kind != "haptic"
-        )
+        given = [f"{name}={file}" for name, file in o.files.items()]
         alone.append(
             json.loads(cli("task=predict", checkpoint(trained, kind), *given).out)["label"]
         )
@@ -137,7 +132,7 @@ def test_photos_may_be_halved_by_the_jpeg_decoder(cli, surfaces, trained, tmp_pa
     with Image.open(surfaces / "beta" / "image" / "beta_0.png") as photo:
         photo.resize((480, 480)).save("large.jpg", quality=95)
     content = torch.load(trained / "checkpoints" / "visual.ckpt", weights_only=True)
-    content["hyper_parameters"]["card"]["decode"]["half_scale"] = True
+    content["hyper_parameters"]["card"]["branches"]["visual"]["decode"]["half_scale"] = True
     torch.save(content, "halved.ckpt")
     exact, fast = (
         json.loads(cli("task=predict", "checkpoint=halved.ckpt", "image=large.jpg", *more).out)
@@ -196,7 +191,7 @@ def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):
     assert again.status == 0, again.err
     evaluated = read_outcomes(tmp_path / "e" / "predictions" / "haptic.csv")
     assert [o.fragments for o in evaluated] == [o.fragments for o in tested]
-    prediction = json.loads(cli("task=predict", given, f"haptic={tested[0].haptic}").out)
+    prediction = json.loads(cli("task=predict", given, f"haptic={tested[0].files['haptic']}").out)
     assert prediction["fragments"] == tested[0].fragments
     assert prediction["label"] == tested[0].predicted
 
@@ -217,14 +212,11 @@ def test_a_fusion_network_does_with_one_modality_and_says_so(cli, surfaces, trai
         ["image"],
         ["haptic", "image"],
     ]
-    settings = fusion.card.settings
-    trace = torch.from_numpy(decode_trace(wav, settings))
-    photo = torch.from_numpy(decode_image(png, settings))
+    trace = torch.from_numpy(decode_trace(wav, fusion.branch("haptic").decoder))
+    photo = torch.from_numpy(decode_image(png, fusion.branch("visual").decoder))
     with torch.no_grad():
-        features = fusion.haptic_positions(trace, "fc2")
-        haptic = max_vote(fusion.network.project_haptic(features[None])[0])
-        features = fusion.visual_positions(photo, "fc2").flatten(1)
-        visual = max_vote(fusion.network.project_visual(features[None])[0])
+        haptic = max_vote(fusion.summand("haptic", trace))
+        visual = max_vote(fusion.summand("visual", photo))
     for name, vote in (("haptic", haptic), ("image", visual)):
         assert lines[name]["label"] == fusion.card.classes[vote.label]
         assert lines[name]["confidence"] == pytest.approx(float(vote.shares[vote.label]))

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card, trunk_node
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.parts import unimodal_parts
 
 CONTRACT = {
     "fcn_ms",
@@ -91,33 +89,21 @@ def test_figures_growth_and_events_are_left_in_the_run_folder(directory):
     assert all(bool(row["median_ms"]) != bool(row["note"]) for row in rows)
 
 
-def card(level: str) -> Card:
-    return Card(
-        kind="fusion",
-        classes=["a", "b", "c"],
-        decode={"sampling_rate": 10_000.0, "file_rate": 10_000.0, "half_scale": False},
-        decision={"pairs": 10, "seed": 0},
-        haptic_features={"sampling_rate": 10_000.0},
-        haptic_network={"width": 0.1},
-        visual_network={"width": 0.1, "norm": "batch", "trunk": trunk_node("tcnn")},
-        fusion={"level": level},
-    )
-
-
 @pytest.fixture(params=["fc2", "fc3"])
 def fusion(request) -> SurfaceClassifier:
     torch.manual_seed(0)
-    classifier = SurfaceClassifier(card(request.param)).eval()
+    card = make_card("haptic", "visual", level=request.param, width=0.1, trunk=trunk_node("tcnn"))
+    classifier = SurfaceClassifier(card).eval()
     torch.nn.init.normal_(classifier.network.head.weight)
     torch.nn.init.normal_(classifier.network.head.bias)
-    classifier.haptic_features.channel_mean.fill_(0.5)
+    classifier.features["haptic"].channel_mean.fill_(0.5)
     return classifier
 
 
 def test_the_parts_of_a_fusion_are_its_halves(fusion):
-    haptic, visual = (part.eval() for part in unimodal_parts(fusion))
+    haptic, visual = (fusion.part([name]) for name in fusion.card.senses)
     assert (haptic.card.kind, visual.card.kind) == ("haptic", "visual")
-    assert haptic.haptic_features.channel_mean[0] == 0.5
+    assert haptic.features["haptic"].channel_mean[0] == 0.5
     spectrogram, image = torch.randn(1, 1, 50, 210), torch.randn(1, 3, 224, 240)
     with torch.no_grad():
         whole = fusion.network.parts(spectrogram, image)
@@ -150,6 +136,40 @@ def test_a_trained_network_is_profiled_on_a_real_file(cli, surfaces, tmp_path):
         refused = cli(*common, *arguments, f"hydra.run.dir={tmp_path}/no")
         assert refused.status == 2
         assert message in refused.err
+
+
+def test_a_sense_that_the_paper_does_not_have_is_profiled_at_its_own_rate(cli, tmp_path):
+    outcome = cli("task=profile", "model=sound", "debug=tiny", f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 0, outcome.err
+    assert "paper: its average" not in outcome.err
+    (network,) = results(tmp_path)["networks"].values()
+    frames = network["input"][3]
+    assert frames == pytest.approx(100 * 3.6, abs=10)  # a frame every 10 ms, also at 44.1 kHz
+
+
+OWN = """
+from torch import nn
+
+
+class Plain(nn.Module):
+    def __init__(self, classes):
+        super().__init__()
+        self.layer = nn.Conv2d(1, classes, (50, 3))
+
+    def features(self, x, level):
+        return self.layer(x).squeeze(2)
+"""
+
+
+def test_a_network_that_does_not_tell_its_geometry_is_refused(cli, tmp_path, monkeypatch):
+    (tmp_path / "plain_network.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+    own = "model.haptic.network={_target_: plain_network.Plain}"
+    outcome = cli(
+        "task=profile", "model=haptic", own, "debug=tiny", f"hydra.run.dir={tmp_path}/run"
+    )
+    assert outcome.status == 2
+    assert "needs a network that tells its geometry" in outcome.err
 
 
 @pytest.mark.slow

@@ -11,9 +11,7 @@ from scipy.stats import binomtest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import decode_image
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.parts import part_for
 
 ONLY = ("white_noise", "shorter_trace", "rotated_axes", "jpeg", "haptic_missing", "image_swapped")
 COLUMNS = (
@@ -113,10 +111,11 @@ def test_without_its_trace_fusion_votes_as_its_visual_part(tested, fused):
     assert {line["system"] for line in found} == {"fusion"}
     assert {line["modality"] for line in found} == {"both"}
     fusion = SurfaceClassifier.from_checkpoint(fused / "checkpoints" / "fusion.ckpt")
-    part, right = part_for(fusion, "image"), []
+    part, right = fusion.part(["visual"]), []
     for each in read_outcomes(fused / "predictions" / "fusion.csv"):
-        photo = torch.from_numpy(decode_image(Path(each.image), fusion.card.settings))
-        right.append(fusion.card.classes[part.classify(photo=photo).label] == each.label)
+        decoded, _ = part.branch("visual").decoder.decode(Path(each.files["image"]))
+        vote = part.classify(image=torch.from_numpy(decoded))
+        right.append(fusion.card.classes[vote.label] == each.label)
     assert float(found[-1]["vote_accuracy"]) == pytest.approx(np.mean(right))
 
 

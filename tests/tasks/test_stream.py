@@ -91,7 +91,7 @@ def test_samples_from_standard_input(cli, checkpoint, tmp_path, monkeypatch):
         (["haptic=-", "stream.wait=-1"], "stream.wait is -1: choose from 0 to 60"),
         (["haptic=-", "stream.wait=1", "decision.reject_below=0.5"], "set stream.wait=0"),
         (["haptic=-", "engine.precision=bf16"], "computed in float32"),
-        (["haptic=-", "image=a.jpg"], "task=stream reads one trace and no image"),
+        (["haptic=-", "image=a.jpg"], "task=stream reads one signal"),
         (["haptic=-"], "record a longer stroke"),
         ([], "give haptic=FILE, or haptic=-"),
     ],

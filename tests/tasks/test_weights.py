@@ -60,7 +60,7 @@ def real(surfaces: Path) -> list[str]:
     ]  # fmt: skip
 
 
-TCNN = ["model/trunk=tcnn", "model.visual.width=0.1"]
+TCNN = ["trunk=tcnn", "model.visual.width=0.1"]
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +85,9 @@ def fused(run_once, surfaces, haptic, visual) -> Path:
 
 def test_both_parts_of_a_fusion_start_from_their_trunks(haptic, fused):
     found = json.loads((fused / "results.json").read_text())
-    assert "(trained on 27 recordings)" in found["trunk_weights"]
-    assert "(trained on 27 recordings)" in found["haptic_trunk_weights"]
+    assert list(found["weights"]) == ["haptic", "visual"]
+    for source in found["weights"].values():
+        assert "(trained on 27 recordings)" in source
     key = "classifier.network.trunk.0.weight"
     start, end = (
         torch.load(run / "checkpoints" / "haptic.ckpt", weights_only=True)["state_dict"][key]

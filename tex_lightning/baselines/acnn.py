@@ -6,7 +6,7 @@ not public: those here are choices.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self, cast
+from typing import ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -90,7 +90,7 @@ class RawNetwork(Baseline):
             torch.manual_seed(seed)
             filters = learn_filters(traces, FIRST_LENGTH, CHANNELS[0], self.patches, self.sparsity)
             self.network = make_network(int(labels.max()) + 1, self.width, self.dropout)
-            cast(nn.Conv1d, self.network[0]).weight.data = filters[:, None].clone()
+            self.network[0].weight.data = filters[:, None].clone()
             self._train(traces, torch.from_numpy(labels))
         self.network.eval()
 

@@ -3,62 +3,127 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.baselines.making import make_baseline
+from tex_lightning.branches import Branch
+from tex_lightning.branches.base import as_tensor
+from tex_lightning.branches.photo import PhotoBranch
+from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.card import Card, damaged, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier, check_finite, check_side
-from tex_lightning.data.datamodule import load_trace
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.datamodule import load_recording
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321, quick_length
-from tex_lightning.features.spectrogram import HapticFeatures, movement_start
+from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.files import write_atomically
+from tex_lightning.networks.blocks import Level
 
 if TYPE_CHECKING:
     from tex_lightning.baselines.base import Array, Baseline
 
+LEAST_SECONDS = 0.05  # of movement: the paper's window
+
+
+class Movement(nn.Module):
+    """One axis of steady movement of a signal, which baselines take in place of a spectrogram.
+
+    Args:
+        skip_impact: Leave out what comes before steady movement.
+        sampling_rate: In Hz.
+    """
+
+    def __init__(self, skip_impact: bool, sampling_rate: float) -> None:
+        super().__init__()
+        self.skip_impact, self.sampling_rate = skip_impact, sampling_rate
+
+    def forward(self, trace: Tensor) -> Tensor:
+        """Map (axes, samples) to (1, 1, samples), float32, without its mean.
+
+        The last samples of three axes, fewer than 4 %, are left out where DFT321 of the rest is
+        quick: a Fourier transform over a large prime takes many times as long.
+
+        Raises:
+            UserError: If there is too little movement.
+        """
+        axes = trace.float()
+        if self.skip_impact:
+            axes = axes[:, movement_start(axes, self.sampling_rate) :]
+        if axes.shape[1] < self.sampling_rate * LEAST_SECONDS:
+            raise UserError(
+                f"The trace has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "
+                "little to classify; record a longer stroke."
+            )
+        if len(axes) == 3:
+            return dft321(axes[:, : quick_length(axes.shape[1])])[None, None]
+        return (axes - axes.mean(dim=1, keepdim=True))[None, :1]
+
+
+class FittedBaseline(nn.Module):
+    """A baseline as a network: it scores one recording at a time, on the CPU.
+
+    Args:
+        baseline: Fitted, or about to be.
+    """
+
+    def __init__(self, baseline: "Baseline") -> None:
+        super().__init__()
+        self.baseline = baseline
+        self.min_size = (baseline.min_side, baseline.min_side)
+
+    def features(self, x: Tensor, level: Level) -> Tensor:
+        """Class scores (1, classes, fragments) of (1, 1, samples) or (1, 3, height, width)."""
+        return self.baseline.logits(as_baseline_takes_it(x))[None]
+
+
+def as_baseline_takes_it(x: Tensor) -> "Array":
+    """(samples,) of (1, 1, samples), (height, width, 3) of (1, 3, height, width)."""
+    array: Array = (x[0, 0] if x.dim() == 3 else x[0].permute(1, 2, 0)).numpy()
+    return array
+
+
+class MovementBranch(SignalBranch):
+    """Signals for baselines."""
+
+    def check(self, recording: "Tensor | Array") -> None:
+        """Refuse a signal with too little movement."""
+        self(as_tensor(recording))
+
+
+class PixelBranch(PhotoBranch):
+    """Photos for baselines, with pixels as they are."""
+
+    def _features(self, x: Tensor, level: Level) -> Tensor:
+        found: Tensor = self.network.features(x, level)  # type: ignore[operator]
+        return found
+
 
 class BaselineClassifier(SurfaceClassifier):
-    """Classify raw traces or photos with a baseline, on the CPU.
+    """Classify raw recordings of one sense with a baseline, on the CPU.
 
     Attributes:
         baseline: Fitted, or about to be.
     """
 
     def __init__(self, card: Card) -> None:
-        nn.Module.__init__(self)
-        self.card = card
-        haptic = card.kind == "haptic"
-        self.haptic_features = HapticFeatures(**card.haptic_features) if haptic else None
-        self.image_features = None
+        super().__init__(card)
         name, node, budget = (card.baseline[key] for key in ("name", "node", "budget"))
         self.baseline: Baseline = make_baseline(name, node, budget)
-        self.baseline.sampling_rate = card.settings.sampling_rate
-
-    @property
-    def device(self) -> torch.device:
-        """Always the CPU."""
-        return torch.device("cpu")
-
-    @property
-    def min_side(self) -> int:
-        """Smallest side in pixels of a photo; 0 for traces."""
-        return self.baseline.min_side
-
-    def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
-        """Class scores (classes, fragments) of one decoded recording; see the base class."""
-        self._require(trace, photo)
-        if self.card.kind == "haptic":
-            return self.baseline.logits(movement(cast(Tensor, trace).numpy(), self.card))
-        pixels = cast(Tensor, photo)
-        check_side(pixels.shape[0], pixels.shape[1], self.min_side)
-        return self.baseline.logits(pixels.numpy())
+        branch = self.branch(card.kind)
+        values = branch.name, branch.modality, branch.decoder
+        if isinstance(branch.decoder, SignalDecoder):
+            self.baseline.sampling_rate = rate = branch.decoder.sampling_rate
+            moving = Movement(card.branches[card.kind].get("skip_impact", False), rate)
+            branch = MovementBranch(*values, moving, FittedBaseline(self.baseline))
+        else:
+            branch = PixelBranch(*values, nn.Identity(), FittedBaseline(self.baseline))
+        self._take({card.kind: branch})
 
     def count_parameters(self) -> int:
         """How many numbers were fitted."""
@@ -72,6 +137,11 @@ class BaselineClassifier(SurfaceClassifier):
             "fit_seconds": fit_seconds,
         }
         write_atomically(path, lambda partial: torch.save(content, partial))
+
+
+def new_classifier(card: Card) -> SurfaceClassifier:
+    """A network or baseline that nothing has trained."""
+    return BaselineClassifier(card) if card.baseline else SurfaceClassifier(card)
 
 
 def load_classifier(path: str | Path) -> SurfaceClassifier:
@@ -99,7 +169,7 @@ class Loaded(Sequence["Array"]):
 
     rows: Sequence[Recording]
     store: Store
-    card: Card
+    branch: Branch
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -110,34 +180,4 @@ class Loaded(Sequence["Array"]):
     def __getitem__(self, index: Any) -> Any:  # noqa: ANN401  (a number or a slice)
         if isinstance(index, slice):
             return [self[place] for place in range(*index.indices(len(self.rows)))]
-        row = self.rows[index]
-        if row.modality == "image":
-            return np.array(self.store.image(row))
-        return movement(load_trace(row, self.store).numpy(), self.card)
-
-
-def movement(trace: "Array", card: Card) -> "Array":
-    """One axis (samples,) float32 of steady movement without its mean, from (axes, samples).
-
-    The last samples of three axes, fewer than 4 %, are left out where DFT321 of the rest is quick:
-    a Fourier transform over a large prime takes many times as long.
-
-    Raises:
-        UserError: If there is less than one window of movement.
-    """
-    settings = card.haptic_features
-    axes = torch.from_numpy(np.asarray(trace, dtype=np.float32))
-    if settings["skip_impact"]:
-        axes = axes[:, movement_start(axes, settings["sampling_rate"]) :]
-    if axes.shape[1] < HapticFeatures.window_length:
-        raise UserError(
-            f"The trace has {axes.shape[1] / settings['sampling_rate']:.2f} s of movement, too "
-            "little to classify; record a longer stroke."
-        )
-    if len(axes) == 3:
-        joined = dft321(axes[:, : quick_length(axes.shape[1])])
-    else:
-        joined = (axes - axes.mean(dim=1, keepdim=True))[0]
-    check_finite(joined)
-    array: Array = joined.numpy()
-    return array
+        return as_baseline_takes_it(self.branch(load_recording(self.rows[index], self.store)))

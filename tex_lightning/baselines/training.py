@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from tex_lightning.baselines.classifier import BaselineClassifier, Loaded
-from tex_lightning.data.folds import NEEDS
 from tex_lightning.learning.training import Training
 
 log = logging.getLogger(__name__)
@@ -23,14 +22,14 @@ def fit_baseline(training: Training) -> Path:
         log.info("%s is fitted already.", training.final)
         return training.final
     card = training.card
-    rows = training.parts.train.of(NEEDS[card.kind][0]).rows
+    rows = training.parts.train.of(card.modalities[0]).rows
     labels = np.array([card.classes.index(row.label) for row in rows])
     classifier = BaselineClassifier(card)
     if training.weights is not None:
         log.info(classifier.baseline.load_weights(training.weights))
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
-    recordings = Loaded(rows, training.store, card)
+    recordings = Loaded(rows, training.store, classifier.branch(card.kind))
     classifier.baseline.fit(recordings, labels, training.seed)
     classifier.save(training.final, time.perf_counter() - begin)
     return training.final

@@ -4,7 +4,7 @@ Values live in ``conf/``; here stand types, meanings, choices and ranges. ``???`
 marks what a configuration file or the user has to fill in.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +14,14 @@ from omegaconf import OmegaConf
 from tex_lightning.config.data import DataConfig, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import (
+    BROUGHT,
+    FUSION,
+    BranchConfig,
     FitConfig,
     FusionConfig,
-    FusionFitConfig,
-    HapticConfig,
-    HapticFitConfig,
     ModelConfig,
-    ProbeConfig,
-    VisualConfig,
-    VisualFitConfig,
+    PhotoConfig,
+    SignalConfig,
 )
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
@@ -42,11 +41,10 @@ from tex_lightning.config.tasks import (
 )
 
 __all__ = [
-    "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
-    "FitConfig", "FrontierConfig", "FusionConfig", "FusionFitConfig", "GenerateConfig",
-    "HapticConfig", "HapticFitConfig", "ModelConfig", "PredictConfig",
-    "ProbeConfig", "ProfileConfig", "StabilityConfig", "StreamConfig",
-    "SyntheticConfig", "TrainerConfig", "VisualConfig", "VisualFitConfig", "flatten", "register",
+    "READS", "SILENT", "BranchConfig", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig",
+    "EngineConfig", "FitConfig", "FrontierConfig", "FusionConfig", "GenerateConfig", "ModelConfig",
+    "PhotoConfig", "PredictConfig", "ProfileConfig", "SignalConfig", "StabilityConfig",
+    "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten", "plain_values", "register",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -69,6 +67,10 @@ class Config:
     )
     image: Any = key(
         "photo(s): a file or a list to predict from; one to profile with", default=None
+    )
+    sound: Any = key("sound(s): a file or a list to predict from", default=None)
+    own: dict[str, Any] = key(
+        "files of your own senses to predict from, by modality; +NAME=FILE adds one", factory=dict
     )
     top_k: int = key("candidates listed by task=predict", least=1)
     weights: Any = key(
@@ -100,16 +102,32 @@ class Config:
     frontier: FrontierConfig = field(default_factory=FrontierConfig)
     stability: StabilityConfig = field(default_factory=StabilityConfig)
 
-    def weights_of(self, kind: str) -> str | None:
-        """Where the trunk of HapticNet ("haptic") or of VisualNet starts; None is at random.
+    @property
+    def files(self) -> dict[str, Any]:
+        """What was given to predict from, by modality."""
+        given = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
+        return {modality: value for modality, value in given.items() if value is not None}
 
-        A mapping names both, see :func:`~tex_lightning.config.weights.pick_weights`; anything else
-        is meant for the photos' trunk, if the model has one.
+    def weights_of(self, sense: str) -> str | None:
+        """Where the trunk of one sense starts; None is at random.
+
+        A mapping names several, see :func:`~tex_lightning.config.weights.pick_weights`; anything
+        else is meant for the photos' trunk, or for that of the only sense.
         """
         if isinstance(self.weights, dict):
-            given: str | None = self.weights.get("haptic" if kind == "haptic" else "visual")
+            given: str | None = self.weights.get(sense)
             return given
-        return self.weights if (kind == "haptic") == (self.model.kind == "haptic") else None
+        alone = self.model.senses == [sense]
+        return self.weights if alone or sense == "visual" else None
+
+
+def plain_values(node: Any) -> Any:  # noqa: ANN401
+    """A part of the configuration as plain values, Lightning's flags and a user's keys included."""
+    if is_dataclass(node):
+        node = vars(node)
+    if isinstance(node, dict):
+        return {name: plain_values(value) for name, value in node.items()}
+    return [plain_values(item) for item in node] if isinstance(node, list) else node
 
 
 def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -127,9 +145,11 @@ def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
     register_folders()
     node = OmegaConf.structured(Config)
-    recipes = [node.model[name].fit for name in ("haptic", "visual", "fusion")]
-    nodes = [each[part] for each in recipes for part in ("optimizer", "schedule")]
+    sections = [node.model[name] for name in (*BROUGHT, FUSION)]
+    nodes = [each.fit[part] for each in sections for part in ("optimizer", "schedule")]
+    nodes += [node.model[name][part] for name in BROUGHT for part in ("features", "network")]
     nodes += [node.data.reader, node.model.visual.trunk, node.callbacks, node.logger]
-    for opened in (node.trainer, *nodes):
-        OmegaConf.set_struct(opened, False)  # whoever they are passed to knows their keys
+    # whoever they are passed to knows their keys; senses may be a user's
+    for opened in (node.model, node.model.fusion, node.trainer, *nodes):
+        OmegaConf.set_struct(opened, False)
     ConfigStore.instance().store(name="tex_lightning_schema", node=node)

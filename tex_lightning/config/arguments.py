@@ -9,7 +9,14 @@ from hydra.errors import HydraException
 
 from tex_lightning.files import matches
 
-KEYS = ("haptic", "image", "checkpoint", "data.root", "data.manifest")  # whose values name files
+KEYS = (
+    "haptic",
+    "image",
+    "sound",
+    "checkpoint",
+    "data.root",
+    "data.manifest",
+)  # whose values name files
 
 
 def quote_files(arguments: Sequence[str]) -> list[str]:

@@ -6,7 +6,7 @@ all complaints are made at once.
 
 from collections.abc import Iterator
 from operator import attrgetter
-from typing import Any, cast
+from typing import Any
 
 from omegaconf import MISSING, DictConfig, OmegaConf
 
@@ -16,8 +16,10 @@ from tex_lightning.config.check_model import check_model
 from tex_lightning.config.check_ranges import beyond
 from tex_lightning.config.check_tasks import AUTO, check_decision, check_task
 from tex_lightning.config.check_trainer import check_flags
+from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.keys import walk
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.config.mistakes import unknown_key
+from tex_lightning.errors import UserError
 
 __all__ = ["AUTO", "check_config", "check_known", "check_missing", "check_shares"]
 
@@ -32,26 +34,32 @@ def check_missing(composed: DictConfig) -> None:
 
 def missing_keys(composed: DictConfig) -> list[str]:
     """Dotted names of open ``???`` values; what refers to them is not open itself."""
-    values = cast(dict[str, Any], OmegaConf.to_container(composed, resolve=False))
+    values: Any = OmegaConf.to_container(composed, resolve=False)
     return sorted(key for key, value in flatten(values).items() if value == MISSING)
 
 
 def check_known(composed: DictConfig) -> None:
     """Refuse keys that were added with ``+`` and that nothing would read."""
-    unknown = list(_unknown(composed, OmegaConf.structured(Config), ""))
-    if unknown:
-        raise UserError(
-            f"There is no key {shorten(', '.join(unknown))}; `python -m tex_lightning --help=all` "
-            "lists all."
-        )
+    for key in _unknown(composed, OmegaConf.structured(Config), ""):
+        given = OmegaConf.select(composed, key)
+        inner = OmegaConf.to_container(given) if OmegaConf.is_dict(given) else given
+        raise unknown_key(next(iter(flatten({key: inner}))), composed)
+
+
+def _may_be_own(given: DictConfig, prefix: str, key: str) -> bool:
+    """Whether a key is one of Lightning's, see ``check_flags``, or of a sense of the user's own."""
+    if prefix == "model.":
+        return OmegaConf.is_dict(given[key]) and TARGET in given[key]
+    starts = prefix == "model.fusion." and key.endswith("_checkpoint")
+    recording = not prefix and given.task == "predict"
+    return prefix == "trainer." or starts or recording
 
 
 def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]:
     for key in map(str, given):
-        if prefix == "trainer." and key not in known.keys():  # noqa: SIM118
-            continue  # see check_flags
         if key not in known.keys():  # noqa: SIM118  (`in known` is false for open values)
-            yield f"{prefix}{key}"
+            if not _may_be_own(given, prefix, key):
+                yield f"{prefix}{key}"
         elif OmegaConf.get_type(known, key) is dict:
             continue  # of classes that check them themselves
         elif OmegaConf.is_dict(known._get_node(key)) and not OmegaConf.is_missing(given, key):
@@ -85,13 +93,13 @@ def check_shares(config: Config, processes: int) -> None:
         UserError: Naming the batch sizes.
     """
     model = config.model
-    given = (model.fusion.haptic_checkpoint, model.fusion.visual_checkpoint)
-    parts = [kind for kind, path in zip(("haptic", "visual"), given, strict=True) if not path]
+    trained = [name for name in model.senses if name not in model.checkpoints]
     complaints: list[str] = []
-    for kind in (*parts, "fusion") if model.kind == "fusion" else (model.kind,):
-        size = getattr(model, kind).fit.batch_size
+    for kind in dict.fromkeys([*trained, model.kind]):
+        section = getattr(model, kind)
+        size = section.fit.batch_size
         # the statistics of one sample at one position are no statistics
-        normalised = kind != "fusion" and getattr(model, kind).norm == "batch"
+        normalised = getattr(section, "norm", None) == "batch"
         least = 2 if normalised and processes > 1 else 1
         if size % processes or size < least * processes:
             complaints.append(

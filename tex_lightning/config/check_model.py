@@ -17,16 +17,19 @@ def check_model(model: ModelConfig) -> Iterator[str]:
     for key, node in nodes.items():
         if not isinstance(node, dict | None):
             yield f"{key} is {shorten(node)}: give a class and arguments, {{_target_: a.b.Name}}"
+    if not model.senses or len(set(model.senses)) < len(model.senses):
+        yield f"model.senses is {shorten(model.senses)}: name one sense or several, each once"
     head = list(model.visual.head)
     if len(head) not in (0, 2):
         given = shorten(head)
         yield f"model.visual.head is {given}: give channels of FC1 and FC2, or [] for neither"
-    for name in model.haptic.fit.perturb:
-        yield from choice("model.haptic.fit.perturb", name, trainable("haptic"))
-    for name in model.visual.fit.perturb:
-        yield from choice("model.visual.fit.perturb", name, trainable("image"))
-    summed = model.fusion.head_start == "scores"
-    # without an epoch, VisualNet's fitted head and FusionNet's sum are all there is
-    epochs = {"haptic": 1, "visual": 1 if head else 0, "fusion": 0 if summed else 1}
-    for name, fewest in epochs.items():
-        yield from least(f"model.{name}.fit.epochs", getattr(model, name).fit.epochs, fewest)
+    for sense in model.known:
+        branch = model.branch(sense)
+        for name in branch.fit.perturb:
+            yield from choice(f"model.{sense}.fit.perturb", name, trainable(branch.modality))
+        # without an epoch, VisualNet's fitted head is all there is
+        fewest = 0 if sense == "visual" and not head else 1
+        yield from least(f"model.{sense}.fit.epochs", branch.fit.epochs, fewest)
+    # and FusionNet's sum
+    fewest = 0 if model.fusion.head_start == "scores" else 1
+    yield from least("model.fusion.fit.epochs", model.fusion.fit.epochs, fewest)

@@ -32,11 +32,13 @@ def check_task(config: Config) -> Iterator[str]:
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
             "task=predict, task=profile, task=stream or model.fusion.haptic_checkpoint"
         )
-    if config.task == "stream" and (config.haptic is None or config.image is not None):
-        yield "task=stream reads one trace and no image: give haptic=FILE, or haptic=- for a pipe"
-    files = config.haptic is not None or config.image is not None
-    if files and config.task not in ("predict", "profile", "stream"):
-        yield f"haptic and image are read by task=predict and task=profile, not task={config.task}"
+    if config.task == "stream" and len(config.files) != 1:
+        yield "task=stream reads one signal: give haptic=FILE, or haptic=- for a pipe"
+    if config.files and config.task not in ("predict", "profile", "stream"):
+        yield (
+            f"{' and '.join(config.files)}: files are read by task=predict and task=profile, not "
+            f"by task={config.task}"
+        )
     if config.predict.fast_decode and config.task != "predict":
         yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     if config.checkpoint is None and config.task in NEED_CHECKPOINTS:
@@ -48,11 +50,11 @@ def check_task(config: Config) -> Iterator[str]:
     yield from _skip_bad(config)
     if config.weights is not None and not on_recordings:
         yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
-    fusion = config.model.fusion
-    if config.task == "crossval" and (fusion.haptic_checkpoint or fusion.visual_checkpoint):
+    starts = config.model.checkpoints
+    if config.task == "crossval" and starts:
         yield (
             "unimodal checkpoints fit one fold only, so task=crossval cannot start from them: "
-            "leave model.fusion.haptic_checkpoint and visual_checkpoint null"
+            f"leave {' and '.join(f'model.fusion.{name}_checkpoint' for name in starts)} null"
         )
     if config.task == "crossval" and data.val_fold is not None:
         yield (
@@ -61,17 +63,17 @@ def check_task(config: Config) -> Iterator[str]:
         )
     for name in config.crossval.profile:
         yield from choice("crossval.profile", name, PROFILED)
+    baseline = config.model.baseline
     if (
         config.weights is not None
-        and config.model.kind == "haptic"
-        and config.model.baseline is not None
+        and baseline is not None
+        and "trunk" not in baseline
         and config.task != "frontier"  # whose family may have networks on photos
     ):
         yield f"weights belong to a trunk, which model={config.model.name} does not have"
-    for kind in ("haptic", "visual"):
-        given = getattr(fusion, f"{kind}_checkpoint") is not None
-        if given and config.model.kind == "fusion" and config.weights_of(kind) is not None:
-            yield f"weights and model.fusion.{kind}_checkpoint both fill the {kind} trunk: give one"
+    for name in starts:
+        if config.weights_of(name) is not None:
+            yield f"weights and model.fusion.{name}_checkpoint both fill the {name} trunk: give one"
 
 
 def _optimized_metric(config: Config) -> Iterator[str]:

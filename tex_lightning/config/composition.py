@@ -14,6 +14,7 @@ from hydra.version import VersionBase
 from omegaconf import DictConfig
 
 from tex_lightning.config import CONF, register
+from tex_lightning.config.search import with_own_senses
 from tex_lightning.errors import UserError
 
 NAME = "config"
@@ -34,7 +35,7 @@ def compose_config(
     """
     more = [f"hydra.searchpath=[{','.join(map(_quoted, searchpath))}]"] if searchpath else []
     with _hydra(conf):
-        return compose(NAME, overrides=[*overrides, *more])
+        return compose(NAME, overrides=[*with_own_senses(overrides), *more])
 
 
 def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
@@ -55,7 +56,7 @@ def run_composed(function: Callable[[DictConfig], Any], overrides: Sequence[str]
             raised.append(error)
 
     with _hydra(CONF):
-        config = compose(NAME, overrides=list(overrides), return_hydra_config=True)
+        config = compose(NAME, overrides=with_own_senses(overrides), return_hydra_config=True)
         if config.hydra.mode == RunMode.MULTIRUN:
             raise UserError(
                 "These overrides ask for a sweep; run it by python -m tex_lightning, or call this "

@@ -12,9 +12,9 @@ SIDES = {"unit": "pixels", "least": 32, "most": 8192}  # of a rendered photo
 class SyntheticConfig:
     """Synthetic surfaces: how many recordings of what size."""
 
-    recordings: int = key("traces and photos per class", least=1, most=100)
+    recordings: int = key("traces, photos and sounds per class", least=1, most=100)
     seed: int = key("of the surfaces themselves", least=0, most=SEED)
-    seconds: float = key("length of a trace", unit="s", least=1, most=600)
+    seconds: float = key("length of a trace and of its sound", unit="s", least=1, most=600)
     photo_width: int = key("width of a photo", **SIDES)
     photo_height: int = key("height of a photo", **SIDES)
 

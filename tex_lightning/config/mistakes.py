@@ -4,7 +4,7 @@ import difflib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
@@ -30,7 +30,7 @@ TYPES = {
     "to string": "text",
     "is not Optional": "a value other than null",
     "is not a ListConfig": "a list, as in [0,1]",
-    "to Dict[": "a value to one of its keys, or choose it by its group, as in model/trunk=NAME",
+    "to Dict[": "a value to one of its keys, or choose it by its group, as in trunk=NAME",
     "is not a subclass of": "a value to one of its keys",
 }
 # Keys that were called otherwise, or their ends behind a dot.
@@ -43,6 +43,8 @@ RENAMED = {
     "fit.step_every": "fit.schedule.step_size",
     "fit.weight_decay": "fit.optimizer.weight_decay",
     "logger.tensorboard": "logger",
+    "model.kind": "model.senses",
+    "model/trunk": "trunk",
     "model.settings.least_variance": "model.baseline.min_variance",
     "model.settings.most_side": "model.baseline.max_side",
     "model.settings": "model.baseline",
@@ -144,17 +146,34 @@ def _check(
         if wrong and "(" not in (value or ""):
             return unknown_option(group, wrong[0], groups[group])
         return None
+    values: Any = OmegaConf.to_container(config, resolve=False)
+    keys = list(_keys(values))
+    if renamed(key) is None and (key in keys or prefix == "+"):
+        return None
+    return unknown_key(key, config, keys, groups)
+
+
+def unknown_key(
+    key: str,
+    config: DictConfig,
+    keys: Sequence[str] = (),
+    groups: Sequence[str] | dict[str, Any] = (),
+) -> UserError:
+    """The mistake of giving a key that there is not, or not any more.
+
+    Args:
+        key: Its dotted name.
+        config: As composed without it.
+        keys: All that are in there.
+        groups: Of the configuration.
+    """
     if (now := renamed(key)) is not None:
         return UserError(f"The key {shorten(key)} is {shorten(now)} now; give it by that name.")
-    keys = list(_keys(cast(dict[str, Any], OmegaConf.to_container(config, resolve=False))))
-    if key not in keys and prefix != "+":
-        own = _near_in_node(key, keys)
-        near = own or _near_keys(key, config) or _close(key, [*keys, *groups])
-        return UserError(
-            f"There is no key {shorten(key)}{_did_you_mean(near)}; "
-            "`python -m tex_lightning --help=all` lists all."
-        )
-    return None
+    near = _near_in_node(key, keys) or _close(key, [*groups]) or _near_keys(key, config)
+    return UserError(
+        f"There is no key {shorten(key)}{_did_you_mean(near or _close(key, keys))}; "
+        "`python -m tex_lightning --help=all` lists all."
+    )
 
 
 def renamed(key: str) -> str | None:
@@ -197,7 +216,7 @@ def _near_keys(word: str, config: DictConfig) -> list[str]:
         _close(word, keys),
         [key for key, name in leaves.items() if name == leaf],
         [key for key, name in leaves.items() if name in like],
-        [key for key, name in leaves.items() if leaf == "".join(w[0] for w in name.split("_"))],
+        [key for key, name in leaves.items() if leaf == "".join(w[:1] for w in name.split("_"))],
     )
     return next(filter(None, rules), [])
 

@@ -1,9 +1,13 @@
 """What is trained, and how."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, ClassVar
 
 from tex_lightning.config.keys import key
+
+FUSION = "fusion"  # what several senses together are called
+BROUGHT = ("haptic", "visual", "sound")  # senses of the package; others are a user's
 
 MIN_FACTOR, MAX_FACTOR = 10, 50  # of FusionNet's head, in the paper
 PATCH = 224  # pixels a side that give one prediction on the trunks as published
@@ -46,18 +50,25 @@ class FitConfig:
 
 
 @dataclass
-class HapticFitConfig(FitConfig):
-    """Training of HapticNet on sub-samples of spectrograms; FusionNet is perturbed alike."""
+class SignalFitConfig(FitConfig):
+    """Training on sub-samples of spectrograms; FusionNet is perturbed alike."""
 
     frames: int = key(
-        "length of a sub-sample; longer traces are cut at random, shorter ones repeated",
-        unit="frames", least=177, most=20_000,
+        "length of a sub-sample; longer signals are cut at random, shorter ones repeated",
+        unit="frames", least=1, most=20_000,
     )  # fmt: skip
     perturb: list[str] = key(PERTURB)
     perturbed_copies: int = key(
-        "versions of every training trace beside itself, where perturb names anything",
+        "versions of every training signal beside itself, where perturb names anything",
         least=1, most=100,
     )  # fmt: skip
+
+    @property
+    def piece(self) -> int:
+        """How much of a recording is trained on at once."""
+        return self.frames
+
+    piece_key: ClassVar[str] = "frames"
 
 
 @dataclass
@@ -82,8 +93,8 @@ class ProbeConfig:
 
 
 @dataclass
-class VisualFitConfig(FitConfig):
-    """Training of VisualNet on square patches; FusionNet is perturbed alike."""
+class PhotoFitConfig(FitConfig):
+    """Training on square patches; FusionNet is perturbed alike."""
 
     patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
     rotation: float = key("largest random rotation either way", **ROTATION)
@@ -98,6 +109,13 @@ class VisualFitConfig(FitConfig):
     )
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
+    @property
+    def piece(self) -> int:
+        """How much of a recording is trained on at once."""
+        return self.patch
+
+    piece_key: ClassVar[str] = "patch"
+
 
 @dataclass
 class FusionFitConfig(FitConfig):
@@ -109,13 +127,38 @@ class FusionFitConfig(FitConfig):
     )  # fmt: skip
     rotation: float = key("largest random rotation of photos either way", **ROTATION)
     modality_dropout: float = key(
-        "probability that a pair is classified by its trace or its photo alone", **SHARE
+        "probability that a training sample is classified by one of its senses alone", **SHARE
     )
 
 
 @dataclass
-class HapticConfig:
-    """HapticNet and its features."""
+class BranchConfig:
+    """One sense.
+
+    The keys beside ``fit`` make a node that a card keeps and a branch is made of. What its classes
+    take by name is offered to them.
+    """
+
+    _target_: str = key("class of the branch: of signals or of photos")
+    modality: str = key(
+        "of its recordings in the table of recordings, and of files to predict from"
+    )
+    decode: dict[str, Any] = key("how files are decoded", factory=dict)
+    features: dict[str, Any] = key(
+        "class from a decoded recording to the network's input, and its own keys", factory=dict
+    )
+    network: dict[str, Any] = key("class of the network, and its own keys", factory=dict)
+    fit: Any = None
+
+    @property
+    def node(self) -> dict[str, Any]:
+        """Plain values that the branch is made of, those of a user's own keys among them."""
+        return {name: value for name, value in vars(self).items() if name != "fit"}
+
+
+@dataclass
+class SignalConfig(BranchConfig):
+    """HapticNet on spectrograms of traces, or of sounds."""
 
     width: float = key("factor on every channel count; 1 is the paper's size", **WIDTH)
     norm: str = key("normalisation of activations; lrn is the paper's", choices=NORMS)
@@ -133,16 +176,16 @@ class HapticConfig:
         "50 mel bands up to half the sampling rate, or the paper's 50 channels up to 1 kHz",
         choices=("mel", "linear"),
     )
-    fit: HapticFitConfig = field(default_factory=HapticFitConfig)
+    fit: SignalFitConfig = field(default_factory=SignalFitConfig)
 
 
 @dataclass
-class VisualConfig:
+class PhotoConfig(BranchConfig):
     """VisualNet on one of several trunks."""
 
     trunk: dict[str, Any] = key(
-        "class of the convolutions before FC1 and its own keys, set by model/trunk=NAME; it gets "
-        "width and norm",
+        "class of the convolutions before FC1 and its own keys, set by trunk=NAME; it gets width "
+        "and norm",
         factory=dict,
     )
     width: float = key("factor on every channel count; 1 is the published size", **WIDTH)
@@ -157,12 +200,29 @@ class VisualConfig:
     head: list[int] = key(
         "channels of FC1 and FC2 before the width; [] for FC3 alone", least=1, most=16_384
     )
-    fit: VisualFitConfig = field(default_factory=VisualFitConfig)
+    fit: PhotoFitConfig = field(default_factory=PhotoFitConfig)
+
+
+@dataclass
+class OwnSignalConfig(BranchConfig):
+    """A user's sense of signals."""
+
+    fit: SignalFitConfig = field(default_factory=SignalFitConfig)
+
+
+@dataclass
+class OwnPhotoConfig(BranchConfig):
+    """A user's sense of photos."""
+
+    fit: PhotoFitConfig = field(default_factory=PhotoFitConfig)
 
 
 @dataclass
 class FusionConfig:
-    """FusionNet: which layer is fused and where the unimodal networks come from."""
+    """FusionNet: which layer is fused and where the unimodal networks come from.
+
+    A user's sense has its ``NAME_checkpoint`` too.
+    """
 
     level: str = key("layer that is fused", choices=("fc2", "fc3"))
     haptic_checkpoint: str | None = key(
@@ -171,29 +231,76 @@ class FusionConfig:
     visual_checkpoint: str | None = key(
         "VisualNet to start from; null trains one first", default=None
     )
+    sound_checkpoint: str | None = key(
+        "network of sounds to start from; null trains one first", default=None
+    )
     head_start: str = key(
-        "first weights of the fusion layer: the sum of both networks' scores, or random ones as "
+        "first weights of the fusion layer: the sum of all networks' scores, or random ones as "
         "in the paper",
         choices=("scores", "random"),
     )
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
 
+    def checkpoint(self, sense: str) -> str | None:
+        """What the network of a sense starts from."""
+        given: str | None = getattr(self, f"{sense}_checkpoint", None)
+        return given
+
 
 @dataclass
 class ModelConfig:
-    """What is trained."""
+    """What is trained; a user's own senses are attributes too."""
 
     name: str = key("model, set by model=NAME")
-    kind: str = key("what it looks at, set by model=NAME", choices=("haptic", "visual", "fusion"))
+    senses: list[str] = key(
+        "branches: haptic, visual, sound or your own; several are fused, each trained before"
+    )
     baseline: Any = key(
         "class of a system that is fitted instead of a network, and its own keys, which its file "
         "in conf/model explains",
         default=None,
     )
     budget: float = key(
-        "factor on the baseline's steps, kernels and components; below 1 to try it",
+        "factor on the steps of a baseline or of a sense of your own; below 1 to try it",
         above=0, most=1000,
     )  # fmt: skip
-    haptic: HapticConfig = field(default_factory=HapticConfig)
-    visual: VisualConfig = field(default_factory=VisualConfig)
+    haptic: SignalConfig = field(default_factory=SignalConfig)
+    visual: PhotoConfig = field(default_factory=PhotoConfig)
+    sound: SignalConfig = field(default_factory=SignalConfig)
     fusion: FusionConfig = field(default_factory=FusionConfig)
+
+    @property
+    def kind(self) -> str:
+        """What the network is called: its sense, or ``fusion`` of several."""
+        return kind_of(self.senses)
+
+    @property
+    def known(self) -> list[str]:
+        """Names of all senses that are configured."""
+        return [name for name, each in vars(self).items() if isinstance(each, BranchConfig)]
+
+    @property
+    def checkpoints(self) -> dict[str, str]:
+        """What the networks that are fused start from, as far as that is given."""
+        given = {name: self.fusion.checkpoint(name) for name in self.senses}
+        fused = self.kind == FUSION
+        return {name: path for name, path in given.items() if fused and path is not None}
+
+    @property
+    def modalities(self) -> tuple[str, ...]:
+        """Of the recordings that it looks at, each once."""
+        return tuple(dict.fromkeys(self.branch(name).modality for name in self.senses))
+
+    def branch(self, sense: str) -> "BranchConfig":
+        """The configuration of one sense."""
+        found: BranchConfig = getattr(self, sense)
+        return found
+
+    def recipe(self, kind: str) -> dict[str, Any]:
+        """How the network of one sense, or ``fusion``, is trained, as plain values."""
+        return asdict(getattr(self, kind).fit)
+
+
+def kind_of(senses: Sequence[str]) -> str:
+    """What a network of these senses is called."""
+    return senses[0] if len(senses) == 1 else FUSION

@@ -4,17 +4,17 @@ from omegaconf import DictConfig
 
 from tex_lightning.config import Config
 from tex_lightning.config.keys import Key, walk
+from tex_lightning.config.model import BROUGHT, FUSION
 from tex_lightning.config.tasks import READS
-
-NETWORKS = ("haptic", "visual", "fusion")
 
 
 def keys_read(config: DictConfig) -> dict[str, Key]:
     """Metadata of the keys that ``config.task`` reads for ``config.model``, by dotted name."""
     task, model = config.task, config.model
-    several = model.kind == "fusion" or task == "frontier" or model.name == "auto"
-    used = NETWORKS if several else () if model.baseline else (model.kind,)
-    unused = tuple(f"model.{name}." for name in NETWORKS if name not in used)
+    every = task == "frontier" or model.name == "auto"
+    used = (*BROUGHT, FUSION) if every else () if model.baseline else (*model.senses,)
+    used += (FUSION,) if len(used) > 1 else ()
+    unused = tuple(f"model.{name}." for name in (*BROUGHT, FUSION) if name not in used)
     read = tuple(f"{part}." for part in ("task", *READS[task]))
     trains = "trainer" in READS[task]
     return {

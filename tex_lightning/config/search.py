@@ -36,6 +36,16 @@ def register_folders() -> None:
     Plugins.instance().register(UserFolders)
 
 
+def with_own_senses(overrides: Sequence[str]) -> list[str]:
+    """The overrides, and those that compose the senses in ``branch/`` of the folders.
+
+    ``model.senses`` may name them then, as it does those of the package.
+    """
+    names = {file.stem for folder in user_folders() for file in folder.glob("branch/*.yaml")}
+    added = [f"+branch@model.{name}={name}" for name in sorted(names)]
+    return [*overrides, *(each for each in added if each not in overrides)]
+
+
 def installed_packages() -> list[str]:
     """Top packages that registered themselves under the entry-point group."""
     found = entry_points(group=ENTRY_POINTS)

@@ -24,7 +24,7 @@ class DecisionConfig:
         choices=("max_vote", "sequential"),
     )
     pairs: int | None = key(
-        "K, the pairs that FusionNet votes over; null takes the checkpoint's",
+        "K, the pairs or tuples that FusionNet votes over; null takes the checkpoint's",
         least=1, most=1_000_000,
     )  # fmt: skip
     rule: str | None = key(
@@ -101,6 +101,7 @@ class EngineConfig:
     fast_response_norm: bool = key(
         "compute local response normalisation in a form that stays in the cache"
     )
+    fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks that fit its cache")
     channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
     precision: str = key(
         "of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
@@ -152,6 +153,7 @@ class GenerateConfig:
 
     out: str = key("folder to write to, new or empty")
     layout: str = key("of the files", choices=("folder", "tum"))
+    sound: bool = key("write sounds too, which only layout=folder has a place for")
 
 
 @dataclass
@@ -243,12 +245,12 @@ READS = {
     "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run", "optimized_metric"),
     "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
     "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
-    "predict": (*_CLASSIFYING, "image", "top_k", "predict", "decision"),
+    "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
     "stream": (*_CLASSIFYING, "stream", "decision.reject_below"),
     "stability": ("stability", "trusted", "seed", "data", "engine", "logger", *_RUNNING),
     "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
     "profile": (
-        *_CLASSIFYING, "image", "seed", "profile", "model", "data.sampling_rate",
+        *_CLASSIFYING, "image", "sound", "seed", "profile", "model", "data.sampling_rate",
         "data.half_scale", "data.resize", "logger",
     ),
     "generate": ("generate", "data.classes", "data.synthetic"),

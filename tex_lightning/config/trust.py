@@ -30,7 +30,8 @@ def trusting(packages: Sequence[str]) -> Iterator[None]:
 
 def trust(config: Config) -> None:
     """Trust what a configuration lists, and the packages of the classes that it trains with."""
-    named = targets([config.model.visual.trunk, config.model.baseline])
+    model = config.model
+    named = targets([model.baseline, *(model.branch(name).node for name in model.senses)])
     _LISTED.set(_LISTED.get() | {*config.trusted, *map(_package, named)})
 
 

@@ -17,6 +17,7 @@ WIDTH = 79
 ALL = "all"
 FLAGS = ("-h", "--help", "--version")
 TOPIC = ("help=", "--help=")
+PARTS = {"branch": "model", "trunk": "model"}  # groups that fill in a section of another name
 EVERYWHERE = ("task", "experiment", "debug")  # groups that go with any task
 
 COMMANDS = """\
@@ -96,7 +97,7 @@ def _listing(config: DictConfig, conf: Path, keys: dict[str, Key]) -> str:
     sections = {name.partition(".")[0] for name in keys} | {*EVERYWHERE}
     lines = ["Groups and their options (group=option):", ""]
     for group, options in config_groups(conf).items():
-        root, _, rest = group.partition("/")
+        root, _, rest = PARTS.get(group, group).partition("/")
         if root in sections and (root != "experiment" or not rest):
             lines += _wrapped(f"{group}=", " | ".join(options))
     lines += ["", "Keys and their values (change any by key=value):"]

@@ -6,66 +6,73 @@ import numpy as np
 import numpy.typing as npt
 from torch import Tensor
 
-from tex_lightning.data.decode import LARGEST, DecodeSettings, Photo, to_size, usable_samples
+from tex_lightning.data.decode import LARGEST, Photo, PhotoDecoder, to_size, usable_samples
 from tex_lightning.data.trace_files import axes_first
 from tex_lightning.errors import UserError
 
 COLOURS = ("rgb", "bgr")
 
 
-def as_trace(given: Any) -> npt.NDArray[np.floating]:  # noqa: ANN401  (what NumPy can read)
+def as_trace(given: Any, key: str = "haptic") -> npt.NDArray[np.floating]:  # noqa: ANN401  (what NumPy can read)
     """Samples (axes, samples), float64, of an array, tensor or list.
 
     Args:
         given: (samples,), (axes, samples) or (samples, axes) with one or three axes; integers or
             floating-point numbers, in the unit of the training recordings.
+        key: What they were given as.
 
     Raises:
         UserError: If it has another shape or type, is empty, or holds NaN or infinity.
     """
-    array = _as_array(given, "haptic")
+    array = _as_array(given, key)
     if array.dtype.kind not in "fiu":
-        raise UserError(f"haptic is an array of {array.dtype}; give numbers.")
+        raise UserError(f"{key} is an array of {array.dtype}; give numbers.")
     trace = axes_first(array.astype(np.float64))
     if trace is None or not trace.size:
         raise UserError(
-            f"haptic has the shape {array.shape}; give (samples,), (axes, samples) or (samples, "
+            f"{key} has the shape {array.shape}; give (samples,), (axes, samples) or (samples, "
             "axes) with one or three axes and at least one sample."
         )
     if not (usable := usable_samples(trace)).all():
         first = int(np.flatnonzero(~usable)[0])
         raise UserError(
-            f"haptic holds NaN, infinity or a number beyond {LARGEST:g} at sample {first}; repair "
+            f"{key} holds NaN, infinity or a number beyond {LARGEST:g} at sample {first}; repair "
             "the recording."
         )
     return trace
 
 
-def as_photo(given: Any, settings: DecodeSettings, colour: str) -> Photo:  # noqa: ANN401
+def as_photo(
+    given: Any,  # noqa: ANN401
+    settings: PhotoDecoder,
+    colour: str,
+    key: str = "image",
+) -> Photo:
     """Pixels (height, width, 3) uint8 RGB of an array or tensor, halved as the settings say.
 
     Args:
         given: (height, width, 3) or, of greys, (height, width); uint8.
         settings: Of the checkpoint.
         colour: ``rgb``, or ``bgr`` as OpenCV gives them.
+        key: What they were given as.
 
     Raises:
         UserError: If it has another shape or type, or is empty.
     """
-    array = _as_array(given, "image")
+    array = _as_array(given, key)
     if array.dtype != np.uint8:
-        raise UserError(f"image is an array of {array.dtype}; give uint8 pixels from 0 to 255.")
+        raise UserError(f"{key} is an array of {array.dtype}; give uint8 pixels from 0 to 255.")
     if array.ndim == 2:
         array = np.repeat(array[..., None], 3, axis=2)
     if array.ndim != 3 or array.shape[2] != 3 or not array.size:
         raise UserError(
-            f"image has the shape {array.shape}; give (height, width, 3), colours last, or "
+            f"{key} has the shape {array.shape}; give (height, width, 3), colours last, or "
             "(height, width) in grey."
         )
     if colour not in COLOURS:
         raise UserError(f"colour is {colour!r}; choose {' or '.join(COLOURS)}.")
     pixels = array[..., ::-1] if colour == "bgr" else array
-    return to_size(np.array(pixels, order="C"), settings, "image")  # copied: some are read-only
+    return to_size(np.array(pixels, order="C"), settings, key)  # copied: some are read-only
 
 
 def _as_array(given: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401

@@ -1,6 +1,7 @@
 """Recordings in memory, or in reach of it, that training batches are cut from."""
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -17,37 +18,49 @@ Indices = npt.NDArray[np.int64]
 WHOLE = slice(None)
 
 
-class SpectrogramBank:
-    """Spectrograms (bands, frames) of unequal length in one tensor, cut in one indexing step.
+class Bank(ABC):
+    """All training recordings of one sense."""
+
+    @abstractmethod
+    def cut(
+        self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
+    ) -> Mapping[str, Tensor]:
+        """Random pieces of the indexed recordings, one of each, as tensors (batch, ...) by name.
+
+        Only a ``share`` of them is cut, but all are drawn.
+        """
+
+
+class InputBank(Bank):
+    """Network inputs (..., frames) of unequal length in one tensor, cut in one indexing step.
 
     Args:
-        spectrograms: All recordings in their first version, then all in their second, and so on.
+        inputs: Of all recordings in their first version, then of all in their second, and so on.
         frames: Length of the sub-samples.
         versions: How many there are of every recording; which one is cut is drawn.
     """
 
-    def __init__(self, spectrograms: Sequence[Tensor], frames: int, versions: int = 1) -> None:
+    def __init__(self, inputs: Sequence[Tensor], frames: int, versions: int = 1) -> None:
         self.versions = versions
-        whole = [_at_least(item.cpu(), frames) for item in spectrograms]
+        whole = [_at_least(item.cpu(), frames) for item in inputs]
         self.frames = frames
-        self.lengths = np.array([item.shape[1] for item in whole])
+        self.lengths = np.array([item.shape[-1] for item in whole])
         self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
-        self.flat = torch.cat(whole, dim=1)
+        self.flat = torch.cat(whole, dim=-1)
 
-    def cut(self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE) -> Tensor:
-        """Random sub-samples (batch, 1, bands, frames), one from each indexed spectrogram.
-
-        Only a ``share`` of them is cut, but all are drawn.
-        """
+    def cut(
+        self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
+    ) -> dict[str, Tensor]:
+        """Give ``input``, sub-samples (batch, ..., frames); see the base class."""
         if self.versions > 1:
             version = rng.integers(0, self.versions, len(indices))
             indices = indices + version * (len(self.lengths) // self.versions)
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
         columns = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
-        return self.flat[:, torch.from_numpy(columns)].transpose(0, 1).unsqueeze(1)
+        return {"input": self.flat[..., torch.from_numpy(columns)].movedim(-2, 0)}
 
 
-class PhotoBank:
+class PhotoBank(Bank):
     """Square crops of stored photos.
 
     A crop is copied row by row out of a memory map, in a loop over the samples: for photos of any
@@ -57,6 +70,7 @@ class PhotoBank:
         recordings: Of photos.
         store: Decoded files.
         side: Of a crop in pixels.
+        rotation: Largest angle in degrees that a crop is to be turned by.
         augmentation: What becomes of a crop after it is cut; None leaves it.
     """
 
@@ -65,8 +79,10 @@ class PhotoBank:
         recordings: Sequence[Recording],
         store: Store,
         side: int,
+        rotation: float,
         augmentation: Augmentation | None = None,
     ) -> None:
+        self.rotation = rotation
         self.augmentation = augmentation
         self.recordings = recordings
         self.store = store
@@ -76,13 +92,15 @@ class PhotoBank:
     def photo(self, index: int) -> Photo:
         """The memory map of a photo; finding it again costs more than copying a crop."""
         if index not in self.maps:
-            self.maps[index] = self.store.image(self.recordings[index])
+            self.maps[index] = self.store.load(self.recordings[index])
         return self.maps[index]
 
-    def cut(self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE) -> Tensor:
-        """Random crops (batch, 3, side, side) uint8; photos too small are mirrored outwards.
+    def cut(
+        self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
+    ) -> dict[str, Tensor]:
+        """Give ``crop`` (batch, 3, side, side) uint8 and ``degrees`` (batch,) to turn it by.
 
-        Only a ``share`` of them is cut, but all are drawn.
+        Photos too small are mirrored outwards; see the base class.
         """
         places = [
             (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()
@@ -93,7 +111,8 @@ class PhotoBank:
         crops = np.empty((len(places), 3, self.side, self.side), np.uint8)
         for planes, place, seed in zip(crops, places, seeds[share], strict=True):
             cv2.split(self._crop(*place, seed), list(planes))  # the fastest way to copy them apart
-        return torch.from_numpy(crops)
+        degrees = rng.uniform(-self.rotation, self.rotation, len(indices))[share]
+        return {"crop": torch.from_numpy(crops), "degrees": torch.from_numpy(degrees).float()}
 
     def _crop(self, index: int, top: int, left: int, seed: int | None) -> npt.NDArray[np.uint8]:
         """One crop (side, side, 3), changed if there is a seed."""
@@ -105,9 +124,10 @@ class PhotoBank:
         return mirrored(changed[: self.side, : self.side], self.side)
 
 
-def _at_least(spectrogram: Tensor, frames: int) -> Tensor:
-    """Repeat a spectrogram until it has ``frames`` frames."""
-    return spectrogram.repeat(1, -(-frames // spectrogram.shape[1]))
+def _at_least(inputs: Tensor, frames: int) -> Tensor:
+    """Repeat an input (..., frames) until it has so many frames."""
+    times = -(-frames // inputs.shape[-1])
+    return inputs.repeat(*[1] * (inputs.dim() - 1), times)
 
 
 def random_corner(photo: Photo, side: int, rng: np.random.Generator) -> tuple[int, int]:

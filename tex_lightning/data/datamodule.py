@@ -4,7 +4,7 @@ A training batch is a function of the seed and its number alone: neither loader 
 interruption change what the network sees.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,12 +14,12 @@ from lightning import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from tex_lightning.data.banks import WHOLE, Indices, PhotoBank, SpectrogramBank
+from tex_lightning.data.banks import WHOLE, Bank, Indices
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 
-Batch = dict[str, Tensor]
+Batch = dict[str, Any]  # tensors, and mappings of them
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
 
 
@@ -27,48 +27,37 @@ UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
 class TrainingBatches(Dataset[Batch]):
     """Batch number ``i`` of an endless stream.
 
-    Recordings come in permutations, each of which holds every recording once. With two banks the
-    modality with more recordings leads and a random recording of the same class accompanies it.
+    Recordings come in permutations, each of which holds every recording once. Of several senses
+    the one with most recordings leads and random recordings of the same class accompany it.
 
     Attributes:
-        traces: Bank of spectrograms and their class indices, or None.
-        photos: Bank of photos and their class indices, or None.
+        banks: For each sense, by name, its recordings and their class indices.
         batch_size: Samples in a batch.
-        rotation: Largest angle in degrees that photos are turned by.
         seed: Of everything random.
         share: The part of every batch that is handed out; the others are drawn all the same, so
             that the shares of several processes make the batch that one would have.
     """
 
-    traces: tuple[SpectrogramBank, Indices] | None
-    photos: tuple[PhotoBank, Indices] | None
+    banks: Mapping[str, tuple[Bank, Indices]]
     batch_size: int
-    rotation: float
     seed: int
     share: slice = field(default_factory=lambda: WHOLE)
 
     def __getitem__(self, step: int) -> Batch:
-        """Assemble batch ``step``: spectrogram, crop, degrees and label, as far as they exist."""
+        """Assemble batch ``step``: ``label``, and by the name of each sense what its bank cuts."""
         rng = np.random.default_rng([self.seed, step])
-        leader, follower = self._leader_first()
-        _, labels = leader
-        lead = self._next_in_permutation(step, len(labels))
-        chosen = {id(leader): lead}
-        if follower is not None:
-            chosen[id(follower)] = _partners(labels[lead], follower[1], rng)
-        batch: Batch = {"label": torch.from_numpy(labels[lead][self.share])}
-        if self.traces is not None:
-            batch["spectrogram"] = self.traces[0].cut(chosen[id(self.traces)], rng, self.share)
-        if self.photos is not None:
-            batch["crop"] = self.photos[0].cut(chosen[id(self.photos)], rng, self.share)
-            angles = rng.uniform(-self.rotation, self.rotation, len(lead))
-            batch["degrees"] = torch.from_numpy(angles[self.share]).float()
+        leader, *others = sorted(
+            self.banks, key=lambda name: len(self.banks[name][1]), reverse=True
+        )
+        labels = self.banks[leader][1]
+        chosen = {leader: self._next_in_permutation(step, len(labels))}
+        wanted = labels[chosen[leader]]
+        for name in others:
+            chosen[name] = _partners(wanted, self.banks[name][1], rng)
+        batch: Batch = {"label": torch.from_numpy(wanted[self.share])}
+        for name, (bank, _) in self.banks.items():
+            batch[name] = bank.cut(chosen[name], rng, self.share)
         return batch
-
-    def _leader_first(self) -> tuple[Any, Any]:
-        banks = [bank for bank in (self.traces, self.photos) if bank is not None]
-        banks.sort(key=lambda bank: len(bank[1]), reverse=True)
-        return banks[0], banks[1] if len(banks) > 1 else None
 
     def _next_in_permutation(self, step: int, count: int) -> Indices:
         positions = step * self.batch_size + np.arange(self.batch_size)
@@ -99,7 +88,7 @@ class EpochSampler(Sampler[int]):
 
 
 class SampleSet(Dataset[Batch]):
-    """Whole decoded samples to classify: trace, photo and label, as far as they exist."""
+    """Whole decoded samples to classify: ``label``, and ``recordings`` by modality."""
 
     def __init__(self, samples: Sequence[Sample], store: Store, classes: list[str]) -> None:
         self.samples = samples
@@ -108,29 +97,21 @@ class SampleSet(Dataset[Batch]):
 
     def __getitem__(self, index: int) -> Batch:
         sample = self.samples[index]
-        trace, photo = load_sample(sample, self.store)
-        item = {"label": torch.tensor(self.classes.index(sample.label))}
-        if trace is not None:
-            item["trace"] = trace
-        if photo is not None:
-            item["photo"] = photo
-        return item
+        label = torch.tensor(self.classes.index(sample.label))
+        return {"label": label, "recordings": load_sample(sample, self.store)}
 
     def __len__(self) -> int:
         return len(self.samples)
 
 
-def load_trace(row: Recording, store: Store) -> Tensor:
-    """Decoded trace (axes, samples), copied to memory."""
-    return torch.from_numpy(np.array(store.trace(row)))
+def load_recording(row: Recording, store: Store) -> Tensor:
+    """A decoded recording, copied to memory."""
+    return torch.from_numpy(np.array(store.load(row)))
 
 
-def load_sample(sample: Sample, store: Store) -> tuple[Tensor | None, Tensor | None]:
-    """Decoded trace (axes, samples) and photo (height, width, 3) of a sample, copied to memory."""
-    trace = None if sample.haptic is None else load_trace(sample.haptic, store)
-    if sample.image is None:
-        return trace, None
-    return trace, torch.from_numpy(np.array(store.image(sample.image)))
+def load_sample(sample: Sample, store: Store) -> dict[str, Tensor]:
+    """Decoded recordings of a sample by modality, copied to memory."""
+    return {name: load_recording(row, store) for name, row in sample.recordings.items()}
 
 
 class SurfaceData(LightningDataModule):
@@ -145,13 +126,13 @@ class SurfaceData(LightningDataModule):
 
     Example:
         >>> import numpy as np, tex_lightning as tl, torch
-        >>> from tex_lightning.data.banks import SpectrogramBank
+        >>> from tex_lightning.data.banks import InputBank
         >>> from tex_lightning.data.datamodule import TrainingBatches
-        >>> bank = SpectrogramBank([torch.rand(50, 300) for _ in range(4)], frames=192)
+        >>> bank = InputBank([torch.rand(1, 50, 300) for _ in range(4)], frames=192)
         >>> traces = bank, np.array([0, 0, 1, 1])  # their classes
-        >>> batches = TrainingBatches(traces, None, batch_size=2, rotation=0, seed=0)
+        >>> batches = TrainingBatches({"haptic": traces}, batch_size=2, seed=0)
         >>> data = tl.SurfaceData(batches, steps=5, validation=None, test=None, num_workers=0)
-        >>> [batch["spectrogram"].shape for batch in data.train_dataloader()][4]
+        >>> [batch["haptic"]["input"].shape for batch in data.train_dataloader()][4]
         torch.Size([2, 1, 50, 192])
     """
 

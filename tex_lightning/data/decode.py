@@ -4,9 +4,11 @@ A checkpoint carries the settings used here, so prediction decodes as training d
 """
 
 import logging
-from dataclasses import asdict, dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import kornia
 import numpy as np
@@ -16,7 +18,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.signal import resample_poly
 
 from tex_lightning.data.rates import SourceRate, source_rate
-from tex_lightning.data.trace_files import read_axes
+from tex_lightning.data.trace_files import TRACE_SUFFIXES, read_axes
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
 
@@ -27,32 +29,102 @@ IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 STRIP = 256  # rows of a photo converted at once; even, for halving
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 
+Array = npt.NDArray[Any]
 Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
 
 
-@dataclass(frozen=True)
-class DecodeSettings:
-    """What decides the content of a decoded file.
+class Decoder(ABC):
+    """How the files of one sense become arrays; its fields decide their content.
 
     Attributes:
-        sampling_rate: Rate in Hz that every trace is brought to.
-        file_rate: Rate in Hz of traces whose file and reader give none.
-        half_scale: Whether photos are halved (the paper's preprocessing, section III-B).
-        resize: Side in pixels of the square that photos are brought to; None leaves their size.
+        suffixes: Of the files that it reads, in lower case.
+        unit: Of :meth:`extent`.
+        precision: How that is written.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]]
+    unit: ClassVar[str]
+    precision: ClassVar[str]
+
+    @abstractmethod
+    def decode(self, path: Path, rate: float | None = None) -> tuple[Array, SourceRate | None]:
+        """The array of a file, and at which rate it was sampled if it is a signal.
+
+        Args:
+            path: The file.
+            rate: In Hz, if the manifest or the reader knows it.
+
+        Raises:
+            UserError: If the file cannot be used.
+        """
+
+    def assuming(self, rate: float | None) -> Self:
+        """The same for files at another rate in Hz than those of the training; None for theirs."""
+        return self
+
+    @abstractmethod
+    def extent(self, array: Array) -> float:
+        """How long or large a decoded recording is."""
+
+
+@dataclass(frozen=True)
+class SignalDecoder(Decoder):
+    """Of signals: traces and sounds, (axes, samples) float32.
+
+    Attributes:
+        sampling_rate: Rate in Hz that every signal is brought to.
+        file_rate: Rate in Hz of signals whose file and reader give none.
     """
 
     sampling_rate: float = 10_000.0
     file_rate: float = 10_000.0
+
+    suffixes: ClassVar[tuple[str, ...]] = TRACE_SUFFIXES
+    unit: ClassVar[str] = "s"
+    precision: ClassVar[str] = ".3g"
+
+    def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, SourceRate]:
+        """As :func:`decode_trace`, and the rate of the file."""
+        samples, source = read_trace(path, self, rate)
+        said = f"Trace {path}" if source.source != "assumed" else f"Trace {path}, by assumption,"
+        return to_rate(samples, source.hz, self.sampling_rate, said), source
+
+    def assuming(self, rate: float | None) -> Self:
+        """As the base class."""
+        return self if rate is None else replace(self, file_rate=rate)
+
+    def extent(self, array: Array) -> float:
+        """Seconds."""
+        return float(array.shape[1] / self.sampling_rate)
+
+
+@dataclass(frozen=True)
+class PhotoDecoder(Decoder):
+    """Of photos, (height, width, 3) uint8.
+
+    Attributes:
+        half_scale: Whether they are halved (the paper's preprocessing, section III-B).
+        resize: Side in pixels of the square that they are brought to; None leaves their size.
+    """
+
     half_scale: bool = True
     resize: int | None = None
 
-    def to_dict(self) -> dict[str, float | bool | None]:
-        """Plain values for a checkpoint or a cache key."""
-        return asdict(self)
+    suffixes: ClassVar[tuple[str, ...]] = IMAGE_SUFFIXES
+    unit: ClassVar[str] = "megapixels"
+    precision: ClassVar[str] = ".2g"
+
+    def decode(self, path: Path, rate: float | None = None) -> tuple[Photo, None]:
+        """As :func:`decode_image`."""
+        return decode_image(path, self), None
+
+    def extent(self, array: Array) -> float:
+        """Megapixels."""
+        return float(array.shape[0] * array.shape[1] / 1e6)
 
 
-def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None) -> Trace:
+def decode_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -> Trace:
     """Read a trace of one or three axes and bring it to the configured rate.
 
     Args:
@@ -68,23 +140,14 @@ def decode_trace(path: Path, settings: DecodeSettings, rate: float | None = None
         UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
             its rate is told differently in two places.
     """
-    trace, source = decode_trace_and_rate(path, settings, rate)
+    trace, source = settings.decode(path, rate)
     if source.interpolated:
         log.info("Trace %s has uneven times; it is interpolated to %.6g Hz.", path, source.hz)
     return trace
 
 
-def decode_trace_and_rate(
-    path: Path, settings: DecodeSettings, rate: float | None = None
-) -> tuple[Trace, SourceRate]:
-    """The same as :func:`decode_trace`, and at which rate the file was sampled."""
-    samples, source = read_trace(path, settings, rate)
-    said = f"Trace {path}" if source.source != "assumed" else f"Trace {path}, by assumption,"
-    return to_rate(samples, source.hz, settings.sampling_rate, said), source
-
-
 def read_trace(
-    path: Path, settings: DecodeSettings, rate: float | None = None
+    path: Path, settings: SignalDecoder, rate: float | None = None
 ) -> tuple[npt.NDArray[np.floating], SourceRate]:
     """Read a trace as it stands in its file: samples (axes, samples) and their rate.
 
@@ -117,7 +180,7 @@ def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name:
     return np.ascontiguousarray(trace, dtype=np.float32)
 
 
-def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) -> Photo:
+def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> Photo:
     """Read a photo as RGB, upright, halved or resized if so configured.
 
     Args:
@@ -151,7 +214,7 @@ def decode_image(path: Path, settings: DecodeSettings, *, fast: bool = False) ->
     )
 
 
-def to_size(photo: Photo, settings: DecodeSettings, name: str) -> Photo:
+def to_size(photo: Photo, settings: PhotoDecoder, name: str) -> Photo:
     """Halve or resize a photo (height, width, 3) as the settings say.
 
     Raises:

@@ -5,18 +5,11 @@ is tested together. The paper (section IV) trains on nine recordings of each cla
 the tenth, ten times.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-from tex_lightning.data.recordings import Modality, Recording, Recordings
+from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.errors import UserError, listed
-
-Kind = Literal["haptic", "visual", "fusion"]
-NEEDS: dict[Kind, tuple[Modality, ...]] = {
-    "haptic": ("haptic",),
-    "visual": ("image",),
-    "fusion": ("haptic", "image"),
-}
 
 
 @dataclass(frozen=True)
@@ -30,11 +23,15 @@ class Split:
 
 @dataclass(frozen=True)
 class Sample:
-    """A trace, a photo, or one of each of the same class."""
+    """A recording of each sense, all of the same class.
+
+    Attributes:
+        label: Class name.
+        recordings: By modality.
+    """
 
     label: str
-    haptic: Recording | None
-    image: Recording | None
+    recordings: Mapping[str, Recording]
 
 
 def split(
@@ -63,44 +60,41 @@ def split(
     return Split(*(Recordings(tuple(parts[name])) for name in ("train", "val", "test")))
 
 
-def make_samples(part: Recordings, kind: Kind) -> list[Sample]:
+def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
     """List the samples of one part, class by class in file order.
 
-    For fusion the longer list of a class decides the number of pairs and the shorter one is gone
-    through again, so that every recording is seen; a class that lacks a modality gives none.
+    Of several modalities the longest list of a class decides the number of samples and shorter ones
+    are gone through again, so that every recording is seen; a class that lacks one gives none.
     """
     samples: list[Sample] = []
     for label in part.classes:
-        rows = part.in_classes([label])
-        traces, photos = rows.of("haptic").rows, rows.of("image").rows
-        if kind == "haptic":
-            samples += [Sample(label, trace, None) for trace in traces]
-        elif kind == "visual":
-            samples += [Sample(label, None, photo) for photo in photos]
-        elif traces and photos:
+        found = part.in_classes([label])
+        rows = {modality: found.of(modality).rows for modality in modalities}
+        if all(rows.values()):
             samples += [
-                Sample(label, traces[i % len(traces)], photos[i % len(photos)])
-                for i in range(max(len(traces), len(photos)))
+                Sample(label, {name: each[i % len(each)] for name, each in rows.items()})
+                for i in range(max(map(len, rows.values())))
             ]
     return samples
 
 
-def check_split(parts: Split, classes: list[str], kind: Kind, test_fold: int) -> None:
+def check_split(
+    parts: Split, classes: list[str], modalities: Sequence[str], test_fold: int
+) -> None:
     """Make sure that every class can be trained and that there is something to test.
 
     Raises:
         UserError: Naming the classes and the modality that are missing.
     """
-    for modality in NEEDS[kind]:
+    for modality in modalities:
         absent = sorted(set(classes) - {row.label for row in parts.train.of(modality)})
         if absent:
-            what = "traces" if modality == "haptic" else "photos"
             raise UserError(
-                f"There are no {what} to train on for {listed(absent)}; add recordings, "
-                "leave the class out, or choose a model that does without them."
+                f"There are no {plural(modality)} to train on for {listed(absent)}; add "
+                "recordings, leave the class out, or choose a model that does without them."
             )
-    if not make_samples(parts.test, kind):
+    if not make_samples(parts.test, modalities):
         raise UserError(
-            f"Fold {test_fold} holds nothing to test a {kind} network on; "
+            f"Fold {test_fold} holds nothing to test on that has {' and '.join(modalities)}; "
             "choose another data.test_fold or fewer data.folds."
         )

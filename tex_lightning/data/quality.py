@@ -13,8 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.data.decode import Photo, Trace
-from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Store
 
 Array = npt.NDArray[Any]
 Ranges = Mapping[str, list[float]]  # smallest and largest value in training, by measure
@@ -48,9 +46,14 @@ class Quality:
 
 
 class TraceMonitor:
-    """Level, constancy and clipping of a trace that may come in pieces."""
+    """Level, constancy and clipping of a signal that may come in pieces.
 
-    def __init__(self) -> None:
+    Args:
+        what: What it is called.
+    """
+
+    def __init__(self, what: str) -> None:
+        self.what = what
         self.count = 0
 
     def update(self, samples: Array) -> None:
@@ -94,40 +97,40 @@ class TraceMonitor:
         if constant.all():
             how = "silent" if not self.high.any() else "constant"
             return Quality(
-                (f"The trace is {how}, so nothing was measured; check the sensor.",), True
+                (f"The {self.what} is {how}, so nothing was measured; check the sensor.",), True
             )
-        return Quality((*self._defects(constant), *_unlike(ranges, "trace", measures)))
+        return Quality((*self._defects(constant), *_unlike(ranges, self.what, measures)))
 
     def _defects(self, constant: Array) -> Iterator[str]:
         for axis in np.flatnonzero(constant):
-            yield f"Axis {axis + 1} of the trace is constant; check the sensor."
+            yield f"Axis {axis + 1} of the {self.what} is constant; check the sensor."
         clipped = float(np.where(constant, 0, self.flat).max()) / self.count
         if clipped >= FLAT_SHARE:
             yield (
-                f"The trace is clipped, {clipped:.0%} of it at its largest or smallest value; "
-                "lower the sensor's gain."
+                f"The {self.what} is clipped, {clipped:.0%} of it at its largest or smallest "
+                "value; lower the sensor's gain."
             )
 
 
 def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str, float]:
-    """Measure a trace.
+    """Measure a signal.
 
     Args:
         trace: (axes, samples), decoded.
         rate: That it was recorded at, in Hz.
         sampling_rate: That it was brought to: a higher rate adds nothing.
     """
-    monitor = TraceMonitor()
+    monitor = TraceMonitor("trace")
     monitor.update(trace)
     return {"level": monitor.level, "rate": min(rate, sampling_rate)}
 
 
-def photo_quality(photo: Photo, ranges: Ranges) -> Quality:
-    """Say what is wrong with a decoded photo (height, width, 3)."""
-    measures = _photo_measures(photo)
+def photo_quality(photo: Photo, ranges: Ranges, what: str) -> Quality:
+    """Say what is wrong with a decoded photo (height, width, 3) that is called ``what``."""
+    measures = photo_measures(photo)
     if measures["contrast"] < UNIFORM:
-        return Quality(("The photo is uniform, so it shows nothing; check the camera.",), True)
-    return Quality(tuple(_unlike(ranges, "photo", measures)))
+        return Quality((f"The {what} is uniform, so it shows nothing; check the camera.",), True)
+    return Quality(tuple(_unlike(ranges, what, measures)))
 
 
 def together(qualities: Iterable[Quality]) -> Quality:
@@ -137,22 +140,16 @@ def together(qualities: Iterable[Quality]) -> Quality:
     return Quality(warnings, all(each.empty for each in found))
 
 
-def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[float]]:
-    """Measure the training recordings: smallest and largest value of each measure, by quantiles."""
+def training_ranges(measured: Iterable[Mapping[str, float]]) -> dict[str, list[float]]:
+    """Smallest and largest value of each measure of the training recordings, by quantiles."""
     found: dict[str, list[float]] = {}
-    for row in rows:
-        for name, value in _measures(row, store).items():
+    for measures in measured:
+        for name, value in measures.items():
             found.setdefault(name, []).append(value)
     return {name: np.quantile(values, QUANTILES).tolist() for name, values in found.items()}
 
 
-def _measures(row: Recording, store: Store) -> dict[str, float]:
-    if row.modality == "image":
-        return _photo_measures(store.image(row))
-    return trace_measures(store.trace(row), store.rate(row).hz, store.settings.sampling_rate)
-
-
-def _photo_measures(photo: Photo) -> dict[str, float]:
+def photo_measures(photo: Photo) -> dict[str, float]:
     """Mean and standard deviation of the grey levels, 0 to 255, of some of the pixels."""
     step = max(1, min(photo.shape[:2]) // PHOTO_SIDE)
     grey = photo[::step, ::step].mean(axis=2)

@@ -6,28 +6,28 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, get_args
 
 from tex_lightning.data.rates import names_rate, positive_number
 from tex_lightning.data.tables import read_table
 from tex_lightning.errors import UserError
 
-Modality = Literal["haptic", "image"]
-MODALITIES: tuple[Modality, ...] = get_args(Modality)
+MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
+NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
 COLUMNS = ("label", "modality", "path", "group")
 RATE, OLD_RATE = "rate", "sampling_rate"
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One file: an acceleration trace or a photo of a surface.
+    """One file: what a sensor took of a surface.
 
     Attributes:
         label: Class name.
-        modality: ``haptic`` or ``image``.
+        modality: ``haptic`` for an acceleration trace, ``image`` for a photo, ``sound``, or a name
+            of the user's.
         path: The file.
         group: Number of the recording inside its class; it decides the fold.
-        sampling_rate: Rate of the trace in Hz where the reader knows it, else None
+        sampling_rate: Rate of a signal in Hz where the reader knows it, else None
             (a WAV file carries its own; other formats have the configured rate).
 
     Example:
@@ -38,7 +38,7 @@ class Recording:
     """
 
     label: str
-    modality: Modality
+    modality: str
     path: Path
     group: int
     sampling_rate: float | None = None
@@ -76,7 +76,7 @@ class Recordings:
         """Class names in natural order; a name's place is its index everywhere."""
         return sorted({row.label for row in self.rows}, key=natural_key)
 
-    def of(self, modality: Modality) -> "Recordings":
+    def of(self, modality: str) -> "Recordings":
         """The rows of one modality."""
         return self._where(lambda row: row.modality == modality)
 
@@ -109,6 +109,16 @@ class Note:
     text: str
 
 
+def name_one(modality: str) -> str:
+    """What a recording of a modality is called."""
+    return NAMES.get(modality, f"{modality} recording")
+
+
+def plural(modality: str) -> str:
+    """What several are called."""
+    return f"{name_one(modality)}s"
+
+
 def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
     """Sort key that counts: ``query2`` comes before ``query10``; equal only for equal names."""
     parts = [
@@ -120,7 +130,7 @@ def natural_key(text: str) -> tuple[list[tuple[int, int, str]], str]:
 
 
 def number_files(
-    label: str, modality: Modality, files: Iterable[Path], sampling_rate: float | None = None
+    label: str, modality: str, files: Iterable[Path], sampling_rate: float | None = None
 ) -> list[Recording]:
     """Make recordings of one class, grouped by their place in the natural order of names."""
     ordered = sorted(files, key=lambda path: natural_key(path.name))
@@ -205,8 +215,13 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
     label, modality, file = line["label"], line["modality"], line["path"]
     if not label or not file:
         raise UserError(f"{where}: label or path is empty; fill both in.")
-    if modality not in MODALITIES:
-        raise UserError(f"{where}: modality is {modality!r}; write haptic or image.")
+    near = difflib.get_close_matches(modality, MODALITIES, n=1)
+    if not modality.isidentifier() or (near and modality not in MODALITIES):
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        raise UserError(
+            f"{where}: modality is {modality!r}{hint}; write {', '.join(MODALITIES)} or one word "
+            "of your own."
+        )
     try:
         group = int(line["group"])
     except (TypeError, ValueError) as error:

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
-from tex_lightning.data.decode import (
-    DecodeSettings,
-    Photo,
-    Trace,
-    decode_image,
-    decode_trace_and_rate,
-)
+from tex_lightning.data.decode import Decoder, SignalDecoder
 from tex_lightning.data.rates import SOURCES, SourceRate
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.trace_files import axis_files, axis_paths
@@ -34,7 +28,7 @@ from tex_lightning.files import write_atomically
 from tex_lightning.progress import track
 
 FINGERPRINT_BYTES = 65_536
-LAYOUT = 2  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 3  # of an entry: what an earlier version decoded otherwise is decoded anew
 RATE_BYTES = 152  # of three numbers as .npy, which end the entry of a trace
 
 
@@ -74,24 +68,34 @@ def fingerprint(path: Path) -> str:
 
 
 class Store:
-    """Decoded traces (float32) and photos (uint8) of recordings.
+    """Decoded recordings: signals float32, photos uint8.
 
     Args:
         root: The cache folder; see :func:`cache_root`.
-        settings: How files are decoded.
+        decoders: How files are decoded, by modality.
     """
 
-    def __init__(self, root: Path, settings: DecodeSettings) -> None:
+    def __init__(self, root: Path, decoders: Mapping[str, Decoder]) -> None:
         self.root = root / "decoded"
-        self.settings = settings
+        self.decoders = decoders
 
-    def trace(self, recording: Recording) -> Trace:
-        """The trace as a read-only (axes, samples) float32 map."""
-        return self._get(recording)
+    def load(self, recording: Recording) -> npt.NDArray[Any]:
+        """A recording as a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
+        entry = self._entry(recording)
+        try:
+            array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
+        except (OSError, ValueError, EOFError):  # not there yet, or damaged by a full disk
+            self._write(recording)
+            array = np.load(entry, mmap_mode="r", allow_pickle=False)
+        return array
 
-    def image(self, recording: Recording) -> Photo:
-        """The photo as a read-only (height, width, 3) uint8 map."""
-        return self._get(recording)
+    def extent(self, recording: Recording) -> float:
+        """How long or large a recording is, in the unit of its decoder."""
+        return self.decoders[recording.modality].extent(self.load(recording))
+
+    def is_signal(self, recording: Recording) -> bool:
+        """Whether a recording has a rate."""
+        return isinstance(self.decoders[recording.modality], SignalDecoder)
 
     def rate(self, recording: Recording) -> SourceRate:
         """At which rate the file of a trace was sampled, and who says so."""
@@ -128,15 +132,6 @@ class Store:
         self._save(recording, *decoded)
         return None
 
-    def _get(self, recording: Recording) -> npt.NDArray[Any]:
-        entry = self._entry(recording)
-        try:
-            array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError, EOFError):  # not there yet, or damaged by a full disk
-            self._write(recording)
-            array = np.load(entry, mmap_mode="r", allow_pickle=False)
-        return array
-
     def _entry(self, recording: Recording) -> Path:
         files = axis_files(recording.path)
         try:
@@ -150,7 +145,7 @@ class Store:
             "modality": recording.modality,
             "rate": recording.sampling_rate,
             "layout": LAYOUT,
-            **self.settings.to_dict(),
+            **vars(self.decoders[recording.modality]),
         }
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
@@ -159,9 +154,8 @@ class Store:
         self._save(recording, *self._decode(recording))
 
     def _decode(self, recording: Recording) -> tuple[npt.NDArray[Any], SourceRate | None]:
-        if recording.modality == "haptic":
-            return decode_trace_and_rate(recording.path, self.settings, recording.sampling_rate)
-        return decode_image(recording.path, self.settings), None
+        decoder = self.decoders[recording.modality]
+        return decoder.decode(recording.path, recording.sampling_rate)
 
     def _save(self, recording: Recording, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
         write_atomically(self._entry(recording), lambda path: _save(path, array, rate))

@@ -13,7 +13,8 @@ from tex_lightning.data.text_traces import read_text_trace
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
 
-TRACE_SUFFIXES = (".wav", ".npy", ".txt", ".csv")
+SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
+TRACE_SUFFIXES = (*SOUND_SUFFIXES, ".npy", ".txt", ".csv")
 RATE_TOLERANCE = 0.01
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
 
@@ -107,7 +108,7 @@ def same_rate(one: float, other: float) -> bool:
 def _read_file(path: Path) -> RawTrace:
     suffix = path.suffix.lower()
     try:
-        if suffix == ".wav":
+        if suffix in SOUND_SUFFIXES:
             _check_wav_length(path)
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
             return RawTrace(_as_axes(path, samples), float(rate))

@@ -1,6 +1,6 @@
-"""Max voting over fragments and the random pairs of FusionNet (paper, section III-B)."""
+"""Max voting over fragments and the random tuples of FusionNet (paper, section III-B)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -92,24 +92,22 @@ def probabilities(logits: Tensor, temperature: float = 1.0) -> Tensor:
     return (logits.double() / temperature).softmax(dim=0).sum(dim=1)
 
 
-def random_pairs(haptic: int, visual: int, count: int, seed: int) -> Tensor:
-    """Draw ``count`` pairs of a haptic and a visual position, independently and uniformly.
+def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
+    """Draw ``count`` tuples with a position of each sense, independently and uniformly.
 
-    The generator lives on the CPU whatever the device, so every device votes over the same pairs.
+    The generator lives on the CPU whatever the device, so every device votes over the same tuples.
 
     Args:
-        haptic: Number of haptic positions L.
-        visual: Number of visual positions M * N.
+        positions: How many there are of each sense: L of a trace, M * N of a photo.
         count: K of the paper, 1000 there.
         seed: Of this sample; the caller derives it from the sample's content.
 
     Returns:
-        Long tensor (count, 2).
+        Long tensor (count, senses).
     """
     generator = torch.Generator().manual_seed(seed)
-    left = torch.randint(haptic, (count,), generator=generator)
-    right = torch.randint(visual, (count,), generator=generator)
-    return torch.stack((left, right), dim=1)
+    drawn = [torch.randint(each, (count,), generator=generator) for each in positions]
+    return torch.stack(drawn, dim=1)
 
 
 RULES: dict[str, Callable[[Tensor, float], Vote]] = {"vote": max_vote, "mean": mean_vote}

@@ -17,7 +17,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.decision.temperature import fit_temperature
 from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
 from tex_lightning.files import write_atomically
-from tex_lightning.inference.early_stopping import SEQUENTIAL
+from tex_lightning.inference.early_stopping import SEQUENTIAL, needs_threshold
 from tex_lightning.inference.engine import accelerate
 
 log = logging.getLogger(__name__)
@@ -45,11 +45,11 @@ def calibrate(
     if not samples or card.calibration:
         return
     with torch.inference_mode():
-        logits = [classifier.logits(*load_sample(sample, store)) for sample in samples]
+        logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
     labels = [card.classes.index(sample.label) for sample in samples]
     found = {"temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)
-    if decision.name == SEQUENTIAL and not card.baseline and card.kind != "visual":
+    if decision.name == SEQUENTIAL and needs_threshold(classifier):
         fast = accelerate(classifier, engine)
         found |= choose_confidence_threshold(fast, decision, samples, store)
         classifier.card = replace(card, calibration=found)
@@ -96,10 +96,9 @@ def choose_confidence_threshold(
 
 
 def independent(samples: Sequence[Sample]) -> list[str]:
-    """For each sample its recording of the modality that has fewer of them."""
-    traces = [str(sample.haptic and sample.haptic.path) for sample in samples]
-    photos = [str(sample.image and sample.image.path) for sample in samples]
-    recorded = [paths for paths in (traces, photos) if "None" not in paths]
+    """For each sample its recording of the modality that has fewest of them."""
+    modalities = samples[0].recordings
+    recorded = [[str(each.recordings[name].path) for each in samples] for name in modalities]
     return min(recorded, key=lambda paths: len(set(paths)))
 
 

@@ -22,7 +22,7 @@ class Setting:
     """What one threshold gave on the test samples.
 
     Attributes:
-        network: haptic, visual or fusion.
+        network: Its sense, or ``fusion``.
         knob: ``alpha``, ``confidence_threshold``, or ``used`` for the thresholds of the run.
         value: Of the threshold; for ``used`` that of alpha.
         test_samples: Their number.

@@ -1,6 +1,6 @@
-"""Confusion matrices of votes and fragments, and pairs of classes that need both senses."""
+"""Confusion matrices of votes and fragments, and pairs of classes that need another sense."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,45 +43,48 @@ def _confusion_matrix(votes: Sequence[tuple[str, str, int]], classes: list[str])
 
 @dataclass(frozen=True)
 class ConfusedPair:
-    """Two classes that one sense mistakes for each other and the other keeps apart.
+    """Two classes that one sense mistakes for each other and another keeps apart.
 
     Attributes:
         classes: The two names.
-        confused_by: haptic or visual.
+        confused_by: A sense.
         confusion: Mean share of the fragments of either class taken for the other, by that sense.
-        other: The same by the other sense.
+        separated_by: The sense that confuses them least.
+        other: The same share by that one.
     """
 
     classes: tuple[str, str]
     confused_by: str
     confusion: float
+    separated_by: str
     other: float
 
 
 def confused_pairs(
-    haptic: npt.NDArray[np.int64],
-    visual: npt.NDArray[np.int64],
-    classes: list[str],
-    most: int = 3,
+    counts: Mapping[str, Counts], classes: list[str], most: int = 3
 ) -> list[ConfusedPair]:
     """The pairs with the largest difference between the senses, ``most`` for each sense.
 
     Args:
-        haptic: Fragment counts (classes, classes) of HapticNet, see :func:`fragment_counts`.
-        visual: The same of VisualNet.
+        counts: Fragment counts (classes, classes) of the network of each sense, of two or more, see
+            :func:`fragment_counts`.
         classes: Names.
         most: Pairs for each sense; fewer where fewer are confused.
     """
-    by_sense = {"haptic": _mutual(haptic), "visual": _mutual(visual)}
+    mutual = {sense: _mutual(each) for sense, each in counts.items()}
     pairs: list[ConfusedPair] = []
-    for sense, other in (("haptic", "visual"), ("visual", "haptic")):
-        gap = np.triu(by_sense[sense] - by_sense[other], k=1)
+    for sense, own in mutual.items():
+        others = {name: each for name, each in mutual.items() if name != sense}
+        least = np.minimum.reduce(list(others.values()))
+        gap = np.triu(own - least, k=1)
         for place in np.argsort(gap, axis=None)[::-1][:most]:
             row, column = np.unravel_index(place, gap.shape)
             if gap[row, column] > 0:
+                shares = {name: float(each[row, column]) for name, each in others.items()}
+                best = min(shares, key=shares.__getitem__)
                 names = (classes[row], classes[column])
-                shares = (float(by_sense[name][row, column]) for name in (sense, other))
-                pairs.append(ConfusedPair(names, sense, *shares))
+                confusion = float(own[row, column])
+                pairs.append(ConfusedPair(names, sense, confusion, best, shares[best]))
     return pairs
 
 

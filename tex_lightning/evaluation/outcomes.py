@@ -4,8 +4,8 @@ import csv
 import json
 import os
 import platform
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from tex_lightning import __version__
 from tex_lightning.files import write_text
 
 RANDOM = "random weights"  # in place of the file that weights came from
+FILES = "files"
 LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 
@@ -26,8 +27,7 @@ class Outcome:
     """What became of one test sample.
 
     Attributes:
-        haptic: File of the trace, or empty.
-        image: File of the photo, or empty.
+        files: Its files by modality; in a CSV one column for each.
         label: True class.
         predicted: Class that won the vote.
         share: Share of the fragments that voted for it.
@@ -39,8 +39,7 @@ class Outcome:
         probabilities: Mean class probabilities of the fragments, as JSON.
     """
 
-    haptic: str
-    image: str
+    files: Mapping[str, str]
     label: str
     predicted: str
     share: float
@@ -60,7 +59,7 @@ class Outcome:
     @property
     def sample(self) -> str:
         """What names the sample among those of one kind: its files."""
-        return f"{self.haptic}|{self.image}"
+        return "|".join(self.files.values())
 
     @property
     def fragment_votes(self) -> dict[str, int]:
@@ -109,22 +108,29 @@ def wilson_interval(correct: int, count: int) -> list[float]:
 
 
 def write_outcomes(outcomes: Sequence[Outcome], path: Path) -> None:
-    """Write one line per test sample as CSV."""
+    """Write one line per test sample as CSV: its files by modality, then the rest."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    lines = [{**each.files, **_rest(each)} for each in outcomes]
     with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(entry.name for entry in fields(Outcome))
-        writer.writerows(astuple(outcome) for outcome in outcomes)
+        writer = csv.DictWriter(stream, lines[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(lines)
 
 
 def read_outcomes(path: Path) -> list[Outcome]:
     """Read what :func:`write_outcomes` wrote."""
+    types = {entry.name: entry.type for entry in fields(Outcome) if entry.name != FILES}
+    outcomes = []
     with path.open(newline="", encoding="utf-8") as stream:
-        types = {entry.name: entry.type for entry in fields(Outcome)}
-        return [
-            Outcome(**{key: types[key](value) for key, value in line.items()})  # type: ignore[operator]
-            for line in csv.DictReader(stream)
-        ]
+        for line in csv.DictReader(stream):
+            files = {name: value for name, value in line.items() if name not in types}
+            rest: dict[str, Any] = {name: kind(line[name]) for name, kind in types.items()}  # type: ignore[operator]
+            outcomes.append(Outcome(files=files, **rest))
+    return outcomes
+
+
+def _rest(outcome: Outcome) -> dict[str, Any]:
+    return {name: value for name, value in vars(outcome).items() if name != FILES}
 
 
 def write_results(path: Path, results: dict[str, Any]) -> None:

@@ -25,14 +25,14 @@ def classify_sample(
     Raises:
         UserError: Naming the file, if a recording cannot be used.
     """
-    trace, photo = load_sample(sample, store)
+    recordings = load_sample(sample, store)
     device = classifier.device
     synchronise(device)
     begin = time.perf_counter()
     try:
-        vote = classifier.classify(trace, photo)
+        vote = classifier.classify(**recordings)
     except UserError as error:
-        files = [str(row.path) for row in (sample.haptic, sample.image) if row is not None]
+        files = [str(row.path) for row in sample.recordings.values()]
         raise UserError(f"{' and '.join(files)}: {error}") from error
     synchronise(device)
     return vote, (time.perf_counter() - begin) * 1000
@@ -51,8 +51,7 @@ def run_test(
         truth = classes.index(sample.label) if sample.label in classes else -1
         outcomes.append(
             Outcome(
-                haptic="" if sample.haptic is None else str(sample.haptic.path),
-                image="" if sample.image is None else str(sample.image.path),
+                files={name: str(row.path) for name, row in sample.recordings.items()},
                 label=sample.label,
                 predicted=classes[vote.label],
                 share=float(vote.shares[vote.label]),

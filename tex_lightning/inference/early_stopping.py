@@ -7,29 +7,25 @@
   sees zeros beyond its edge where the dense pass sees the photo, so its score is not exactly the
   dense one; it is what the network was trained on. Where the windows would cost more than the dense
   pass, that is done instead.
-- Of two modalities the cheaper one comes first, and the other one if that is not sure enough.
+- Of several senses the cheapest comes first, and all others if that is not sure enough.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Sequence
 from functools import cache
-from typing import cast
 
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier import SurfaceClassifier, check_frames, check_side
+from tex_lightning.branches import Branch
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.decision.early_stopping import StoppingRule, is_confident
-from tex_lightning.decision.voting import Vote, max_vote, random_pairs
+from tex_lightning.decision.voting import Vote, max_vote, random_tuples
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import HapticFeatures
-from tex_lightning.inference.beginnings import beginnings, haptic_stream
+from tex_lightning.inference.beginnings import beginnings, signal_stream
 from tex_lightning.inference.costs import Costs
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.networks.windows import window_size
 
 log = logging.getLogger(__name__)
 
@@ -71,6 +67,14 @@ def prepare(
     return decide(fast, decision)
 
 
+def needs_threshold(classifier: SurfaceClassifier) -> bool:
+    """Whether a sequential decision is made by a probability: of anything but a single photo."""
+    branches = classifier.branches.values()
+    return not classifier.card.baseline and not (
+        len(branches) == 1 and all(branch.windowed for branch in branches)
+    )
+
+
 class SequentialClassifier(SurfaceClassifier):
     """A classifier that computes the fragments it asks for; see the module.
 
@@ -90,110 +94,125 @@ class SequentialClassifier(SurfaceClassifier):
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
         chosen = self.card.calibration if config.calibrated else {}
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
-        self.stream = haptic_stream(classifier)
+        self.streams = {name: signal_stream(classifier, name) for name in self.card.senses}
 
     @property
     def device(self) -> torch.device:
         """Where it computes."""
         return self.full.device
 
-    def logits(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Tensor:
+    def logits(self, **recordings: Tensor) -> Tensor:
         """Class scores of all fragments; see the base class."""
-        return self.full.logits(trace, photo)
+        return self.full.logits(**recordings)
 
     @torch.inference_mode()
-    def classify(self, trace: Tensor | None = None, photo: Tensor | None = None) -> Vote:
+    def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; ``relative_macs`` is the share of the arithmetic done."""
-        self._require(trace, photo)
-        if self.card.kind == "haptic":
-            return self._trace(cast(Tensor, trace))
-        if self.card.kind == "visual":
-            return self._photo(cast(Tensor, photo))
-        return self._both(cast(Tensor, trace), cast(Tensor, photo))
+        self.require(recordings)
+        branches = self.full.branches
+        if len(branches) > 1:
+            return self._several(branches, recordings)
+        (branch,) = branches.values()
+        recording = recordings[branch.modality]
+        return self._photo(branch, recording) if branch.windowed else self._trace(branch, recording)
 
-    def _trace(self, trace: Tensor) -> Vote:
+    def _trace(self, branch: Branch, trace: Tensor) -> Vote:
         """Take more and more of a trace, nothing twice."""
-        if self.stream is None:
-            return self.full.classify(trace)
-        frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
-        full = self.costs.haptic(frames)
-        for vote in beginnings(trace, frames, self.stream, self.costs):
-            if is_confident(vote.probability, self.threshold) or self.stream.certain(frames):
-                return _spent(vote, self.stream.macs, full)
-        if not self.stream.macs:
+        stream = self.streams[branch.name]
+        if stream is None:
+            return self.full.classify(**{branch.modality: trace})
+        bands, frames = branch.input_size(trace)
+        full = self.costs.of(branch.name, bands, frames)
+        for vote in beginnings(trace, stream, self.costs):
+            if is_confident(vote.probability, self.threshold) or stream.certain(frames):
+                return _spent(vote, stream.macs, full)
+        if not stream.macs:
             _say_nothing_saved()
-        return _spent(self.full.classify(trace), self.stream.macs + full, full)
+        return _spent(self.full.classify(**{branch.modality: trace}), stream.macs + full, full)
 
-    def _photo(self, photo: Tensor) -> Vote:
-        """Vote over the positions of VisualNet in random order."""
-        check_side(photo.shape[0], photo.shape[1], self.full.min_side)
-        count = self._positions(photo)
-        generator = torch.Generator().manual_seed(self.full.seed(photo))
-        order = torch.randperm(count, generator=generator)
-        none = torch.zeros(len(self.card.classes), count, device=self.device)
-        return self._draw(photo, none, order, 0)
+    def _photo(self, branch: Branch, photo: Tensor) -> Vote:
+        """Vote over the positions of a photo in random order."""
+        branch.check(photo)
+        rows, columns = branch.grid(photo)
+        generator = torch.Generator().manual_seed(self.full.seed(**{branch.modality: photo}))
+        order = torch.randperm(rows * columns, generator=generator)
+        none = torch.zeros(len(self.card.classes), rows * columns, device=self.device)
+        return self._draw(branch, photo, none, order, 0)
 
-    def _both(self, trace: Tensor, photo: Tensor) -> Vote:
-        """Ask the cheaper modality, then the pairs of both."""
-        check_side(photo.shape[0], photo.shape[1], self.full.min_side)
-        frames = cast(HapticFeatures, self.full.haptic_features).count_frames(trace)
-        check_frames(frames, cast(HapticFeatures, self.full.haptic_features))
-        visual = self.costs.visual(photo.shape[0], photo.shape[1])
-        full = visual + self.costs.haptic(frames)
-        if visual < full - visual:
-            table = self._dense(photo)
-            vote = max_vote(table)  # the temperature is that of the joined scores
-            if is_confident(vote.probability, self.threshold):
-                return _spent(vote, visual, full)
-            scores = self._haptic_summand(trace)
-            pairs = self._pairs(trace, photo, scores)
-            joined = scores[:, pairs[:, 0]] + table[:, pairs[:, 1]]
-            return max_vote(joined, self.card.temperature)
-        scores, vote, spent = self._listen(trace, frames)
+    def _several(self, branches: dict[str, Branch], recordings: dict[str, Tensor]) -> Vote:
+        """Ask the cheapest sense, then tuples of all; a photo comes last, window by window."""
+        own = {name: recordings[branch.modality] for name, branch in branches.items()}
+        for name, branch in branches.items():
+            branch.check(own[name])
+        costs = {
+            name: self.costs.of(name, *branch.input_size(own[name]))
+            for name, branch in branches.items()
+        }
+        full, first = sum(costs.values()), min(costs, key=costs.__getitem__)
+        summand, vote, spent = self._listen(branches[first], own[first], costs[first])
         if is_confident(vote.probability, self.threshold):
             return _spent(vote, spent, full)
-        pairs = self._pairs(trace, photo, scores)
-        return self._draw(photo, scores[:, pairs[:, 0]], pairs[:, 1].cpu(), spent)
+        waiting = [name for name, branch in branches.items() if branch.windowed and name != first]
+        last = waiting[-1] if waiting else None
+        summands = {first: summand}
+        for name in branches:
+            if name not in (first, last):
+                summands[name] = self.full.summand(name, own[name])
+                spent += costs[name]
+        counts = [
+            summands[name].shape[1] if name in summands else _count(branches[name], own[name])
+            for name in branches
+        ]
+        tuples = random_tuples(counts, self.card.decision["pairs"], self.full.seed(**recordings))
+        known = [
+            each[:, tuples[:, place].to(each.device)]
+            for place, name in enumerate(branches)
+            if (each := summands.get(name)) is not None
+        ]
+        if last is None:
+            return _spent(max_vote(_sum(known), self.card.temperature), spent, full)
+        order = tuples[:, list(branches).index(last)]
+        return self._draw(branches[last], own[last], _sum(known), order, spent, full)
 
-    def _listen(self, trace: Tensor, frames: int) -> tuple[Tensor, Vote, int]:
-        """The haptic summand (classes, L) of a FusionNet, its vote and its cost, until it is sure.
+    def _listen(self, branch: Branch, recording: Tensor, cost: int) -> tuple[Tensor, Vote, int]:
+        """The summand (classes, positions) of one sense, its vote and its cost, until it is sure.
 
-        Where it is sure the rest of the trace is left out, of the summand too.
+        Where it is sure the rest of a signal is left out, of the summand too.
         """
-        if self.stream is None:
-            scores = self._haptic_summand(trace)
-            return scores, max_vote(scores), self.costs.haptic(frames)
-        for vote in beginnings(trace, frames, self.stream, self.costs):
-            if is_confident(vote.probability, self.threshold):
-                scores, network = self.stream.scores, cast(FusionNet, self.full.network)
-                if network.level == "fc3":
-                    scores = network.project_haptic(scores[None])[0]
-                return scores, vote, self.stream.macs
-        scores = self._haptic_summand(trace)
-        return scores, max_vote(scores), self.stream.macs + self.costs.haptic(frames)
+        name, stream, spent = branch.name, self.streams[branch.name], 0
+        if stream is not None:
+            for vote in beginnings(recording, stream, self.costs):
+                if is_confident(vote.probability, self.threshold):
+                    own = self.full.level(name) == "fc2"  # the stream's scores are the summand then
+                    scores = stream.scores if own else self.full.project(name, stream.scores)
+                    return scores, vote, stream.macs
+            spent = stream.macs
+        scores = self.full.summand(name, recording)
+        return scores, max_vote(scores), spent + cost
 
-    def _haptic_summand(self, trace: Tensor) -> Tensor:
-        network = cast(FusionNet, self.full.network)
-        return network.project_haptic(self.full.haptic_positions(trace, network.level)[None])[0]
-
-    def _pairs(self, trace: Tensor, photo: Tensor, scores: Tensor) -> Tensor:
-        """The pairs of the full vote, on the device of the scores."""
-        seed, count = self.full.seed(trace, photo), self.card.decision["pairs"]
-        pairs = random_pairs(scores.shape[1], self._positions(photo), count, seed)
-        return pairs.to(scores.device)
-
-    def _draw(self, photo: Tensor, others: Tensor, order: Tensor, before: int) -> Vote:
+    def _draw(
+        self,
+        branch: Branch,
+        photo: Tensor,
+        others: Tensor,
+        order: Tensor,
+        before: int,
+        full: int | None = None,
+    ) -> Vote:
         """Vote over fragments one after another, computing the windows that they need.
 
         Args:
-            photo: The decoded photo.
-            others: (classes, fragments) what is added to the visual score of each fragment.
+            branch: Of the photo.
+            photo: Decoded.
+            others: (classes, fragments) what is added to the photo's score of each fragment.
             order: (fragments,) position of each in the photo, row by row.
             before: Multiply-accumulates done before.
+            full: Those of the full decision; None takes the photo's.
         """
-        dense, one = self.costs.visual(photo.shape[0], photo.shape[1]), self._window_cost()
-        full, spent = before + dense, before
-        table = others.new_empty(len(others), self._positions(photo))
+        dense = self.costs.of(branch.name, *branch.input_size(photo))
+        one = self.costs.of(branch.name, *branch.window_size)
+        full, spent = full or dense, before
+        table = others.new_empty(len(others), _count(branch, photo))
         known = torch.zeros(table.shape[1], dtype=torch.bool)
         votes, drawn = [0] * len(others), 0
         while not self.rule.decided(votes, len(order) - drawn):
@@ -201,10 +220,10 @@ class SequentialClassifier(SurfaceClassifier):
             asked = torch.unique(order[drawn : drawn + more])
             fresh = asked[~known[asked]]
             if spent - before + len(fresh) * one > dense:
-                table, spent = self._dense(photo), spent + dense
+                table, spent = self.full.summand(branch.name, photo), spent + dense
                 drawn = len(order)
                 break
-            table[:, fresh.to(table.device)] = self._windows(photo, fresh)
+            table[:, fresh.to(table.device)] = self._windows(branch, photo, fresh)
             known[fresh], spent = True, spent + len(fresh) * one
             new = slice(drawn, drawn + more)
             labels = (others[:, new] + table[:, order[new].to(table.device)]).argmax(dim=0)
@@ -214,45 +233,28 @@ class SequentialClassifier(SurfaceClassifier):
         logits = others[:, :drawn] + table[:, order[:drawn].to(table.device)]
         return _spent(max_vote(logits, self.card.temperature), spent, full)
 
-    def _positions(self, photo: Tensor) -> int:
-        rows, columns = self._visual_network.output_size(photo.shape[0], photo.shape[1])
-        return rows * columns
+    def _windows(self, branch: Branch, photo: Tensor, places: Tensor) -> Tensor:
+        """Scores (classes, places) of single windows; those at the far edge lie inside."""
+        columns, side = branch.grid(photo)[1], torch.tensor(branch.window_size)
+        corners = torch.stack((places // columns, places % columns), dim=1) * branch.stride
+        corners = corners.minimum((torch.tensor(branch.input_size(photo)) - side).clamp(min=0))
+        level = self.full.level(branch.name)
+        found = [branch.windows(photo, part, level) for part in torch.split(corners, BATCH)]
+        return self.full.project(branch.name, torch.cat(found, dim=1))
 
-    @property
-    def _visual_network(self) -> VisualNet:
-        network = self.full.network
-        return network.visual if isinstance(network, FusionNet) else cast(VisualNet, network)
 
-    def _window_cost(self) -> int:
-        return self.costs.visual(*window_size(self._visual_network))
+def _count(branch: Branch, recording: Tensor) -> int:
+    """Positions that a recording gives."""
+    rows, columns = branch.grid(recording)
+    return rows * columns
 
-    def _dense(self, photo: Tensor) -> Tensor:
-        """Visual scores (classes, positions) of the whole photo."""
-        network = self.full.network
-        if isinstance(network, FusionNet):
-            features = self.full.visual_positions(photo, network.level).flatten(1)
-            return network.project_visual(features[None])[0]
-        return self.full.visual_positions(photo, "fc3").flatten(1)
 
-    def _windows(self, photo: Tensor, places: Tensor) -> Tensor:
-        """Visual scores (classes, places) of single windows; those at the far edge lie inside."""
-        network, visual = self.full.network, self._visual_network
-        columns = visual.output_size(photo.shape[0], photo.shape[1])[1]
-        side = torch.tensor(window_size(visual))
-        corners = torch.stack((places // columns, places % columns), dim=1) * visual.stride
-        corners = corners.minimum((torch.tensor(photo.shape[:2]) - side).clamp(min=0))
-        score: Callable[[Tensor], Tensor]
-        if isinstance(network, FusionNet):
-            level, score = network.level, lambda x: network.project_visual(x[None])[0]
-        else:
-            level, score = "fc3", lambda x: x
-        return torch.cat(
-            [
-                score(self.full.visual_windows(photo, part, level))
-                for part in torch.split(corners, BATCH)
-            ],
-            dim=1,
-        )
+def _sum(summands: Sequence[Tensor]) -> Tensor:
+    """Their sum, in order."""
+    total, *others = summands
+    for summand in others:
+        total = total + summand
+    return total
 
 
 @cache

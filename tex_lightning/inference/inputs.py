@@ -1,17 +1,15 @@
-"""Which files ``haptic=`` and ``image=`` name, and which trace belongs to which photo."""
+"""Which files ``haptic=``, ``image=`` and so on name, and which of them belong together."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from glob import has_magic
 from pathlib import Path
 
-from tex_lightning.data.readers.folder import SUFFIXES
-from tex_lightning.data.recordings import Modality, natural_key
+from tex_lightning.data.readers.folder import suffixes_of
+from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.files import matches
-
-Pair = tuple[Path | None, Path | None]
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Files:
     searched: bool = False
 
 
-def find_files(modality: Modality, value: object) -> Files:
+def find_files(modality: str, value: object) -> Files:
     """The files that a value of the configuration names.
 
     Args:
@@ -50,7 +48,7 @@ def find_files(modality: Modality, value: object) -> Files:
     return Files(paths, any(files.searched for files in found))
 
 
-def _found(modality: Modality, value: str) -> Files:
+def _found(modality: str, value: str) -> Files:
     path = Path(value).expanduser()
     if path.is_dir():
         candidates = list(path.iterdir())
@@ -62,46 +60,47 @@ def _found(modality: Modality, value: str) -> Files:
     if not files:
         raise UserError(
             f"{modality}={value} gives no file of a known type; there must be some of "
-            f"{', '.join(SUFFIXES[modality])}."
+            f"{', '.join(suffixes_of(modality))}."
         )
     return Files(tuple(sorted(files, key=lambda each: natural_key(str(each)))), searched=True)
 
 
-def _readable(path: Path, modality: Modality) -> bool:
+def _readable(path: Path, modality: str) -> bool:
     """Whether it is a file of that modality, of three with an axis each the first."""
-    known = path.suffix.lower() in SUFFIXES[modality] and not path.name.startswith(".")
+    known = path.suffix.lower() in suffixes_of(modality) and not path.name.startswith(".")
     return known and path.is_file() and path == axis_files(path)[0]
 
 
-def pair_files(traces: Files, photos: Files) -> list[Pair]:
-    """Samples of a trace, a photo, or one of each.
+def match_files(given: Mapping[str, Files]) -> list[dict[str, Path]]:
+    """Samples, each with a file of every modality that is given.
 
-    Where a folder or a pattern was searched and both sides have the same names without suffixes,
-    each once, these decide; else the order does.
+    Where a folder or a pattern was searched and all modalities have the same names without
+    suffixes, each once, these decide; else the order does.
 
     Raises:
         UserError: If there is nothing, or not as many of each.
     """
-    if not traces.paths and not photos.paths:
+    found = {modality: files.paths for modality, files in given.items() if files.paths}
+    if not found:
         raise UserError("There is nothing to classify; give haptic=FILE, image=FILE or both.")
-    if not photos.paths:
-        return [(trace, None) for trace in traces.paths]
-    if not traces.paths:
-        return [(None, photo) for photo in photos.paths]
-    stems = {photo.stem: photo for photo in photos.paths}
-    same = sorted(stems) == sorted(trace.stem for trace in traces.paths)
-    if (traces.searched or photos.searched) and same and len(stems) == len(photos.paths):
-        return [(trace, stems[trace.stem]) for trace in traces.paths]
-    if len(traces.paths) != len(photos.paths):
-        raise UserError(
-            f"There are {len(traces.paths)} traces and {len(photos.paths)} photos; give as many of "
-            f"each{_alone(traces.paths, photos.paths)}."
-        )
-    return list(zip(traces.paths, photos.paths, strict=True))
+    first, *others = found.values()
+    stems = {name: {path.stem: path for path in paths} for name, paths in found.items()}
+    searched = any(files.searched for files in given.values())
+    same = all(set(each) == {path.stem for path in first} for each in stems.values())
+    once = all(
+        len(each) == len(paths) for each, paths in zip(stems.values(), found.values(), strict=True)
+    )
+    if searched and same and once:
+        return [{name: stems[name][path.stem] for name in found} for path in first]
+    if any(len(paths) != len(first) for paths in others):
+        counts = " and ".join(f"{len(paths)} {plural(name)}" for name, paths in found.items())
+        raise UserError(f"There are {counts}; give as many of each{_alone(list(found.values()))}.")
+    return [dict(zip(found, paths, strict=True)) for paths in zip(*found.values(), strict=True)]
 
 
-def _alone(traces: Sequence[Path], photos: Sequence[Path]) -> str:
-    """Name the files whose name the other side lacks, if names are shared at all."""
-    names = [{path.stem for path in paths} for paths in (traces, photos)]
-    alone = [path.name for path in (*traces, *photos) if path.stem not in names[0] & names[1]]
-    return f" ({listed(alone)} has no partner of its name)" if names[0] & names[1] and alone else ""
+def _alone(every: Sequence[Sequence[Path]]) -> str:
+    """Name the files whose name others lack, if names are shared at all."""
+    names = [{path.stem for path in paths} for paths in every]
+    shared = set.intersection(*names)
+    alone = [path.name for paths in every for path in paths if path.stem not in shared]
+    return f" ({listed(alone)} has no partner of its name)" if shared and alone else ""

@@ -1,8 +1,7 @@
-"""What the three LightningModules share: loss, metrics, optimiser and checkpoint."""
+"""Training of the network of one sense: loss, metrics, optimiser and checkpoint."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import torch
 from lightning import LightningModule
@@ -14,16 +13,20 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import Vote
+from tex_lightning.features.image import ImageFeatures
 from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
 from tex_lightning.loggers import log_figures
 from tex_lightning.report.figures import confusion_figure
 
+AUGMENTATION = "fit.augmentation"
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
 
 
-class SurfaceModule(LightningModule, ABC):
-    """Train a :class:`SurfaceClassifier` on fragments.
+class SurfaceModule(LightningModule):
+    """Train a :class:`SurfaceClassifier` on pieces of recordings.
+
+    Every position of a piece is a fragment with the label of its recording.
 
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
@@ -34,17 +37,23 @@ class SurfaceModule(LightningModule, ABC):
         card: :class:`Card` as a dictionary.
         fit: The training recipe as a dictionary of plain values.
         seed: Of dropout; batches have their own.
+        pieces: By sense the length or side of the pieces.
     """
 
-    def __init__(self, card: dict[str, Any], fit: dict[str, Any], seed: int) -> None:
+    def __init__(
+        self, card: dict[str, Any], fit: dict[str, Any], seed: int, pieces: dict[str, int]
+    ) -> None:
         super().__init__()
-        self.save_hyperparameters({"card": card, "fit": fit, "seed": seed}, logger=False)
+        kept = {"card": card, "fit": fit, "seed": seed, "pieces": pieces}
+        self.save_hyperparameters(kept, logger=False)
         self.classifier = SurfaceClassifier(Card(**card))
         # the faster layout to train every network with batch normalisation in
-        self.classifier.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
+        self.network.to(memory_format=torch.channels_last)
         self.fit_config = fit
         self.head_factor: float = fit["head_factor"]
-        self.seed = seed
+        self.seed, self.pieces = seed, pieces
+        node = fit.get("augmentation")
+        self.augmentation = None if node is None else build(AUGMENTATION, node)
         self.fit_seconds = 0.0
         self.val_loss: float | None = None
         classes = len(self.classifier.card.classes)
@@ -52,21 +61,38 @@ class SurfaceModule(LightningModule, ABC):
         self.val_metrics = vote_metrics(classes, "val")
         self.test_metrics = vote_metrics(classes, "test")
 
-    @abstractmethod
-    def inputs(self, batch: Batch) -> tuple[Tensor, ...]:
-        """The network's input tensors for a training batch."""
+    def inputs(self, batch: Batch) -> list[Tensor]:
+        """The network's input tensors (batch, ...) for a training batch, one for each sense."""
+        branches = self.classifier.branches.items()
+        found = [each.training_input(batch[name], self.pieces[name]) for name, each in branches]
+        if self.augmentation is None or not self.training:
+            return found
+        return [self._augmented(each) for each in found]
 
-    @abstractmethod
+    def _augmented(self, patches: Tensor) -> Tensor:
+        """Changed by what the recipe names, which takes pixels in [0, 1]."""
+        features = cast(ImageFeatures, next(iter(self.classifier.features.values())))
+        pixels = call(AUGMENTATION, self.augmentation, patches * features.std + features.mean)
+        changed: Tensor = (pixels - features.mean) / features.std
+        return changed
+
+    @property
+    def network(self) -> Any:  # noqa: ANN401
+        """What is trained."""
+        return self.classifier.network
+
     def backbone_parameters(self) -> Iterator[nn.Parameter]:
-        """Parameters at the base learning rate."""
+        """Parameters at the base learning rate: the trunk's, or of a network without one all."""
+        yield from getattr(self.network, "trunk", self.network).parameters()
 
-    @abstractmethod
     def head_parameters(self) -> Iterator[nn.Parameter]:
-        """Parameters at ``head_factor`` times the base learning rate."""
+        """Parameters at ``head_factor`` times the base learning rate: the other ones."""
+        trunk = set(self.backbone_parameters())
+        yield from (each for each in self.network.parameters() if each not in trunk)
 
     def scores(self, batch: Batch) -> Tensor:
         """Class scores (batch, classes, fragments) of a training batch."""
-        scores: Tensor = self.classifier.network(*self.inputs(batch))
+        scores: Tensor = self.network.features(*self.inputs(batch), "fc3")
         return scores.flatten(2)
 
     def on_train_epoch_start(self) -> None:
@@ -109,7 +135,7 @@ class SurfaceModule(LightningModule, ABC):
 
     def _whole_scores(self, batch: Batch) -> Tensor:
         """Class scores (classes, fragments) of a whole sample."""
-        return self.classifier.logits(batch.get("trace"), batch.get("photo"))
+        return self.classifier.logits(**batch["recordings"])
 
     def _decide(self, scores: Tensor) -> Vote:
         return self.classifier.decide(scores, self.classifier.card.temperature)
@@ -145,6 +171,7 @@ class SurfaceModule(LightningModule, ABC):
             {"params": list(self.backbone_parameters()), "lr": rate, "name": "backbone"},
             {"params": list(self.head_parameters()), "lr": rate * self.head_factor, "name": "head"},
         ]
+        groups = [group for group in groups if group["params"]]
         steps = max(1, fit["epochs"] * fit["steps_per_epoch"])
         optimizer = call("fit.optimizer", build("fit.optimizer", fit["optimizer"]), groups)
         make_scheduler = build(

@@ -1,47 +1,49 @@
-"""Training of FusionNet on inputs that give one prediction each (paper, section III-B)."""
+"""Training of FusionNet on pieces that give one prediction each (paper, section III-B)."""
 
 from collections.abc import Iterator
-from typing import Self, cast
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.data.datamodule import Batch
-from tex_lightning.features.image import ImageFeatures
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.networks.fusionnet import FusionNet
 
 
 class FusionModule(SurfaceModule):
-    """FusionNet: one haptic and one visual fragment of the same class make a pair."""
+    """FusionNet: a fragment of each sense, all of one class, make a tuple.
 
-    def inputs(self, batch: Batch) -> tuple[Tensor, ...]:
-        """Spectrograms (batch, 1, 50, 192) and rotated patches (batch, 3, 224, 224)."""
-        features = cast(ImageFeatures, self.classifier.image_features)
-        patch = self.network.visual.patch
-        return batch["spectrogram"], features.rotated(batch["crop"], batch["degrees"], patch)
+    Arguments are those of :class:`SurfaceModule`; pieces are as small as a single fragment where
+    the network says how small that is.
+    """
+
+    def __init__(
+        self, card: dict[str, Any], fit: dict[str, Any], seed: int, pieces: dict[str, int]
+    ) -> None:
+        super().__init__(card, fit, seed, pieces)
+        branches = self.classifier.branches.items()
+        self.pieces = {name: branch.piece_size(pieces[name]) for name, branch in branches}
 
     def scores(self, batch: Batch) -> Tensor:
-        """As for the others, but for a share of the pairs either summand alone.
+        """Class scores (batch, classes, tuples); for a share of the samples of one sense alone.
 
-        What a trace or a photo says alone is trained to be right, and to be weak where it is not:
-        a modality that is missing, or out of order, then leaves the decision to the other.
+        What one sense says is trained to be right, and to be weak where it is not: a modality that
+        is missing, or out of order, then leaves the decision to the others.
         """
+        parts: list[Tensor] = self.network.parts(*self.inputs(batch))
         dropout: float = self.fit_config["modality_dropout"]
-        if dropout == 0:
-            return super().scores(batch)
-        haptic, visual = self.network.parts(*self.inputs(batch))
-        draw = torch.rand(len(haptic), 1, 1, device=haptic.device)
-        haptic = haptic * (draw >= dropout / 2)
-        return self.network.join(haptic, visual * (draw < 1 - dropout / 2))
-
-    @property
-    def network(self) -> FusionNet:
-        """The network, by its own type."""
-        return cast(FusionNet, self.classifier.network)
+        if dropout > 0:
+            draw = torch.rand(len(parts[0]), 1, 1, device=parts[0].device)
+            alone = (draw * len(parts) / dropout).long()  # a sense, or beyond them all of them
+            parts = [
+                part * ((alone == place) | (alone >= len(parts)))
+                for place, part in enumerate(parts)
+            ]
+        joined: Tensor = self.network.join(parts, _side_by_side(parts))
+        return joined
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:
-        """Both unimodal networks."""
+        """The networks of all senses."""
         yield from self.network.backbone_parameters()
 
     def head_parameters(self) -> Iterator[nn.Parameter]:
@@ -54,7 +56,16 @@ class FusionModule(SurfaceModule):
         They were gathered on dense outputs of larger inputs, as in testing.
         """
         super().train(mode)
-        for module in (*self.network.haptic.modules(), *self.network.visual.modules()):
+        for module in self.network.networks.modules():
             if isinstance(module, nn.BatchNorm2d):
                 module.eval()
         return self
+
+
+def _side_by_side(parts: list[Tensor]) -> Tensor | None:
+    """Tuples of the positions of pieces, where a network gives several for one; else None."""
+    counts = [part.shape[-1] for part in parts]
+    if set(counts) == {1}:
+        return None
+    places = torch.arange(max(counts), device=parts[0].device)
+    return torch.stack([places % count for count in counts], dim=1)

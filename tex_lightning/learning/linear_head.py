@@ -6,8 +6,6 @@ which any one may show little of the material. With a few hundred photos this be
 trained on single fragments, and takes seconds.
 """
 
-from typing import cast
-
 import numpy as np
 import numpy.typing as npt
 import torch
@@ -15,14 +13,16 @@ from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from tex_lightning.data.banks import PhotoBank, mirrored, random_corner
-from tex_lightning.learning.visual import VisualModule
+from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.trunks.squeezenet import TextureFeatures
 from tex_lightning.progress import track
 
 Pixels = npt.NDArray[np.uint8]
 
 
-def fit_linear_head(module: VisualModule, photos: PhotoBank, labels: npt.NDArray[np.int64]) -> None:
+def fit_linear_head(
+    module: SurfaceModule, photos: PhotoBank, labels: npt.NDArray[np.int64]
+) -> None:
     """Set FC3 of ``module``'s network, which has neither FC1 nor FC2.
 
     Args:
@@ -38,7 +38,8 @@ def fit_linear_head(module: VisualModule, photos: PhotoBank, labels: npt.NDArray
     targets = np.tile(labels, recipe["passes"])
     numbers = track(range(len(targets)), "Features of the pretrained trunk")
     raw = torch.stack([_mean_features(module, _view(photos, each, module)) for each in numbers])
-    features = cast(TextureFeatures, module.network.trunk.layers[-1]).standardise(raw)
+    last: TextureFeatures = module.network.trunk.layers[-1]
+    features = last.standardise(raw)
     scale = features.shape[1] ** 0.5  # to unit variance, which strength and tolerance are meant for
     regression = LogisticRegression(C=recipe["strength"], tol=1e-4, max_iter=1000)
     with threadpool_limits(limits=1):  # on so few rows threads wait for each other
@@ -46,7 +47,7 @@ def fit_linear_head(module: VisualModule, photos: PhotoBank, labels: npt.NDArray
     _set_scores(module, regression.coef_ * scale, regression.intercept_)
 
 
-def _view(photos: PhotoBank, number: int, module: VisualModule) -> Pixels:
+def _view(photos: PhotoBank, number: int, module: SurfaceModule) -> Pixels:
     """The next photo in turn, of a large one a random piece."""
     rng = np.random.default_rng([module.seed, number])
     photo, side = photos.photo(number % len(photos.recordings)), module.fit_config["probe"]["side"]
@@ -54,22 +55,23 @@ def _view(photos: PhotoBank, number: int, module: VisualModule) -> Pixels:
     view = np.array(photo[top : top + side, left : left + side])
     if photos.augmentation is not None:
         view = photos.augmentation(view, rng)
-    return mirrored(view, module.network.patch)
+    return mirrored(view, module.network.window_size[0])
 
 
 @torch.no_grad()
-def _mean_features(module: VisualModule, view: Pixels) -> Tensor:
+def _mean_features(module: SurfaceModule, view: Pixels) -> Tensor:
     """Features (D,) of a photo, mean over its fragments."""
-    features: Tensor = module.network.trunk(module.classifier.visual_input(torch.from_numpy(view)))
+    branch = next(iter(module.classifier.branches.values()))
+    features: Tensor = module.network.trunk(branch(torch.from_numpy(view)))
     return features.mean(dim=(0, 2, 3))
 
 
 @torch.no_grad()
 def _set_scores(
-    module: VisualModule, weights: npt.NDArray[np.float64], biases: npt.NDArray[np.float64]
+    module: SurfaceModule, weights: npt.NDArray[np.float64], biases: npt.NDArray[np.float64]
 ) -> None:
     if len(weights) == 1:  # of two classes scikit-learn keeps the difference
         weights, biases = (np.concatenate([-each, each]) / 2 for each in (weights, biases))
     layer = module.network.head.score_layer
     layer.weight.copy_(torch.from_numpy(weights)[:, :, None, None])
-    cast(Tensor, layer.bias).copy_(torch.from_numpy(biases))
+    layer.bias.copy_(torch.from_numpy(biases))

@@ -9,16 +9,17 @@ from collections.abc import Iterator
 from typing import Any
 
 import torch
+from lightning.fabric.utilities import move_data_to_device
 from torch import Tensor, nn
 
-from tex_lightning.learning.visual import VisualModule
+from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.progress import track
 
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies is not blown up
 
 
-def probe_head(module: VisualModule, batches: Iterator[Any], count: int, seed: int) -> None:
+def probe_head(module: SurfaceModule, batches: Iterator[Any], count: int, seed: int) -> None:
     """Train FC1 to FC3 of ``module``'s network in place, on the device it is on.
 
     The features are standardised for this, which lets every one of them learn alike; the
@@ -56,13 +57,13 @@ def probe_head(module: VisualModule, batches: Iterator[Any], count: int, seed: i
 
 
 @torch.no_grad()
-def _features(module: VisualModule, batches: Iterator[Any], count: int) -> tuple[Tensor, Tensor]:
+def _features(module: SurfaceModule, batches: Iterator[Any], count: int) -> tuple[Tensor, Tensor]:
     """Trunk features (crops, D, M, N) and labels (crops,) of ``count`` batches."""
     device = module.device
     features, labels = [], []
     module.eval()
     for _ in track(range(count), "Features of the pretrained trunk"):
-        batch = {key: value.to(device) for key, value in next(batches).items()}
+        batch = move_data_to_device(next(batches), device)
         features.append(module.network.trunk(*module.inputs(batch)))
         labels.append(batch["label"])
     return torch.cat(features), torch.cat(labels)

@@ -6,8 +6,10 @@ import math
 from pathlib import Path
 from typing import Any, cast
 
+from tex_lightning.branches import make_branch
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.banks import PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -15,17 +17,14 @@ from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import fit_linear_head
 from tex_lightning.learning.probe import probe_head
 from tex_lightning.learning.training import Training
-from tex_lightning.learning.visual import VisualModule
-from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
 
 log = logging.getLogger(__name__)
 
-SHAPING = {
-    "haptic": ("width", "norm", "sampling_rate", "normalisation", "axes", "scale"),
-    "visual": ("trunk", "width", "norm"),
-}
+# keys of a branch that its trunk can do without
+HEADS = ("decode", "network", "dropout", "skip_impact", "fc1_kernel", "head")
 
 
 def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
@@ -43,12 +42,11 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     Raises:
         UserError: If the source cannot be used, or its trunk is another.
     """
-    card, network = classifier.card, classifier.network
-    start = starting_classifier(source, card)
+    start = starting_classifier(source, classifier.card)
+    trunk: Any = classifier.network.trunk
     if start is None:
-        return load_trunk_weights(cast(VisualNet, network).trunk, source)
-    theirs = cast(HapticNet | VisualNet, start.network).trunk.state_dict()
-    cast(HapticNet | VisualNet, network).trunk.load_state_dict(theirs)
+        return load_trunk_weights(trunk, source)
+    trunk.load_state_dict(start.network.get_submodule("trunk").state_dict())
     return f"Trunk from {source}, {_describe(start.card)}."
 
 
@@ -65,27 +63,34 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
     Raises:
         UserError: If it is a checkpoint and cannot be used, or none and HapticNet needs one.
     """
-    path = Path(source)
+    path, own = Path(source), make_branch(card.kind, card.branches[card.kind], 2)
+    trunk = getattr(own.network, "trunk", None)
+    if trunk is None:
+        raise UserError(
+            f"weights: {type(own.network).__name__} has no trunk to fill; leave it null."
+        )
     if path.suffix != SUFFIX:
-        if card.kind == "haptic":
-            raise UserError(
-                f"weights: HapticNet starts from a checkpoint, and {source} does not end in "
-                f"{SUFFIX}; give that of a run with model=haptic."
-            )
-        return None
+        if isinstance(trunk, Trunk):
+            return None
+        raise UserError(
+            f"weights: {type(own.network).__name__} starts from a checkpoint, and {source} does "
+            f"not end in {SUFFIX}; give that of a run with model.senses=[{card.kind}]."
+        )
     start = SurfaceClassifier.from_checkpoint(path, card.kind)
     ours, theirs = _shape(card), _shape(start.card)
-    other = {key: value for key, value in theirs.items() if ours[key] != value}
+    other = {key: value for key, value in theirs.items() if ours.get(key) != value}
     if other:
         said = " ".join(f"model.{card.kind}.{key}={_said(value)}" for key, value in other.items())
-        said = said.replace("model.haptic.sampling_rate", "data.sampling_rate")
+        said = said.replace(f"model.{card.kind}.sampling_rate", "data.sampling_rate")
         raise UserError(f"weights: the trunk in {source} is another; set {said} as it was trained.")
     return start
 
 
 def _shape(card: Card) -> dict[str, Any]:
-    values = {**card.haptic_features, **(card.haptic_network or card.visual_network)}
-    return {key: values[key] for key in SHAPING[card.kind]}
+    """What the trunk's weights are for."""
+    node = card.branches[card.kind]
+    rate = {key: value for key, value in node["decode"].items() if key == "sampling_rate"}
+    return {**rate, **{key: value for key, value in node.items() if key not in HEADS}}
 
 
 def _said(value: Any) -> str:  # noqa: ANN401
@@ -124,23 +129,24 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
     weights = training.weights
     if weights is not None:
         log.info(start_trunk(module.classifier, weights))
-    if not isinstance(module, VisualModule):
+    network = module.network
+    if not isinstance(network, VisualNet):
         return
     module.to(pick_device(training.trainer.accelerator))
-    if not module.network.has_hidden_layers:
+    if not network.has_hidden_layers:
         if weights is None:
-            warn_of_random_weights(module.network.trunk)
-        assert batches.photos is not None
-        fit_linear_head(module, *batches.photos)
+            warn_of_random_weights(network.trunk)
+        bank, labels = batches.banks[training.card.kind]
+        fit_linear_head(module, cast(PhotoBank, bank), labels)
     elif weights is not None:
         _probe(training, module, batches)
     module.to("cpu")
 
 
-def _probe(training: Training, module: VisualModule, batches: TrainingBatches) -> None:
-    probe = training.model.visual.fit.probe
-    if probe.steps == 0:
+def _probe(training: Training, module: SurfaceModule, batches: TrainingBatches) -> None:
+    probe = training.fit_values["probe"]
+    if probe["steps"] == 0:
         return
-    photos = len(training.parts.train.of("image").rows)
-    count = math.ceil(probe.passes * photos / batches.batch_size)
+    _, labels = batches.banks[training.card.kind]
+    count = math.ceil(probe["passes"] * len(labels) / batches.batch_size)
     probe_head(module, map(batches.__getitem__, itertools.count()), count, module.seed)

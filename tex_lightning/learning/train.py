@@ -4,7 +4,7 @@ import logging
 import shutil
 import time
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import torch
@@ -13,33 +13,18 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.banks import PhotoBank, SpectrogramBank
-from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches, load_trace
-from tex_lightning.data.folds import Kind, make_samples
-from tex_lightning.data.recordings import Recording
+from tex_lightning.config.model import FUSION
+from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
+from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import crop_side
-from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule
-from tex_lightning.learning.haptic import HapticModule
 from tex_lightning.learning.start import start_network
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
-from tex_lightning.learning.visual import VisualModule
-from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.perturbations.augment import Augmentation
-from tex_lightning.progress import track
 
 log = logging.getLogger(__name__)
-
-MODULES: dict[Kind, type[SurfaceModule]] = {
-    "haptic": HapticModule,
-    "visual": VisualModule,
-    "fusion": FusionModule,
-}
 
 
 def train_network(training: Training, *watchers: Callback) -> Path:
@@ -70,9 +55,9 @@ def train_network(training: Training, *watchers: Callback) -> Path:
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
     torch.manual_seed(training.seed)
-    module = MODULES[training.card.kind](
-        training.card.to_dict(), training.fit_values, training.seed
-    )
+    make = FusionModule if training.card.kind == FUSION else SurfaceModule
+    pieces = {name: training.model.branch(name).fit.piece for name in training.card.senses}
+    module = make(training.card.to_dict(), training.fit_values, training.seed, pieces)
     batches = _make_batches(training, module)
     _check_resumable(last)
     if not last.is_file():
@@ -101,86 +86,32 @@ def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path 
 
 
 def _make_batches(training: Training, module: SurfaceModule) -> TrainingBatches:
-    fit, kind = training.fit_values, training.card.kind
-    train, network = training.parts.train, module.classifier.network
-    traces = photos = None
-    if kind != "visual":
-        frames = HapticNet.window if kind == "fusion" else fit["frames"]
-        spectrograms = _spectrograms(training, module)
-        versions = len(spectrograms) // len(train.of("haptic").rows)
-        bank = SpectrogramBank(spectrograms, frames, versions)
-        traces = bank, _class_indices(train.of("haptic").rows, training.card.classes)
-    if kind != "haptic":
-        patch = network.visual.patch if isinstance(network, FusionNet) else fit["patch"]
-        rows = train.of("image").rows
-        recipe = training.model.visual.fit
-        augmentation = Augmentation.of(recipe.perturb, recipe.perturbed_share)
-        side = crop_side(patch, fit["rotation"])
-        photo_bank = PhotoBank(rows, training.store, side, augmentation)
-        photos = photo_bank, _class_indices(rows, training.card.classes)
-    rotation = fit.get("rotation", 0.0)
-    return TrainingBatches(traces, photos, fit["batch_size"], rotation, training.seed)
+    """Cut from the training recordings of every sense, its features on the device."""
+    classifier, card, banks = module.classifier, training.card, {}
+    for name, path in training.unimodal.items():
+        start = SurfaceClassifier.from_checkpoint(path, name)
+        classifier.branch(name).adopt(start.branch(name))
+    classifier.features.to(pick_device(training.trainer.accelerator))
+    for name, branch in classifier.branches.items():
+        rows = training.parts.train.of(branch.modality).rows
+        labels = np.array([card.classes.index(row.label) for row in rows])
+        bank = branch.bank(
+            rows, training.store, {**training.model.recipe(name), **training.fit_values},
+            size=module.pieces[name], seed=training.seed, learn=not training.unimodal,
+        )  # fmt: skip
+        banks[name] = bank, labels
+    return TrainingBatches(banks, training.fit_values["batch_size"], training.seed)
 
 
 def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
     """Add the samples to validate and to test on."""
     parts, card = training.parts, training.card
     validation, test = (
-        SampleSet(make_samples(part, card.kind), training.store, card.classes)
+        SampleSet(make_samples(part, card.modalities), training.store, card.classes)
         for part in (parts.val, parts.test)
     )
     steps = training.fit_values["steps_per_epoch"]
     return SurfaceData(batches, steps, validation, test, training.num_workers)
-
-
-def _spectrograms(training: Training, module: SurfaceModule) -> list[torch.Tensor]:
-    """Normalised spectrograms of all training traces; fits the normalisation for HapticNet.
-
-    FusionNet takes the normalisation of the HapticNet it starts from. Perturbed copies of all of
-    them may follow, as often as the recipe says; the normalisation is that of the clean ones.
-    """
-    features = module.classifier.haptic_features
-    assert features is not None
-    fitted = training.card.kind == "fusion"
-    if fitted:
-        start = SurfaceClassifier.from_checkpoint(training.unimodal["haptic"], "haptic")
-        module.classifier.adopt_haptic_features(start)
-    device = pick_device(training.trainer.accelerator)
-    features.to(device)
-    rows = training.parts.train.of("haptic").rows
-    spectra = [
-        features.magnitudes(load_trace(row, training.store).to(device))
-        for row in track(rows, "Spectrograms")
-    ]
-    if not fitted:
-        features.fit(spectra)
-    spectra += _perturbed_magnitudes(training, features, rows)
-    return [features.normalise(item).cpu() for item in spectra]
-
-
-def _perturbed_magnitudes(
-    training: Training, features: HapticFeatures, rows: tuple[Recording, ...]
-) -> list[torch.Tensor]:
-    """Spectrograms of all traces perturbed, once for each copy; seeded by recording and copy."""
-    recipe, device = training.model.haptic.fit, features.window.device
-    augmentation = Augmentation.of(recipe.perturb, rate=features.sampling_rate)
-    if augmentation is None:
-        return []
-    spectra = []
-    for copy in range(recipe.perturbed_copies):
-        for number, row in enumerate(track(rows, "Perturbed spectrograms")):
-            rng = np.random.default_rng([training.seed, copy, number])
-            trace = torch.from_numpy(augmentation(np.array(training.store.trace(row)), rng))
-            try:
-                spectra.append(features.magnitudes(trace.to(device)))
-            except UserError:  # hardly anything was left of it
-                spectra.append(features.magnitudes(load_trace(row, training.store).to(device)))
-    return spectra
-
-
-def _class_indices(rows: tuple[Recording, ...], classes: list[str]) -> np.ndarray[Any, Any]:
-    index = {label: number for number, label in enumerate(classes)}
-    return np.array([index[row.label] for row in rows])
 
 
 def _finish(

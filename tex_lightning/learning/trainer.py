@@ -16,6 +16,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint, Timer
 
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build
+from tex_lightning.config.model import FUSION
 from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -95,16 +96,16 @@ def make_trainer(
         UserError: If a flag, a callback or a logger cannot be used.
     """
     fit, kind = training.fit_values, training.card.kind
-    validated = bool(make_samples(training.parts.val, kind))
+    validated = bool(make_samples(training.parts.val, training.card.modalities))
     timer = Timer()
     keeper = _keep(training, "best", "val/loss") if validated else None
     # not Lightning's save_last, which leaves out the epochs that are not the best
     keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
     callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
     callbacks += [build(f"callbacks.{name}", node) for name, node in training.callbacks.items()]
-    if kind == "fusion":
-        paths, start = training.unimodal, training.model.fusion.head_start
-        callbacks.append(FusionStart(paths["haptic"], paths["visual"], fit["head_factor"], start))
+    if kind == FUSION:
+        start = training.model.fusion.head_start
+        callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
@@ -135,7 +136,7 @@ def make_trainer(
 def _synchronises(trainer: TrainerConfig, kind: str) -> bool:
     """Whether batch normalisation is over whole batches: on GPUs, but for FusionNet's, fixed."""
     several = trainer.devices != 1 or trainer.num_nodes != 1
-    return several and kind != "fusion" and pick_device(trainer.accelerator).type == "cuda"
+    return several and kind != FUSION and pick_device(trainer.accelerator).type == "cuda"
 
 
 def _keep(training: Training, name: str, monitor: str | None) -> ModelCheckpoint:

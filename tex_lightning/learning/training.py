@@ -1,12 +1,12 @@
 """What one training is about."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.card import Card
 from tex_lightning.config import ModelConfig, TrainerConfig
-from tex_lightning.data.folds import Kind, Split
+from tex_lightning.data.folds import Split
 from tex_lightning.data.store import Store
 
 
@@ -19,7 +19,7 @@ class Training:
         parts: Recordings by part.
         store: Decoded files.
         directory: The run folder.
-        unimodal: Checkpoints that FusionNet starts from; empty for the others.
+        unimodal: By sense the checkpoints that FusionNet starts from; empty for the others.
         seed: Of everything random.
         weights: Where the trunk starts; None is at random. FusionNet's parts have started already.
         model: The networks and their recipes.
@@ -33,7 +33,7 @@ class Training:
     parts: Split
     store: Store
     directory: Path
-    unimodal: dict[Kind, Path]
+    unimodal: dict[str, Path]
     seed: int
     weights: str | None
     model: ModelConfig
@@ -55,4 +55,4 @@ class Training:
     @property
     def fit_values(self) -> dict[str, Any]:
         """The training recipe as plain values."""
-        return asdict(getattr(self.model, self.card.kind).fit)
+        return self.model.recipe(self.card.kind)

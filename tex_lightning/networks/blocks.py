@@ -114,7 +114,8 @@ class Head(nn.Module):
     @property
     def score_layer(self) -> nn.Conv2d:
         """FC3, the 1x1 convolution from FC2's features to class scores."""
-        return cast(nn.Conv2d, cast(nn.Sequential, self.scores)[-1])
+        *_, layer = self.scores.children()
+        return cast(nn.Conv2d, layer)
 
     def forward(self, x: Tensor, level: Level = "fc3") -> Tensor:
         """Map trunk features (B, D, M, N) to FC2 features or to class scores before softmax."""

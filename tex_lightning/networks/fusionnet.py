@@ -1,30 +1,29 @@
-"""FusionNet: haptic and visual features, concatenated and classified together."""
+"""FusionNet: features of several senses, concatenated and classified together."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from typing import cast
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import Level, initialise_scores
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.visualnet import VisualNet
 
 
 class FusionNet(nn.Module):
-    """Classify pairs of a haptic and a visual position (paper, section "FusionNet").
+    """Classify tuples of positions, one of each sense (paper, section "FusionNet").
 
-    One 1x1 convolution over the concatenated features is the sum of a haptic and a visual part:
+    One 1x1 convolution over the concatenated features is a sum with a part for each sense:
     W [f_h; f_v] + b = W_h f_h + (W_v f_v + b). Each part is computed once per position, so that a
-    thousand sampled pairs cost a thousand additions.
+    thousand sampled tuples cost a thousand additions.
 
     Whether the paper fuses FC3 before or after softmax is open; here it is before, where a linear
-    layer loses nothing. At level "fc2" the FC3 layers and their dropout do not exist.
+    layer loses nothing. At level "fc2" the FC3 layers and their dropout do not exist; a network
+    that has no ``score_layer`` is fused on its class scores at either level.
 
     Args:
-        haptic: The haptic network, with pretrained or random weights; it is copied.
-        visual: The visual network, with pretrained or random weights; it is copied.
+        *networks: One for each sense, with pretrained or random weights; they are copied. The
+            paper's are a HapticNet and a VisualNet.
         classes: Number of materials.
         level: Layer whose features are fused.
 
@@ -35,98 +34,112 @@ class FusionNet(nn.Module):
         >>> haptic = tl.HapticNet(3, width=0.1)
         >>> network = tl.FusionNet(haptic, visual, classes=3).eval()
         >>> pairs = torch.tensor([[0, 0], [13, 27]])  # of positions
-        >>> network(torch.rand(1, 1, 50, 400), torch.rand(1, 3, 300, 400), pairs).shape
+        >>> network(torch.rand(1, 1, 50, 400), torch.rand(1, 3, 300, 400), tuples=pairs).shape
         torch.Size([1, 3, 2])
     """
 
-    def __init__(
-        self, haptic: HapticNet, visual: VisualNet, *, classes: int, level: Level = "fc2"
-    ) -> None:
+    def __init__(self, *networks: nn.Module, classes: int, level: Level = "fc2") -> None:
         super().__init__()
         self.level: Level = level
         self.classes = classes
-        self.haptic = deepcopy(haptic)
-        self.visual = deepcopy(visual)
-        if level == "fc2":
-            self.haptic.head.scores = nn.Identity()
-            self.visual.head.scores = nn.Identity()
-        self.haptic_size = haptic.feature_size(level)
-        self.head = nn.Linear(self.haptic_size + visual.feature_size(level), classes)
+        layers = [getattr(network, "score_layer", None) for network in networks]
+        self.levels: list[Level] = ["fc3" if layer is None else level for layer in layers]
+        self.sizes = [
+            classes if layer is None else cast(nn.Conv2d, layer).weight.shape[own == "fc2"]
+            for own, layer in zip(self.levels, layers, strict=True)
+        ]
+        self.networks = nn.ModuleList(map(deepcopy, networks))
+        for network, own in zip(self.networks, self.levels, strict=True):
+            if own == "fc2" and hasattr(network, "head"):
+                network.get_submodule("head").scores = nn.Identity()
+        self.head = nn.Linear(sum(self.sizes), classes)
         initialise_scores(self.head)
 
-    def forward(self, spectrogram: Tensor, image: Tensor, pairs: Tensor | None = None) -> Tensor:
+    def forward(self, *inputs: Tensor, tuples: Tensor | None = None) -> Tensor:
         """Return class scores before softmax, (B, classes, P).
 
         Args:
-            spectrogram: (B, 1, 50, T), as for HapticNet.
-            image: (B, 3, H, W), as for VisualNet.
-            pairs: (P, 2), int64; each row a haptic position below L and a visual position below
-                M * N, row by row. None, for training, takes the only pair there is.
+            *inputs: One for each sense, as its network takes it.
+            tuples: (P, senses), int64; each row holds a position of each sense, positions of an
+                image counted row by row. None, for training, takes the only one there is.
 
         Raises:
-            ValueError: ``pairs`` is None but the inputs have more than one pair of positions.
+            ValueError: ``tuples`` is None but the inputs have more than one position.
         """
-        return self.join(*self.parts(spectrogram, image), pairs)
+        return self.join(self.parts(*inputs), tuples)
 
-    def join(self, haptic: Tensor, visual: Tensor, pairs: Tensor | None = None) -> Tensor:
-        """Return class scores (B, classes, P) of ``pairs`` of the two :meth:`parts`."""
-        if pairs is not None:
-            return haptic[..., pairs[:, 0]] + visual[..., pairs[:, 1]]
-        if haptic.shape[-1] != 1 or visual.shape[-1] != 1:
+    def join(self, parts: Sequence[Tensor], tuples: Tensor | None = None) -> Tensor:
+        """Return class scores (B, classes, P) of ``tuples`` of positions of the :meth:`parts`."""
+        if tuples is not None:
+            parts = [part[..., tuples[:, place]] for place, part in enumerate(parts)]
+        elif any(part.shape[-1] != 1 for part in parts):
+            counts = " and ".join(str(part.shape[-1]) for part in parts)
             raise ValueError(
-                f"pairs is needed for {haptic.shape[-1]} haptic and {visual.shape[-1]} visual"
-                " positions; without it both inputs must give one prediction."
+                f"tuples is needed for {counts} positions; without it every input must give one."
             )
-        return haptic + visual
+        total, *others = parts
+        for part in others:
+            total = total + part
+        return total
 
-    def parts(self, spectrogram: Tensor, image: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the two summands of the class scores for every position.
+    def parts(self, *inputs: Tensor) -> list[Tensor]:
+        """Return the summands of the class scores for every position of every sense.
 
         Returns:
-            The haptic part (B, classes, L), and the visual part (B, classes, M * N), which holds
-            the bias, with the positions row by row.
+            One (B, classes, positions) for each sense, the last with the bias.
         """
-        haptic = self.haptic.features(spectrogram, self.level)
-        return self.project(haptic, self.visual.features(image, self.level).flatten(2))
+        return [
+            self.project(place, self.features(place, x).flatten(2))
+            for place, x in enumerate(inputs)
+        ]
 
-    def project(self, haptic: Tensor, visual: Tensor) -> tuple[Tensor, Tensor]:
-        """Return :meth:`parts` of haptic features (B, D, L) and visual ones (B, D, M * N)."""
-        return self.project_haptic(haptic), self.project_visual(visual)
+    def features(self, place: int, x: Tensor) -> Tensor:
+        """Return the features (B, D, *positions) of the sense at ``place`` that are fused."""
+        network: Any = self.networks[place]
+        found: Tensor = network.features(x, self.levels[place])
+        return found
 
-    def project_haptic(self, haptic: Tensor) -> Tensor:
-        """Return the haptic summand (B, classes, L) of features (B, D, L)."""
-        return torch.matmul(self.head.weight[:, : self.haptic_size], haptic)
-
-    def project_visual(self, visual: Tensor) -> Tensor:
-        """Return the visual summand (B, classes, M * N), with bias, of features (B, D, M * N)."""
-        weight, bias = self.head.weight[:, self.haptic_size :], self.head.bias[:, None]
-        return torch.matmul(weight, visual) + bias
+    def project(self, place: int, features: Tensor) -> Tensor:
+        """Return the summand (B, classes, L) of features (B, D, L) of the sense at ``place``."""
+        weight = torch.split(self.head.weight, self.sizes, dim=1)[place]
+        summand = torch.matmul(weight, features)
+        return summand + self.head.bias[:, None] if place == len(self.sizes) - 1 else summand
 
     @torch.no_grad()
-    def start_from_scores(self, haptic: HapticNet, visual: VisualNet) -> None:
-        """Set the head to the sum of the class scores of two trained networks.
+    def start_from_scores(self, *networks: nn.Module) -> None:
+        """Set the head to the sum of the class scores of trained networks.
 
-        Given the class, trace and photo say nothing more of each other, so that their
-        probabilities multiply and their scores add. Fusion then begins with what both networks
-        know, weighted by how sure they are, and need not learn it anew from samples that both have
-        seen and find equally easy.
+        Given the class, what the senses say is independent, so that their probabilities multiply
+        and their scores add. Fusion then begins with what all networks know, weighted by how sure
+        they are, and need not learn it anew from samples that all have seen and find equally easy.
 
         Args:
-            haptic: The network whose copy is in here, with its score layer.
-            visual: Likewise.
+            *networks: Those whose copies are in here, with their score layers.
         """
-        if self.level == "fc3":
-            self.head.weight.copy_(torch.eye(self.classes).repeat(1, 2))
-            self.head.bias.zero_()
-            return
-        left, right = haptic.head.score_layer, visual.head.score_layer
-        self.head.weight.copy_(torch.cat([left.weight, right.weight], dim=1).flatten(1))
-        self.head.bias.copy_(cast(Tensor, left.bias) + cast(Tensor, right.bias))
+        weights, bias = [], torch.zeros_like(self.head.bias)
+        for network, level in zip(networks, self.levels, strict=True):
+            if level == "fc3":
+                weights.append(torch.eye(self.classes).to(bias))
+            else:
+                layer: Any = network.score_layer
+                weights.append(layer.weight.flatten(1))
+                bias = bias + layer.bias
+        self.head.weight.copy_(torch.cat(weights, dim=1))
+        self.head.bias.copy_(bias)
+
+    @torch.no_grad()
+    def subset(self, places: Sequence[int]) -> "FusionNet":
+        """Return a FusionNet of some of the senses, for samples that lack the others."""
+        part, columns = deepcopy(self), torch.split(self.head.weight, self.sizes, dim=1)
+        part.networks = nn.ModuleList(part.networks[place] for place in places)
+        part.levels = [self.levels[place] for place in places]
+        part.sizes = [self.sizes[place] for place in places]
+        part.head.weight = nn.Parameter(torch.cat([columns[place] for place in places], dim=1))
+        return part
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:
-        """Iterate over the parameters of both networks."""
-        yield from self.haptic.parameters()
-        yield from self.visual.parameters()
+        """Iterate over the parameters of all networks."""
+        yield from self.networks.parameters()
 
     def head_parameters(self) -> Iterator[nn.Parameter]:
         """Iterate over the parameters of the fusion layer, trained faster than the networks."""

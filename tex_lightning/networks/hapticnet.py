@@ -48,10 +48,9 @@ class HapticNet(nn.Module):
         torch.Size([1, 3, 14])
     """
 
-    bands = 50
     stride = 16  # frames between neighbouring predictions
-    window = 192  # frames that give exactly one prediction
-    min_frames = 177
+    window_size = (50, 192)  # bands and frames that give exactly one prediction
+    min_size = (50, 177)
     receptive_field = 222  # frames seen by one prediction of a longer spectrogram
 
     def __init__(
@@ -74,25 +73,26 @@ class HapticNet(nn.Module):
         """Return the features that fusion samples from.
 
         Args:
-            x: Spectrogram (B, 1, 50, T) with T >= ``min_frames``.
+            x: Spectrogram (B, 1, 50, T), no smaller than ``min_size``.
             level: "fc2" for the activations of the last hidden layer after ReLU, "fc3" for the
                 class scores before softmax.
 
         Returns:
-            (B, D, L) with D = ``feature_size(level)`` and L = ``output_length(T)``.
+            (B, D, L) with the channels of that layer as D and L as in ``output_size(50, T)``.
         """
         scores: Tensor = self.head(self.trunk(x), level)
         return scores.squeeze(2)
 
-    def feature_size(self, level: Level) -> int:
-        """Return the channel count of ``features`` at ``level``."""
-        return self.hidden if level == "fc2" else self.classes
+    @property
+    def score_layer(self) -> nn.Conv2d:
+        """FC3."""
+        return self.head.score_layer
 
-    def output_length(self, frames: int) -> int:
-        """Return the number of predictions for ``frames`` frames; 0 if too short."""
+    def output_size(self, bands: int, frames: int) -> tuple[int, int]:
+        """Return rows and columns of predictions for a spectrogram; 0 where it is too small."""
         for _ in CHANNELS:
-            frames = POOL.output(frames)
-        return Window(FINAL_KERNEL[1]).output(frames)
+            bands, frames = POOL.output(bands), POOL.output(frames)
+        return Window(FINAL_KERNEL[0]).output(bands), Window(FINAL_KERNEL[1]).output(frames)
 
 
 def _trunk(width: float, norm: Norm) -> nn.Sequential:

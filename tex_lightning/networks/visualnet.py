@@ -1,7 +1,6 @@
 """VisualNet: the fully convolutional network on photos of surfaces."""
 
 from collections.abc import Sequence
-from typing import cast
 
 from torch import Tensor, nn
 
@@ -26,12 +25,13 @@ class VisualNet(nn.Module):
             features as they are, which are then those of level "fc2".
 
     Attributes:
-        patch: Side in pixels of an input that gives one prediction (with the trunk's FC1).
-        min_side: Smallest side in pixels that gives a prediction.
+        window_size: Height and width in pixels of an input that gives exactly one prediction: the
+            trunk's patch, or with another FC1, where a patch gives several, the smallest image.
+        min_size: Smallest height and width in pixels that give a prediction.
         stride: Pixels between neighbouring predictions.
 
     Raises:
-        UserError: The trunk needs an FC1.
+        UserError: The trunk is none, or needs an FC1.
 
     Example:
         >>> import tex_lightning as tl, torch
@@ -51,10 +51,16 @@ class VisualNet(nn.Module):
         head: Sequence[int] = (300, 250),
     ) -> None:
         super().__init__()
+        if not isinstance(trunk, Trunk):
+            raise UserError(
+                f"The trunk of VisualNet is a {type(trunk).__name__}, which is no trunk; derive it "
+                f"from {Trunk.__module__}.{Trunk.__name__}."
+            )
         self.trunk, norm = trunk, trunk.norm
         self.fc1_kernel = self.trunk.fc1_kernel if fc1_kernel is None else fc1_kernel
-        self.patch = self.trunk.patch
-        self.min_side = self.trunk.smallest_side(self.fc1_kernel)
+        least, patch = self.trunk.smallest_side(self.fc1_kernel), self.trunk.patch
+        side = patch if self.output_size(patch, patch) == (1, 1) else least
+        self.window_size, self.min_size = (side, side), (least, least)
         self.stride = self.trunk.stride
         self.classes = classes
         hidden, self.hidden = nn.Sequential(), self.trunk.out_channels
@@ -86,29 +92,31 @@ class VisualNet(nn.Module):
         """Return the features that fusion samples from.
 
         Args:
-            x: Images as for ``forward``, no side smaller than ``min_side``.
+            x: Images as for ``forward``, no smaller than ``min_size``.
             level: "fc2" for the activations of the last hidden layer after ReLU, "fc3" for the
                 class scores before softmax.
 
         Returns:
-            (B, D, M, N) with D = ``feature_size(level)`` and (M, N) = ``output_size(H, W)``.
+            (B, D, M, N) with the channels of that layer as D and (M, N) = ``output_size(H, W)``.
         """
         features: Tensor = self.head(self.trunk(x), level)
         return features
 
     @property
+    def score_layer(self) -> nn.Conv2d:
+        """FC3."""
+        return self.head.score_layer
+
+    @property
     def fc1(self) -> nn.Conv2d:
         """FC1, the first convolution on the trunk's features."""
-        return cast(nn.Conv2d, cast(nn.Sequential, self.head.hidden[0])[0])
+        layer: nn.Conv2d = self.head.hidden.get_submodule("0.0")  # type: ignore[assignment]
+        return layer
 
     @property
     def has_hidden_layers(self) -> bool:
         """Whether there are FC1 and FC2 before FC3."""
         return len(self.head.hidden) > 0
-
-    def feature_size(self, level: Level) -> int:
-        """Return the channel count of ``features`` at ``level``."""
-        return self.hidden if level == "fc2" else self.classes
 
     def output_size(self, height: int, width: int) -> tuple[int, int]:
         """Return rows and columns of predictions for an image in pixels; 0 where too small."""

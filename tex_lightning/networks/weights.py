@@ -69,7 +69,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
         usable = [suffix for suffix, known in LAYOUT_OF_SUFFIX.items() if known in trunk.layouts]
         raise UserError(
             f"weights: {path} is in the {layout} layout, which {_name(trunk)} does not have; use"
-            f" {_listed(usable)}, or another model/trunk."
+            f" {_listed(usable)}, or another trunk=NAME."
         )
     content, caffe_input = _read(path)
     state = _select(trunk, content, layout, path)
@@ -196,13 +196,13 @@ def _select(
             if name not in content:
                 raise UserError(
                     f"weights: {path} has no {name}, so it is not a {layout} file of"
-                    f" {_name(trunk)}; give another file or another model/trunk."
+                    f" {_name(trunk)}; give another file or another trunk=NAME."
                 )
             if tuple(content[name].shape) != shape:
                 raise UserError(
                     f"weights: {name} in {path} has shape {tuple(content[name].shape)} but"
                     f" {_name(trunk)} needs {shape}; give another file or another"
-                    " model/trunk."
+                    " trunk=NAME."
                 )
             state[target] = content[name].float()
             if not state[target].isfinite().all():

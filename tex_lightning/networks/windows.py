@@ -5,35 +5,56 @@ The paper compares its networks with such twins (section IV, "Time profiling").
 
 from collections.abc import Iterator
 from copy import deepcopy
+from typing import Any
 
 import torch
 from torch import Tensor, nn
-
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.visualnet import VisualNet
 
 
 class WindowNet(nn.Module):
     """A CNN for one window: the network's layers, with its head as fully connected layers.
 
     FC1 to FC3 become ``nn.Linear`` on the flattened features of the trunk, with the same weights.
-    HapticNet's 4x12 convolution stays one, as in the paper's table.
+    HapticNet's 4x12 convolution stays one, as in the paper's table. A network that is not made of
+    a ``trunk`` and a ``head`` is taken as it is.
 
     Args:
-        network: HapticNet or VisualNet; it is copied.
+        network: With ``features(x, level)``; it is copied.
     """
 
-    def __init__(self, network: HapticNet | VisualNet) -> None:
+    def __init__(self, network: nn.Module) -> None:
         super().__init__()
-        self.trunk = deepcopy(network.trunk)
-        leaves = [leaf for leaf in network.head.modules() if not list(leaf.children())]
-        self.head = nn.Sequential(nn.Flatten(), *map(_connected, leaves))
+        whole: Any = deepcopy(network)
+        if hasattr(whole, "trunk") and hasattr(whole, "head"):
+            leaves = [leaf for leaf in whole.head.modules() if not list(leaf.children())]
+            self.trunk, self.head = whole.trunk, nn.Sequential(nn.Flatten())
+            self.head.extend(map(_connected, leaves))
+        else:
+            self.trunk, self.head = _Scores(whole), nn.Sequential(nn.Flatten())
         self.train(network.training)
 
     def forward(self, windows: Tensor) -> Tensor:
-        """Map windows (B, C, *window_size) to class scores before softmax (B, classes)."""
-        scores: Tensor = self.head(self.trunk(windows))
-        return scores
+        """Map windows (B, C, height, width) to class scores before softmax (B, classes)."""
+        found: Tensor = self.head(self.trunk(windows))
+        return found
+
+
+class _Scores(nn.Module):
+    """A network as a module from its input to its class scores."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, x: Tensor) -> Tensor:
+        return scores(self.network, x)
+
+
+def scores(network: nn.Module, x: Tensor) -> Tensor:
+    """Class scores (B, classes, *positions) of a network's inputs."""
+    module: Any = network
+    found: Tensor = module.features(x, "fc3")
+    return found
 
 
 def _connected(layer: nn.Module) -> nn.Module:
@@ -53,34 +74,21 @@ def _connected(layer: nn.Module) -> nn.Module:
     return deepcopy(layer)
 
 
-def window_size(network: HapticNet | VisualNet) -> tuple[int, int]:
-    """Height and width of an input that gives exactly one prediction.
-
-    That is 50 bands by 192 frames, or a patch; with another FC1 than the trunk's, where a patch
-    gives several predictions, the smallest image.
-    """
-    if isinstance(network, HapticNet):
-        return network.bands, network.window
-    single = network.output_size(network.patch, network.patch) == (1, 1)
-    side = network.patch if single else network.min_side
-    return side, side
-
-
-def cut_windows(network: HapticNet | VisualNet, x: Tensor) -> Tensor:
+def cut_windows(x: Tensor, size: tuple[int, int], step: int) -> Tensor:
     """Full windows of an input, as far apart as the predictions of the network.
 
     Window (i, j) starts where prediction (i, j) of the whole input does. The network's ceil-mode
     pooling adds predictions at the far ends, for which no full window is left.
 
     Args:
-        network: Whose windows.
         x: One input (1, C, H, W).
+        size: Height and width of a window.
+        step: Elements from one to the next, either way.
 
     Returns:
-        A view (rows, columns, C, *window_size); a spectrogram has one row.
+        A view (rows, columns, C, *size); a spectrogram has one row.
     """
-    height, width = window_size(network)
-    step = network.stride
+    height, width = size
     return x[0].unfold(1, height, step).unfold(2, width, step).permute(1, 2, 0, 3, 4)
 
 
@@ -93,6 +101,6 @@ def batches(grid: Tensor, size: int) -> Iterator[Tensor]:
         yield grid[chosen // columns, chosen % columns]
 
 
-def dense_grid(scores: Tensor) -> Tensor:
+def dense_grid(dense: Tensor) -> Tensor:
     """Bring a network's dense output for one input to (rows, columns, classes)."""
-    return scores[0].reshape(scores.shape[1], -1, scores.shape[-1]).permute(1, 2, 0)
+    return dense[0].reshape(dense.shape[1], -1, dense.shape[-1]).permute(1, 2, 0)

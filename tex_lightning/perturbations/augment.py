@@ -17,7 +17,7 @@ class Augmentation:
     Attributes:
         kinds: Perturbations of one modality, drawn evenly.
         share: Of the recordings that are changed.
-        rate: Sampling rate of traces in Hz; photos have none.
+        rate: Sampling rate of signals in Hz; photos have none.
     """
 
     kinds: tuple[Perturbation, ...]
@@ -40,7 +40,7 @@ class Augmentation:
 
 
 def trainable(modality: str) -> tuple[str, ...]:
-    """Names of those that may be trained on: not held out, for a trace with any number of axes."""
+    """Names of those that may be trained on: not held out, for a signal with any number of axes."""
     return tuple(
         name
         for name, each in perturbations().items()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any
 
 import numpy as np
 from omegaconf import OmegaConf
@@ -15,10 +15,14 @@ from tex_lightning.errors import UserError
 from tex_lightning.perturbations import lenses, pixels, strokes, traces
 from tex_lightning.perturbations.scene import Array, Scene
 
-Disturbed = Literal["haptic", "image", "both"]
+BOTH = "both"  # of what is wrong with how recordings are put together, and with none of them
+FEWER = "fewer_pairs"  # that one of them which hits no modality
+MISSING, SWAPPED = "missing", "swapped"  # what becomes of the modality that the others hit
 SEVERITIES = (1, 2, 3, 4, 5)
 SCALES = Path(__file__).with_name("severities.yaml")
-HOMES = {"haptic": (traces, strokes), "image": (pixels, lenses)}
+HOMES = (traces, strokes, pixels, lenses)
+
+Function = Callable[[Array, float, Scene], Array]
 
 
 @dataclass(frozen=True)
@@ -26,24 +30,30 @@ class Perturbation:
     """One way in which recordings go wrong.
 
     Attributes:
-        name: Of its function, and in ``severities.yaml``.
-        modality: What it changes.
+        name: In ``severities.yaml``, unlike all others.
+        modality: What it changes, or :data:`BOTH`.
         unit: Of its values.
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
-        axes: Number of axes that a trace must have; None for any.
+        axes: Number of axes that a signal must have; None for any.
         held_out: Whether it is kept from training.
-        function: Dotted path of the function, of a user's; None where the package has it.
+        function: Dotted path of a user's, or name of the package's; None where that is ``name``.
     """
 
     name: str
-    modality: Disturbed
+    modality: str
     unit: str
     levels: tuple[float, ...]
     log: bool = False
     axes: int | None = None
     held_out: bool = False
     function: str | None = None
+
+    @property
+    def fate(self) -> tuple[str, str]:
+        """Of one of :data:`BOTH`, the modality that it hits and what becomes of that."""
+        modality, _, becomes = self.name.rpartition("_")
+        return modality, becomes
 
     def value(self, severity: float) -> float:
         """The value, in ``unit``, of any severity from 0 to 5."""
@@ -57,7 +67,7 @@ class Perturbation:
         """Change a recording; severity 0 leaves it as it is.
 
         Args:
-            recording: Trace (axes, samples) float32, or photo (height, width, 3) uint8.
+            recording: Signal (axes, samples) float32, or photo (height, width, 3) uint8.
             severity: 0 to 5, whole or between.
             scene: Its circumstances.
 
@@ -67,7 +77,7 @@ class Perturbation:
         if severity == 0:
             return recording
         changed = _function(self)(recording, self.value(severity), scene)
-        if self.modality == "haptic":
+        if recording.dtype != np.uint8:
             return np.ascontiguousarray(changed, dtype=np.float32)
         if changed.dtype != np.uint8:
             changed = np.rint(np.clip(changed, 0, 255)).astype(np.uint8)
@@ -76,34 +86,25 @@ class Perturbation:
 
 @cache
 def perturbations() -> dict[str, Perturbation]:
-    """All of them by name: of traces, of photos, of both."""
-    table = cast(dict[Disturbed, dict[str, dict]], OmegaConf.to_object(OmegaConf.load(SCALES)))  # type: ignore[type-arg]
-    return {
-        name: Perturbation(name, modality, **{**entry, "levels": tuple(entry["levels"])})
-        for modality, entries in table.items()
-        for name, entry in entries.items()
-    }
+    """All of them by name, modality by modality, those of :data:`BOTH` last."""
+    return _read(SCALES)
 
 
 def read_severities(path: str | Path) -> dict[str, Perturbation]:
     """Perturbations of a user's own table, in the form of ``severities.yaml``.
 
-    Every line also names its ``function`` by a dotted path. It takes a trace (axes, samples)
-    float32 or a photo (height, width, 3) uint8, a value between two levels, and a :class:`Scene`.
+    Every line also names its ``function``, by a dotted path or one of the package. It takes a
+    signal (axes, samples) float32 or a photo (height, width, 3) uint8, a value between two levels,
+    and a :class:`Scene`. Lines of :data:`BOTH`, which are MODALITY_missing and MODALITY_swapped,
+    have none.
 
     Raises:
         UserError: If the file, a line or a function cannot be used.
     """
     try:
-        table: Any = OmegaConf.to_object(OmegaConf.load(Path(path).expanduser()))
-        found = {
-            name: Perturbation(name, modality, **{**entry, "levels": tuple(entry["levels"])})
-            for modality, entries in table.items()
-            for name, entry in entries.items()
-        }
+        found = _read(Path(path).expanduser())
         for each in found.values():
             _check(each)
-            _function(each)
     except Exception as error:  # a function's module may fail in any way
         said = " ".join(str(error).split()).rstrip(".")
         raise UserError(
@@ -113,19 +114,39 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
     return found
 
 
+def _read(path: Path) -> dict[str, Perturbation]:
+    table: Any = OmegaConf.to_object(OmegaConf.load(path))
+    found: dict[str, Perturbation] = {}
+    for modality, entries in table.items():
+        for name, entry in entries.items():
+            if name in found:
+                raise ValueError(f"{name} is there twice")
+            values = {**entry, "levels": tuple(entry["levels"])}
+            found[name] = Perturbation(name, modality, **values)
+    return found
+
+
 def _check(own: Perturbation) -> None:
-    if own.modality not in HOMES:
-        raise ValueError(f"{own.name} is of {own.modality}, not of haptic or image")
     if own.name in perturbations():
         raise ValueError(f"{own.name} is the name of one of the package")
     if len(own.levels) != 1 + len(SEVERITIES) or not all(map(math.isfinite, own.levels)):
         raise ValueError(f"{own.name} has no six levels")
+    if own.modality == BOTH:
+        if own.fate[1] not in (MISSING, SWAPPED):
+            raise ValueError(f"{own.name} is neither MODALITY_missing nor MODALITY_swapped")
+        return
     if own.function is None:
         raise ValueError(f"{own.name} names no function")
+    _function(own)
 
 
-def _function(own: Perturbation) -> Callable[[Array, float, Scene], Array]:
-    if own.function is not None:
-        return cast(Callable[[Array, float, Scene], Array], pkgutil.resolve_name(own.function))
-    home = next(home for home in HOMES[own.modality] if hasattr(home, own.name))
-    return cast(Callable[[Array, float, Scene], Array], getattr(home, own.name))
+def _function(own: Perturbation) -> Function:
+    name = own.function or own.name
+    if "." in name:
+        named: Function = pkgutil.resolve_name(name)
+        return named
+    found = [vars(home)[name] for home in HOMES if name in vars(home)]
+    if not found:
+        raise ValueError(f"{own.name} names {name}, which is no function of the package")
+    function: Function = found[0]
+    return function

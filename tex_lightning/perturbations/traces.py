@@ -1,4 +1,4 @@
-"""Perturbations of a trace by its sensor and amplifier: (axes, samples) float32 at a known rate.
+"""Perturbations of a signal by its sensor and amplifier: (axes, samples) float32 at a known rate.
 
 SNR in dB is 10 log10 of the power of the signal, without its mean, over that of the disturbance.
 """
@@ -83,6 +83,6 @@ def baseline_drift(trace: Array, strength: float, scene: Scene) -> Array:
     return trace + wave * (strength * float(np.sqrt(2 * power(trace))))
 
 
-def haptic_silent(trace: Array, share: float, scene: Scene) -> Array:
+def silence(trace: Array, share: float, scene: Scene) -> Array:
     """A share of the recordings is silence, as of a sensor that is unplugged."""
     return np.zeros_like(trace) if scene.rng.random() < share else trace

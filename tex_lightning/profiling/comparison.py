@@ -6,17 +6,17 @@ from functools import partial
 from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig, ProfileConfig
 from tex_lightning.inference.engine import accelerate, has_bf16
 from tex_lightning.inference.macs import count_macs
-from tex_lightning.networks.windows import WindowNet, batches, cut_windows
+from tex_lightning.networks.windows import WindowNet, batches, cut_windows, scores
 from tex_lightning.profiling.labels import agreement, flips
 from tex_lightning.profiling.memory import forward_peak_mib
-from tex_lightning.profiling.roofline import gemm_gflops, gflops, layers, products
-from tex_lightning.profiling.subject import Network, Subject, dense_pass, network_of
+from tex_lightning.profiling.roofline import Pass, gemm_gflops, gflops, layers, products
+from tex_lightning.profiling.subject import Subject, only_branch
 from tex_lightning.profiling.timing import Timing, interleaved, waiting
 
 BATCHES = (8, 32, 128)  # sizes that batched windows are tried in
@@ -35,33 +35,34 @@ def compare(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> d
     measured = _measure(subject, engine, profile)
     plain = replace(engine, compile=False)
     card, shape = subject.classifier.card, tuple(measured["input"])
-    device = next(subject.network.parameters()).device
-    return {**measured, "peak_memory_mib": forward_peak_mib(card, plain, shape, device)}
+    peak = forward_peak_mib(card, plain, shape, subject.classifier.device)
+    return {**measured, "peak_memory_mib": peak}
 
 
 @torch.inference_mode()
 def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> dict[str, Any]:
-    network = subject.network
-    fast, bf16 = accelerate(subject.classifier, engine), _half(subject, engine)
+    network = subject.branch.network
     twin = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
     x = subject.features(subject.classifier).contiguous()
-    grid = cut_windows(network, x)
-    exact = network(x)
-    dense = _dense(subject, fast, engine)
-    ways, sizes = _ways(subject, fast, twin, x, grid)
-    ways["fcn"] = dense
+    grid = _grid(subject, x)
+    ways, sizes = _ways(subject, accelerate(subject.classifier, engine), twin, x, grid)
+    exact = ways["reference"]()
     facts = {
-        **_arithmetic(network, twin, x, grid),
+        **_arithmetic(subject, twin, x, grid),
         **agreement(network, twin, x, grid),
-        **flips(exact, dense(), "engine"),
+        **flips(exact, ways["fcn"](), "engine"),
     }
-    if bf16 is not None:
-        ways["fcn_bf16"] = _dense(subject, bf16, engine)
+    if (bf16 := _half(subject, engine)) is not None:
+        ways["fcn_bf16"] = _dense(subject, bf16)
         facts |= flips(exact, ways["fcn_bf16"](), "bf16")
     speed = _speed(_time(ways, x.device, profile), facts)
     plain = accelerate(subject.classifier, replace(engine, compile=False))
-    own = subject.features(plain)
-    table = layers(network_of(plain), network, x, own, speed["gemm_gflops"], LAYER_PASSES)
+    table = layers(
+        _pass(subject, plain),
+        _pass(subject, subject.classifier),
+        speed["gemm_gflops"],
+        LAYER_PASSES,
+    )
     return {
         **speed,
         **facts,
@@ -71,25 +72,33 @@ def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> 
     }
 
 
-def _dense(
-    subject: Subject, classifier: SurfaceClassifier, engine: EngineConfig
-) -> Callable[[], Tensor]:
-    """The pass over the whole input, as the engine makes it."""
-    x = subject.features(classifier)
-    return partial(dense_pass(network_of(classifier), engine.tile), x)
+def _grid(subject: Subject, x: Tensor) -> Tensor:
+    """The windows of a network input."""
+    return cut_windows(x, subject.branch.window_size, subject.branch.stride)
 
 
-def _arithmetic(network: Network, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, Any]:
+def _dense(subject: Subject, classifier: SurfaceClassifier) -> Callable[[], Tensor]:
+    """The way over the whole input, in pieces where the classifier divides it."""
+    return partial(only_branch(classifier).dense, subject.features(classifier), "fc3")
+
+
+def _pass(subject: Subject, classifier: SurfaceClassifier) -> Pass:
+    """One pass of the network over the whole input, never divided."""
+    network = only_branch(classifier).network
+    return Pass(network, partial(scores, network, subject.features(classifier)))
+
+
+def _arithmetic(subject: Subject, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, Any]:
     """Multiply-accumulates of both ways."""
     windows = grid.shape[0] * grid.shape[1]
-    dense = count_macs(lambda: network(x))
+    dense = count_macs(lambda: scores(subject.branch.network, x))
     one = count_macs(lambda: twin(grid[0, 0][None]))
     return {
         "windows": windows,
         "macs": dense,
         "window_macs": one,
         "arithmetic_ratio": windows * one / dense,
-        "parameters": sum(parameter.numel() for parameter in network.parameters()),
+        "parameters": subject.classifier.count_parameters(),
     }
 
 
@@ -97,10 +106,9 @@ def _ways(
     subject: Subject, fast: SurfaceClassifier, twin: WindowNet, x: Tensor, grid: Tensor
 ) -> tuple[dict[str, Callable[[], Any]], dict[str, int]]:
     """What is timed, by the name of its key, and the batch sizes chosen for windows."""
-    own = subject.features(fast)
-    own_grid = cut_windows(subject.network, own)
-    plain = _best_batch(twin, grid)
-    same = _best_batch(fast.network, own_grid)
+    own = _grid(subject, subject.features(fast))
+    engine = partial(scores, only_branch(fast).network)
+    plain, same = _best_batch(twin, grid), _best_batch(engine, own)
 
     def one_by_one() -> None:
         for row in grid:
@@ -108,27 +116,31 @@ def _ways(
                 twin(window[None])
 
     ways: dict[str, Callable[[], Any]] = {
-        "reference": partial(subject.network, x),
+        "reference": partial(subject.branch.dense, x, "fc3"),
         "features": partial(subject.features, fast),
         "sliding_window": one_by_one,
         "batched_window": partial(_all_windows, twin, grid, plain),
-        "same_engine_window": partial(_all_windows, fast.network, own_grid, same),
+        "same_engine_window": partial(_all_windows, engine, own, same),
+        "fcn": _dense(subject, fast),
     }
     return ways, {"batched_window": plain, "same_engine_window": same}
 
 
-def _all_windows(network: nn.Module, grid: Tensor, size: int) -> None:
+def _all_windows(function: Callable[[Tensor], Tensor], grid: Tensor, size: int) -> None:
     for batch in batches(grid, size):
-        network(batch)
+        function(batch)
 
 
-def _best_batch(network: nn.Module, grid: Tensor) -> int:
+def _best_batch(function: Callable[[Tensor], Tensor], grid: Tensor) -> int:
     """The batch size with the least time for a window, tried on the first windows."""
     count = grid.shape[0] * grid.shape[1]
     sizes = sorted({min(size, count) for size in BATCHES})
     tried = {size: next(batches(grid, size)) for size in sizes}
     timings = interleaved(
-        {str(size): waiting(partial(network, batch), grid.device) for size, batch in tried.items()},
+        {
+            str(size): waiting(partial(function, batch), grid.device)
+            for size, batch in tried.items()
+        },
         repeats=2,
     )
     return min(sizes, key=lambda size: timings[str(size)].median / size)
@@ -179,7 +191,6 @@ def _speed(timings: dict[str, Timing], facts: dict[str, Any]) -> dict[str, Any]:
 
 def _half(subject: Subject, engine: EngineConfig) -> SurfaceClassifier | None:
     """The engine at bf16, where the device computes in it and it is not what runs anyway."""
-    device = next(subject.network.parameters()).device
-    if engine.precision == "bf16" or not has_bf16(device):
+    if engine.precision == "bf16" or not has_bf16(subject.classifier.device):
         return None
     return accelerate(subject.classifier, replace(engine, precision="bf16"))

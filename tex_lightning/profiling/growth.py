@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import cast
+from itertools import dropwhile
 
 import torch
 from torch import Tensor
@@ -14,14 +14,16 @@ from torch import Tensor
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig, ProfileConfig
-from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.networks.windows import window_size
-from tex_lightning.profiling.subject import Subject, like_weights, network_of
+from tex_lightning.networks.windows import scores
+from tex_lightning.profiling.subject import Subject, like_weights, only_branch
 from tex_lightning.profiling.timing import interleaved, waiting
 
-SECONDS = (2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0)
-MEGAPIXELS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 48.0)
+SIZES = {  # by the medium of a branch: seconds and megapixels
+    "signal": (2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0),
+    "photo": (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 48.0),
+}
 CLASSES = (10, 30, 69, 100, 300, 1000)
 PAIRS = (10, 100, 1000, 10_000, 100_000)
 BATCH = (1, 2, 4, 8, 16, 32, 64)
@@ -36,7 +38,7 @@ class Point:
 
     Attributes:
         axis: What grows, with its unit.
-        network: haptic, visual or fusion.
+        network: A sense, or fusion.
         part: What is timed: ``label`` (from the decoded recording), ``features`` or ``network``.
         value: How large.
         median_ms: None where it was left out.
@@ -129,26 +131,17 @@ def _second_call(function: Callable[[], object]) -> float:
 
 
 def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
-    name = subject.classifier.card.kind
     fast = accelerate(subject.classifier, engine)
-    network = network_of(fast)
-    device = next(network.parameters()).device
-    trace = name == "haptic"
-    axis = "trace, s" if trace else "photo, megapixels"
-    values = _sufficient_seconds(subject) if trace else MEGAPIXELS
-
-    def recording(value: float) -> Tensor:
-        if trace:
-            return torch.randn(3, round(value * fast.card.settings.sampling_rate))
-        height = round(math.sqrt(value * 1e6 / ASPECT))
-        return torch.randint(256, (height, round(height * ASPECT), 3), dtype=torch.uint8)
+    branch, device = only_branch(fast), fast.device
+    name, axis = branch.name, f"{branch.what}, {branch.decoder.unit}"
+    values = _sufficient(subject)
 
     def features(value: float) -> Callable[[], object]:
-        larger = replace(subject, recording=recording(value))
+        larger = replace(subject, recording=_noise(subject, value))
         return waiting(lambda: larger.features(fast), device)
 
     def label(value: float) -> Callable[[], object]:
-        return _decision(fast, recording(value))
+        return _decision(fast, _noise(subject, value))
 
     def classes(value: float) -> Callable[[], object]:
         names = [str(number) for number in range(round(value))]
@@ -156,9 +149,9 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
         return _decision(accelerate(wide, engine), subject.recording)
 
     def batch(value: float) -> Callable[[], object]:
-        channels = 1 if trace else 3
-        x = torch.randn(round(value), channels, *window_size(subject.network))
-        return waiting(partial(network, like_weights(network, x)), device)
+        window = branch.blank(*branch.window_size)
+        x = torch.randn(round(value), *window.shape[1:])
+        return waiting(partial(scores, branch.network, like_weights(branch.network, x)), device)
 
     def threads(value: float) -> Callable[[], object]:
         return _on_threads(_decision(fast, subject.recording), round(value))
@@ -171,18 +164,29 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
         yield Ladder("threads", name, "label", _thread_counts(), threads)
 
 
-def _sufficient_seconds(subject: Subject) -> tuple[float, ...]:
-    """Traces with a window of the network, even if DFT321 leaves out one sample in 100."""
-    features = cast(HapticFeatures, subject.classifier.haptic_features)
-    samples = features.samples(window_size(subject.network)[1])
-    least = 1.01 * samples / features.sampling_rate
-    return tuple(seconds for seconds in SECONDS if seconds >= least)
+def _noise(subject: Subject, value: float) -> Tensor:
+    """A recording of so many seconds or megapixels, with as many axes as the subject's."""
+    decoder = subject.branch.decoder
+    if isinstance(decoder, SignalDecoder):
+        return torch.randn(len(subject.recording), round(value * decoder.sampling_rate))
+    height = round(math.sqrt(value * 1e6 / ASPECT))
+    return torch.randint(256, (height, round(height * ASPECT), 3), dtype=torch.uint8)
+
+
+def _sufficient(subject: Subject) -> tuple[float, ...]:
+    """Seconds or megapixels that give a window of the network."""
+    branch = subject.branch
+
+    def too_small(value: float) -> bool:
+        given = branch.input_size(_noise(subject, value))
+        return any(have < least for have, least in zip(given, branch.window_size, strict=True))
+
+    return tuple(dropwhile(too_small, SIZES[branch.medium]))
 
 
 def _decision(classifier: SurfaceClassifier, recording: Tensor) -> Callable[[], object]:
-    if classifier.card.kind == "haptic":
-        return lambda: classifier.classify(trace=recording).label
-    return lambda: classifier.classify(photo=recording).label
+    recordings = {only_branch(classifier).modality: recording}
+    return lambda: classifier.classify(**recordings).label
 
 
 def _on_threads(function: Callable[[], object], count: int) -> Callable[[], object]:
@@ -203,8 +207,8 @@ def _thread_counts() -> tuple[float, ...]:
 
 
 def _pairs_ladder(subjects: list[Subject], card: Card, engine: EngineConfig) -> Ladder:
-    trace, photo = (subject.recording for subject in subjects)
-    device = next(subjects[0].classifier.parameters()).device
+    recordings = {subject.branch.modality: subject.recording for subject in subjects}
+    device = subjects[0].classifier.device
     fast = accelerate(SurfaceClassifier(card).eval().to(device), engine)
 
     def pairs(value: float) -> Callable[[], object]:
@@ -212,8 +216,8 @@ def _pairs_ladder(subjects: list[Subject], card: Card, engine: EngineConfig) -> 
 
         def run() -> int:
             fast.card = chosen
-            return fast.classify(trace, photo).label
+            return fast.classify(**recordings).label
 
         return run
 
-    return Ladder("pairs K", "fusion", "label", PAIRS, pairs)
+    return Ladder("pairs K", card.kind, "label", PAIRS, pairs)

@@ -3,16 +3,15 @@
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from tex_lightning.decision.voting import max_vote
-from tex_lightning.networks.windows import WindowNet, batches, dense_grid
-from tex_lightning.profiling.subject import Network
+from tex_lightning.networks.windows import WindowNet, batches, dense_grid, scores
 
 BATCH = 8  # windows that go through a network at once
 
 
-def agreement(network: Network, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, float]:
+def agreement(network: nn.Module, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, float]:
     """Shares of windows that the twin gives the same label as the network does.
 
     Args:
@@ -27,8 +26,9 @@ def agreement(network: Network, twin: WindowNet, x: Tensor, grid: Tensor) -> dic
         the window's own pad with zeros.
     """
     twins = torch.cat([twin(batch) for batch in batches(grid, BATCH)]).argmax(1)
-    alone = torch.cat([network(batch).flatten(1) for batch in batches(grid, BATCH)]).argmax(1)
-    dense = dense_grid(network(x)).argmax(-1)[: grid.shape[0], : grid.shape[1]].flatten()
+    parts = [scores(network, batch).flatten(1) for batch in batches(grid, BATCH)]
+    alone = torch.cat(parts).argmax(1)
+    dense = dense_grid(scores(network, x)).argmax(-1)[: grid.shape[0], : grid.shape[1]].flatten()
     return {
         "label_agreement": float((twins == alone).double().mean()),
         "dense_agreement": float((twins == dense).double().mean()),
@@ -39,14 +39,14 @@ def flips(exact: Tensor, rough: Tensor, name: str) -> dict[str, Any]:
     """Labels that other arithmetic changes.
 
     Args:
-        exact: Dense scores of the network as trained, for one input.
+        exact: Scores (classes, positions) of the network as trained, for one input.
         rough: The same, computed in another way.
         name: Of that way, for the keys.
 
     Returns:
         ``flips_NAME`` of ``positions``, and ``vote_flips_NAME``, whether the vote changes.
     """
-    votes = [max_vote(dense_grid(scores).flatten(0, 1).T) for scores in (exact, rough)]
+    votes = [max_vote(exact), max_vote(rough)]
     return {
         "positions": len(votes[0].fragments),
         f"flips_{name}": int((votes[0].fragments != votes[1].fragments).sum()),

@@ -17,8 +17,7 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.networks.windows import window_size
-from tex_lightning.profiling.subject import dense_pass, like_weights, network_of
+from tex_lightning.profiling.subject import like_weights, only_branch
 
 STATUS = Path("/proc/self/status")
 RESET = Path("/proc/self/clear_refs")
@@ -69,18 +68,18 @@ def _resident_peak(
 ) -> float | None:
     torch.set_num_threads(threads)
     classifier = accelerate(SurfaceClassifier(card).eval(), engine)
-    network = network_of(classifier)
-    x = like_weights(network, torch.randn(shape))
-    height, width = window_size(network)
+    branch = only_branch(classifier)
+    x = like_weights(branch.network, torch.randn(shape))
+    height, width = branch.window_size
     with torch.inference_mode():
         # the libraries' own beginnings are no part of the figure
-        network(x[..., :height, :width])
+        branch.dense(x[..., :height, :width], "fc3")
         try:
             RESET.write_text(RESET_PEAK)
         except OSError:
             return None
         before = _kib("VmRSS")
-        dense_pass(network, engine.tile)(x)
+        branch.dense(x, "fc3")
     return (_kib("VmHWM") - before) / 1024
 
 
@@ -95,10 +94,10 @@ def _cuda_peak(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
 ) -> float:
     classifier = accelerate(SurfaceClassifier(card).eval().to(device), engine)
-    network = network_of(classifier)
-    x = like_weights(network, torch.randn(shape))
+    branch = only_branch(classifier)
+    x = like_weights(branch.network, torch.randn(shape))
     with torch.inference_mode():
         torch.cuda.reset_peak_memory_stats(device)
         before = torch.cuda.memory_allocated(device)
-        dense_pass(network, engine.tile)(x)
+        branch.dense(x, "fc3")
     return (torch.cuda.max_memory_allocated(device) - before) / 2**20

@@ -66,23 +66,27 @@ class Layer:
     roofline_fraction: float
 
 
-def layers(
-    fast: nn.Module, original: nn.Module, x: Tensor, own: Tensor, rate: float, repeats: int
-) -> list[Layer]:
+@dataclass(frozen=True)
+class Pass:
+    """A network, and one pass of it over an input of its own precision."""
+
+    network: nn.Module
+    run: Callable[[], Tensor]
+
+
+def layers(fast: Pass, original: Pass, rate: float, repeats: int) -> list[Layer]:
     """Time every layer of a network apart, in a pass of their own that hooks slow down a little.
 
     Args:
-        fast: The network that is timed, not compiled.
-        original: The network as it was trained; its multiply-accumulates are counted.
-        x: Input of ``original``.
-        own: The same for ``fast``, which may compute in another precision.
+        fast: Of the network that is timed, not compiled.
+        original: Of the network as it was trained; its multiply-accumulates are counted.
         rate: Of matrix products, in GFLOP/s.
         repeats: Timed passes.
     """
-    macs = _layer_macs(original, x)
+    macs = _layer_macs(original)
     found = []
-    for name, ms in _layer_times(fast, own, repeats).items():
-        layer = fast.get_submodule(name)
+    for name, ms in _layer_times(fast, repeats).items():
+        layer = fast.network.get_submodule(name)
         total = sum(count for key, count in macs.items() if f"{key}.".startswith(f"{name}."))
         speed = gflops(total, ms)
         found.append(Layer(name, type(layer).__name__, ms, total, speed, speed / rate))
@@ -97,7 +101,7 @@ def _leaves(network: nn.Module) -> dict[str, nn.Module]:
     }
 
 
-def _layer_macs(network: nn.Module, x: Tensor) -> dict[str, int]:
+def _layer_macs(counted: Pass) -> dict[str, int]:
     """Multiply-accumulates of every leaf module, by name."""
     totals: dict[str, int] = {}
     with FlopCounterMode(display=False) as counter, torch.no_grad():
@@ -108,29 +112,30 @@ def _layer_macs(network: nn.Module, x: Tensor) -> dict[str, int]:
         def after(name: str, *_: Any) -> None:  # noqa: ANN401
             totals[name] = (counter.get_total_flops() - totals[name]) // 2
 
-        _with_hooks(network, before, after, lambda: network(x))
+        _with_hooks(counted.network, before, after, counted.run)
     return totals
 
 
-def _layer_times(network: nn.Module, x: Tensor, repeats: int) -> dict[str, float]:
+def _layer_times(timed: Pass, repeats: int) -> dict[str, float]:
     """Median ms of every leaf module, by name, after one pass that does not count."""
     begun: dict[str, float] = {}
     times: dict[str, list[float]] = {}
+    device = next(timed.network.parameters(), torch.empty(0)).device
 
     def before(name: str, *_: Any) -> None:  # noqa: ANN401
-        synchronise(x.device)
+        synchronise(device)
         begun[name] = perf_counter()
 
     def after(name: str, *_: Any) -> None:  # noqa: ANN401
-        synchronise(x.device)
+        synchronise(device)
         times.setdefault(name, []).append(perf_counter() - begun[name])
 
     def passes() -> None:
         for _ in range(repeats + 1):
-            network(x)
+            timed.run()
 
     with torch.inference_mode():
-        _with_hooks(network, before, after, passes)
+        _with_hooks(timed.network, before, after, passes)
     return {name: float(np.median(spent[1:])) * 1000 for name, spent in times.items()}
 
 

@@ -1,17 +1,11 @@
-"""What a profile is of, and how its dense pass runs."""
+"""What a profile is of."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
 
-from torch import Tensor
+from torch import Tensor, nn
 
+from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.inference.tiles import in_tiles, layer_windows
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.visualnet import VisualNet
-
-Network = HapticNet | VisualNet
 
 
 @dataclass(frozen=True)
@@ -20,47 +14,29 @@ class Subject:
 
     Attributes:
         classifier: In evaluation mode, as trained.
-        recording: Decoded trace (axes, samples) or photo (height, width, 3).
+        recording: Decoded, as its branch takes it.
     """
 
     classifier: SurfaceClassifier
     recording: Tensor
 
     @property
-    def network(self) -> Network:
-        """The network inside."""
-        return network_of(self.classifier)
+    def branch(self) -> Branch:
+        """The only branch of the classifier."""
+        return only_branch(self.classifier)
 
     def features(self, classifier: SurfaceClassifier) -> Tensor:
         """Network input (1, C, H, W) of the recording, as this or an equal classifier has it."""
-        if self.classifier.card.kind == "haptic":
-            x = classifier.haptic_input(self.recording)
-        else:
-            x = classifier.visual_input(self.recording)
-        return like_weights(network_of(classifier), x)
+        branch = only_branch(classifier)
+        return like_weights(branch.network, branch(self.recording))
 
 
-def network_of(classifier: SurfaceClassifier) -> Network:
-    """The network of a unimodal classifier."""
-    return cast(Network, classifier.network)
+def only_branch(classifier: SurfaceClassifier) -> Branch:
+    """The branch of a unimodal classifier."""
+    (branch,) = classifier.branches.values()
+    return branch
 
 
-def like_weights(network: Network, x: Tensor) -> Tensor:
+def like_weights(network: nn.Module, x: Tensor) -> Tensor:
     """An input in the precision and on the device of a network's first weights."""
-    return x.to(next(network.parameters()))
-
-
-def dense_pass(network: Network, tile: int | None) -> Callable[[Tensor], Tensor]:
-    """What maps an input (1, C, H, W) to dense scores (1, classes, M, N), in pieces if need be.
-
-    Args:
-        network: Accelerated or as trained; a spectrogram's scores have one row.
-        tile: Largest H * W of a piece, or None.
-    """
-    windows = layer_windows(network, 0), layer_windows(network, 1)
-
-    def scores(x: Tensor) -> Tensor:
-        found: Tensor = network(x)
-        return found if found.dim() == 4 else found[:, :, None]
-
-    return lambda x: in_tiles(scores, x, windows, tile)
+    return x.to(next(network.parameters(), x))

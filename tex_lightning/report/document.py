@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.card import Card, read_checkpoint
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config.model import FUSION
 from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
 from tex_lightning.files import write_text
 from tex_lightning.report.confused_pairs import pairs_figure
@@ -21,8 +21,9 @@ Votes are decisions on whole samples, fragments those at single positions. Inter
 p is the exact McNemar test of the row against the best one in bold on the same samples, with the
 samples that only the best row and only this row had right; a dash where the samples are not the
 same. Milliseconds run from decoded recordings to the label on this machine; fit s is the time of
-training of all folds of a row. Columns headed "paper" are the paper's figures on its own data, all
-others were measured here."""
+training of all folds of a row. Weights are random at first unless a row names where its trunk is
+from. Columns headed "paper" are the paper's figures on its own data, all others were measured
+here."""
 CHOICES = """\
 The paper leaves open: magnitude or power of the spectrogram (magnitude here), normalisation of each
 trace or of the data set (each trace in the paper's settings), the range of rotation (180 degrees),
@@ -114,7 +115,7 @@ def _networks(systems: Sequence[System]) -> list[System]:
     """The networks, each once: by itself if it was run so, else as a part of a FusionNet."""
     chosen: dict[str, System] = {}
     for system in sorted(systems, key=lambda item: bool(item.inside)):
-        if system.model in ("haptic", "visual") or system.kind == "fusion":
+        if system.kind in (system.model, FUSION):
             chosen.setdefault(system.model, system)
     return list(chosen.values())
 
@@ -141,34 +142,28 @@ def _confusions(directory: Path, systems: Sequence[System]) -> str:
 
 
 def _pairs(directory: Path, systems: Sequence[System]) -> str:
-    """Pairs that one network confuses and the other tells apart, with their recordings."""
+    """Pairs that one sense confuses and another tells apart, with their recordings."""
     by_kind: dict[str, System] = {}
     for system in _networks(systems):
         by_kind.setdefault(system.kind, system)
-    if len(by_kind) < 3:
+    if FUSION not in by_kind:
         return ""
-    haptic, visual, fusion = (by_kind[kind] for kind in ("haptic", "visual", "fusion"))
-    if not haptic.classes == visual.classes == fusion.classes:
+    fusion = by_kind[FUSION]
+    branches = SurfaceClassifier.from_checkpoint(fusion.entries[0]["checkpoint"]).branches
+    senses = {name: by_kind[name] for name in branches if name in by_kind}
+    if len(senses) < 2 or any(each.classes != fusion.classes for each in senses.values()):
         return ""
-    pairs = confused_pairs(
-        fragment_counts(haptic.outcomes, haptic.classes),
-        fragment_counts(visual.outcomes, visual.classes),
-        fusion.classes,
-    )
+    counts = {name: fragment_counts(each.outcomes, each.classes) for name, each in senses.items()}
+    pairs = confused_pairs(counts, fusion.classes)
     if not pairs:
         return ""
     file = Path("figures") / "confused_pairs.png"
-    settings = _decoding(fusion)
-    save_figure(pairs_figure(pairs, fusion.outcomes, settings), directory / file)
+    save_figure(pairs_figure(pairs, fusion.outcomes, branches.values()), directory / file)
     lines = [
         f"- {pair.classes[0]} and {pair.classes[1]}: confused by the {pair.confused_by} network "
-        f"({pair.confusion:.1%} of fragments), not by the other ({pair.other:.1%})"
+        f"({pair.confusion:.1%} of fragments), not by the {pair.separated_by} network "
+        f"({pair.other:.1%})"
         for pair in pairs
     ]
-    title = "### Pairs that one sense confuses and the other separates"
+    title = "### Pairs that one sense confuses and another separates"
     return "\n".join([title, "", *lines, "", f"![confused pairs]({file})"])
-
-
-def _decoding(system: System) -> DecodeSettings:
-    content = read_checkpoint(system.entries[0]["checkpoint"])
-    return Card.from_dict(content["hyper_parameters"]["card"]).settings

@@ -1,10 +1,10 @@
-"""How long traces are, at which rates, and which rates are probably wrong."""
+"""How long signals are, at which rates, and which rates are probably wrong."""
 
 from collections import defaultdict
 from statistics import median
 
 from tex_lightning.data.rates import SOURCES, RateSource
-from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.report.numbers import spread
 
@@ -18,15 +18,14 @@ SAID_BY: dict[RateSource, str] = {
 }
 
 
-def durations(traces: Recordings, store: Store) -> dict[Recording, float]:
-    """Seconds of every decoded trace."""
-    rate = store.settings.sampling_rate
-    return {row: store.trace(row).shape[1] / rate for row in traces}
+def durations(signals: Recordings, store: Store) -> dict[Recording, float]:
+    """Seconds of every decoded signal; none of photos."""
+    return {row: store.extent(row) for row in signals if store.is_signal(row)}
 
 
-def describe_rates(traces: Recordings, store: Store) -> str:
-    """How many files have which rate, by who says so."""
-    rates = [store.rate(row) for row in traces]
+def describe_rates(signals: Recordings, store: Store) -> str:
+    """How many files have which rate, by who says so; nothing of photos."""
+    rates = [store.rate(row) for row in signals if store.is_signal(row)]
     told = []
     for source in SOURCES:
         found = [rate for rate in rates if rate.source == source]
@@ -38,13 +37,13 @@ def describe_rates(traces: Recordings, store: Store) -> str:
     return "; ".join(told)
 
 
-def unlike_the_others(traces: Recordings, store: Store) -> str | None:
-    """Warn of traces whose assumed rate makes them much longer or shorter than the rest.
+def unlike_the_others(signals: Recordings, store: Store) -> str | None:
+    """Warn of signals whose assumed rate makes them much longer or shorter than the rest.
 
     Returns:
-        The warning, or None if there are no such traces.
+        The warning, or None if there are none.
     """
-    seconds = durations(traces, store)
+    seconds = durations(signals, store)
     if not seconds:
         return None
     middle = median(seconds.values())
@@ -60,10 +59,11 @@ def unlike_the_others(traces: Recordings, store: Store) -> str | None:
         f"{rows[0].path} for one)"
         for label, rows in [*odd.items()][:SHOWN]
     ]
+    first = next(iter(odd.values()))[0]
     more = f"; and {len(odd) - SHOWN} more classes" if len(odd) > SHOWN else ""
     return (
-        f"Is {store.settings.file_rate:,.6g} Hz the rate of all files that name none? At this "
-        f"assumed rate some traces last much longer or shorter than the median of {middle:.3g} s: "
-        f"{'; '.join(told)}{more}. If not, correct data.file_rate, or give these files their rate "
-        "(a column of the manifest, a sidecar or rates.csv)."
+        f"Is {store.rate(first).hz:,.6g} Hz the rate of all files that name none? At this assumed "
+        f"rate some {plural(first.modality)} last much longer or shorter than the median of "
+        f"{middle:.3g} s: {'; '.join(told)}{more}. If not, correct data.file_rate, or give these "
+        "files their rate (a column of the manifest, a sidecar or rates.csv)."
     )

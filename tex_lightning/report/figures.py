@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from torch import Tensor
+from torch import Tensor, nn
 
 from tex_lightning.evaluation.fragments import Counts
 from tex_lightning.features.image import MEAN, STD
-from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.features.spectrogram import SpectrogramFeatures
 
 
 def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
@@ -48,28 +48,32 @@ def class_accuracy_figure(
     return figure
 
 
-def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: HapticFeatures) -> Figure:
-    """Normalised spectrograms (count, bands, frames) side by side, over seconds and Hz."""
+def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: nn.Module) -> Figure:
+    """Network inputs (count, bands, frames) of signals side by side."""
     figure, grid = _grid(len(titles))
     for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=False):
-        draw_spectrogram(axes, spectrogram, features)
+        across, upwards = draw_spectrogram(axes, spectrogram, features)
         axes.set_title(title, fontsize=7)
-        axes.set(xlabel="s", ylabel="Hz")
+        axes.set(xlabel=across, ylabel=upwards)
     return figure
 
 
-def draw_spectrogram(axes: Axes, spectrogram: Tensor, features: HapticFeatures) -> None:
-    """A spectrogram (bands, frames) over seconds, with every tenth band's frequency in Hz."""
-    seconds = spectrogram.shape[1] * features.hop_length / features.sampling_rate
-    axes.imshow(
-        spectrogram.numpy(),
-        origin="lower",
-        aspect="auto",
-        cmap="magma",
-        extent=(0, seconds, -0.5, features.bands - 0.5),
-    )
+def draw_spectrogram(axes: Axes, spectrogram: Tensor, features: nn.Module) -> tuple[str, str]:
+    """A network input (bands, frames) of a signal.
+
+    Returns:
+        What both axes count: seconds and Hz with every tenth band's frequency, or, of features that
+        tell neither, frames and bands.
+    """
+    bands, frames = spectrogram.shape
+    image = axes.imshow(spectrogram.numpy(), origin="lower", aspect="auto", cmap="magma")
+    if not isinstance(features, SpectrogramFeatures):
+        return "frame", "band"
+    seconds = frames * features.hop_length / features.sampling_rate
+    image.set_extent((0, seconds, -0.5, bands - 0.5))
     hertz = features.frequencies[::10]
-    axes.set_yticks(range(0, features.bands, 10), [f"{frequency:.0f}" for frequency in hertz])
+    axes.set_yticks(range(0, bands, 10), [f"{frequency:.0f}" for frequency in hertz])
+    return "s", "Hz"
 
 
 def patch_figure(patches: Tensor, titles: list[str]) -> Figure:

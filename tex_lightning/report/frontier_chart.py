@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 from rich.table import Table
 
+from tex_lightning.config.model import FUSION
 from tex_lightning.files import write_atomically
 from tex_lightning.progress import console
 from tex_lightning.report.figures import save_figure
@@ -19,8 +20,15 @@ from tex_lightning.report.paper import paper_table
 log = logging.getLogger(__name__)
 
 PROCEDURE = "procedure"  # kind of the point that measures the choice
-COLOURS = {"haptic": "#4477aa", "visual": "#228833", "fusion": "#aa3377", PROCEDURE: "black"}
-GREY = "#bbbbbb"
+COLOURS = {
+    "haptic": "#4477aa",
+    "visual": "#228833",
+    "sound": "#66ccee",
+    FUSION: "#aa3377",
+    PROCEDURE: "black",
+}
+OTHER = "#ccbb44"  # a sense of the user's
+GREY = "#bbbbbb"  # dominated
 
 
 @dataclass(frozen=True)
@@ -29,8 +37,8 @@ class Point:
 
     Attributes:
         system: Its name in the family.
-        kind: haptic, visual or fusion; procedure for the choice itself, whose votes on a fold are
-            those of the system chosen on its partner, and whose times are means over them.
+        kind: Its sense, or fusion; procedure for the choice itself, whose votes on a fold are those
+            of the system chosen on its partner, and whose times are means over them.
         parameters: Numbers that were fitted; None for the procedure.
         macs: Multiply-accumulates of a test sample, mean of what was done; None where they are
             outside PyTorch, and for the procedure.
@@ -151,7 +159,8 @@ def _entry(number: int, point: Point) -> str:
 
 
 def _colour(point: Point) -> str:
-    return COLOURS[point.kind] if point.on_frontier or point.kind == PROCEDURE else GREY
+    shown = point.on_frontier or point.kind == PROCEDURE
+    return COLOURS.get(point.kind, OTHER) if shown else GREY
 
 
 def _line(points: Sequence[Point]) -> list[Point]:
@@ -165,10 +174,9 @@ def _area(point: Point) -> float:
 
 
 def _ratios() -> str:
-    paper = paper_table("profiling")
+    timed = {kind: row for kind, row in paper_table("profiling").items() if isinstance(row, dict)}
     ratios = (
-        f"{kind} {paper[kind]['sliding_window_ms'] / paper[kind]['fcn_ms']:.1f}x"
-        for kind in ("haptic", "visual")
+        f"{kind} {row['sliding_window_ms'] / row['fcn_ms']:.1f}x" for kind, row in timed.items()
     )
     return f"the paper's gain of dense over sliding windows: {', '.join(ratios)}"
 

@@ -1,6 +1,7 @@
 """Charts of ``task=profile``."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from tex_lightning.profiling.growth import Point
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.profile_table import WAYS, Network
 
-COLOURS = {"haptic": "#4477aa", "visual": "#ee6677", "fusion": "#228833"}
+COLOURS = ("#4477aa", "#ee6677", "#228833", "#ccbb44", "#66ccee", "#aa3377")  # of networks
 PARTS = {"label": "-", "network": "-", "features": ":"}
 
 
@@ -23,8 +24,9 @@ def ways_figure(name: str, network: Network) -> Figure:
         for key, title in WAYS.items()
         if f"{key}_ms" in network
     ]
-    for key, title in (("sliding_window", WAYS["sliding_window"]), ("fcn", "FCN")):
-        bars.append((f"paper: {title}, {paper['device']}", paper[name][f"{key}_ms"], "#bbbbbb"))
+    if name in paper:
+        for key, title in (("sliding_window", WAYS["sliding_window"]), ("fcn", "FCN")):
+            bars.append((f"paper: {title}, {paper['device']}", paper[name][f"{key}_ms"], "#bbbbbb"))
     figure = Figure(figsize=(8, 0.4 * len(bars) + 1.2), layout="constrained")
     axes = figure.subplots()
     _bars(axes, bars)
@@ -70,18 +72,22 @@ def growth_figure(points: Sequence[Point]) -> Figure:
     """Time against everything that can grow, both axes logarithmic; grey: in proportion."""
     done = [point for point in points if point.median_ms is not None]
     names = list(dict.fromkeys(point.axis for point in done))
+    networks = dict.fromkeys(point.network for point in done)
+    colours = dict(zip(networks, cycle(COLOURS), strict=False))
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(4 * columns, 3.2 * rows), layout="constrained")
     grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for axes, name in zip(grid, names, strict=False):
-        _growth_panel(axes, name, [point for point in done if point.axis == name])
+        _growth_panel(axes, name, [point for point in done if point.axis == name], colours)
     for axes in grid[len(names) :]:
         axes.set_axis_off()
     return figure
 
 
-def _growth_panel(axes: Axes, name: str, points: Sequence[Point]) -> None:
+def _growth_panel(
+    axes: Axes, name: str, points: Sequence[Point], colours: Mapping[str, str]
+) -> None:
     for network, part in dict.fromkeys((point.network, point.part) for point in points):
         line = [point for point in points if (point.network, point.part) == (network, part)]
         values = np.array([point.value for point in line])
@@ -91,7 +97,7 @@ def _growth_panel(axes: Axes, name: str, points: Sequence[Point]) -> None:
             PARTS[part],
             marker="o",
             markersize=3,
-            color=COLOURS[network],
+            color=colours[network],
             label=f"{network} {part}",
         )
     times = [point.median_ms or 0 for point in points]

@@ -72,7 +72,7 @@ FACTS: dict[str, Callable[[Network], str]] = {
 
 
 def print_profile(results: dict[str, Any], directory: Path) -> None:
-    """Print each network's figures beside the paper's, then the layers that take longest."""
+    """Print each network's figures, beside the paper's if it has them, then its slow layers."""
     tables = []
     for name, network in results["networks"].items():
         tables += [_comparison(name, network, results), _layers(name, network)]
@@ -80,23 +80,24 @@ def print_profile(results: dict[str, Any], directory: Path) -> None:
 
 
 def _comparison(name: str, network: Network, results: dict[str, Any]) -> Table:
-    """One network's ways of classifying beside the paper's."""
+    """One network's ways of classifying, beside the paper's if it has that network."""
     paper = paper_table("profiling")
-    theirs = paper[name]
-    theirs["speedup"] = theirs["sliding_window_ms"] / theirs["fcn_ms"]
+    theirs = paper.get(name)
     title = f"profile · {results['model']} · {results['weights']}"
-    table = make_table(title, [""], [name, "paper"])
-    table.caption = (
-        f"ms: median (p95), {results['environment']['threads']} threads; paper: its average on a "
-        f"{paper['device']}"
-    )
+    table = make_table(title, [""], [name, "paper"] if theirs else [name])
+    table.caption = f"ms: median (p95), {results['environment']['threads']} threads"
+    columns = [network]
+    if theirs:
+        theirs["speedup"] = theirs["sliding_window_ms"] / theirs["fcn_ms"]
+        table.caption += f"; paper: its average on a {paper['device']}"
+        columns.append(theirs)
     for key, way in WAYS.items():
         if f"{key}_ms" in network:
-            table.add_row(way, _time(network, key), _time(theirs, key))
+            table.add_row(way, *(_time(column, key) for column in columns))
     for key, fact in FACTS.items():
         if key == DENSE_LABELS and results["weights"] == RANDOM:
             continue  # random weights say nearly the same everywhere: chance decides
-        table.add_row(key, fact(network), fact(theirs) if key == SPEEDUP else "")
+        table.add_row(key, *map(fact, columns if key == SPEEDUP else [network]))
     return table
 
 

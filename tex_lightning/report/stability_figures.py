@@ -1,13 +1,12 @@
 """Charts of ``task=stability``: systems beside perturbations, and accuracy over severity."""
 
 from collections.abc import Sequence
-from typing import get_args
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tex_lightning.perturbations.table import SEVERITIES, Disturbed
+from tex_lightning.perturbations.table import SEVERITIES
 from tex_lightning.stability.trial import Trial
 
 COLUMNS = 5  # of small charts
@@ -16,10 +15,9 @@ COLUMNS = 5  # of small charts
 def stability_figures(trials: Sequence[Trial]) -> dict[str, Figure]:
     """Figures by title: ``heat_map``, and ``curves_MODALITY`` for what was perturbed."""
     figures = {"heat_map": heat_map(trials)}
-    for modality in get_args(Disturbed):
+    for modality in dict.fromkeys(trial.perturbation.modality for trial in trials):
         some = [trial for trial in trials if trial.perturbation.modality == modality]
-        if some:
-            figures[f"curves_{modality}"] = curves(some, modality)
+        figures[f"curves_{modality}"] = curves(some, modality)
     return figures
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from tex_lightning.card import SUFFIX
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
+from tex_lightning.evaluation.outcomes import RANDOM, Outcome, read_outcomes
 from tex_lightning.report.table import run_overrides
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")
@@ -25,7 +25,7 @@ class System:
 
     Attributes:
         model: Name of its configuration.
-        kind: haptic, visual or fusion.
+        kind: Its sense, or ``fusion``.
         inside: The FusionNet that trained it as its part; empty for a system of its own.
         data: Name of the data set's configuration.
         variant: What else was asked for, where one model was run in several ways.
@@ -65,17 +65,18 @@ class System:
     def successes_beside(self, other: "System") -> dict[str, bool]:
         """Whether it was right on the samples of another system, by those samples.
 
-        A FusionNet's sample is a pair of recordings, of which a unimodal system judges its own.
+        Where those have recordings of more senses, this one judges its own of them.
         """
-        if self.kind == "fusion" or other.kind == self.kind:
+        own = self.outcomes[0].files
+        if not own.keys() < other.outcomes[0].files.keys():
             return self.successes
-        mine = {_own(out, self.kind): out.label == out.predicted for out in self.outcomes}
-        theirs = {out.sample: _own(out, self.kind) for out in other.outcomes}
-        return {key: mine[part] for key, part in theirs.items() if part in mine}
+        mine = {_files(each, own): each.label == each.predicted for each in self.outcomes}
+        theirs = {each.sample: _files(each, own) for each in other.outcomes}
+        return {sample: mine[part] for sample, part in theirs.items() if part in mine}
 
 
-def _own(outcome: Outcome, kind: str) -> str:
-    return outcome.haptic if kind == "haptic" else outcome.image
+def _files(outcome: Outcome, modalities: Iterable[str]) -> tuple[str, ...]:
+    return tuple(outcome.files[modality] for modality in modalities)
 
 
 def read_systems(runs: Iterable[Path]) -> list[System]:
@@ -102,14 +103,19 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
 
 
 def _start(results: dict[str, Any], kind: str) -> list[str]:
-    """What the trunk of a system began with, if the run says so."""
-    part = kind == "haptic" and list(results["networks"])[-1] != "haptic"
-    weights = results.get("haptic_trunk_weights" if part else "trunk_weights")
-    if weights is None:
-        return []
-    source = Path(weights.partition(" (")[0])  # what it was trained on may follow
+    """What the trunks of a system began with, where that was not at random."""
+    weights: dict[str, str] = results.get("weights", {})
+    own = [kind] if kind in weights else list(weights)
+    given = {sense: weights[sense] for sense in own if weights[sense] != RANDOM}
+    title = "trunk" if len(own) == 1 else "{} trunk"
+    return [f"{title.format(sense)} from {_named(source)}" for sense, source in given.items()]
+
+
+def _named(source: str) -> str:
+    """A source of weights as briefly as it can be told from others."""
+    path = Path(source.partition(" (")[0])  # what it was trained on may follow
     # every run calls its checkpoints the same
-    return [f"trunk from {source if source.suffix == SUFFIX else source.name}"]
+    return str(path if path.suffix == SUFFIX else path.name)
 
 
 def _results(run: Path) -> dict[str, Any]:

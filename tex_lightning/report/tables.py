@@ -12,7 +12,7 @@ from tex_lightning.report.table import seconds
 
 KIND_TABLES = ("haptic", "visual", "fusion")
 DATA_TABLES = ("kylberg", "kth_tips2b")
-LABELS = {"haptic": "HapticNet", "visual": "VisualNet"}
+LABELS = {"haptic": "HapticNet", "visual": "VisualNet"}  # other senses have no published name
 HEADINGS = (
     "system", "votes, paper", "votes, ours", "95 % interval", "p against the best",
     "fragments, paper", "fragments, ours", "ms a sample", "fit s", "parameters",
@@ -29,7 +29,8 @@ def accuracy_tables(systems: Sequence[System], *, complete: bool) -> str:
         complete: Whether rows that were not run are listed too.
     """
     own = [system for system in systems if not system.inside]
-    parts = [_table(kind, _of_kind(kind, systems), complete=complete) for kind in KIND_TABLES]
+    kinds = dict.fromkeys([*KIND_TABLES, *(system.kind for system in systems)])
+    parts = [_table(kind, _of_kind(kind, systems), complete=complete) for kind in kinds]
     for name in DATA_TABLES:
         visual = [system for system in own if system.kind == "visual"]
         rows = [system for system in visual if system.data == name] or visual
@@ -50,7 +51,7 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
     """One table; empty where nothing in it was run."""
     if not systems:
         return ""
-    paper = paper_table(name)
+    paper = _paper_rows(name)
     best = max(systems, key=lambda system: summarise(system.outcomes)["vote_accuracy"])
     order = [row["model"] for row in paper["rows"]]
     lines = []
@@ -69,12 +70,17 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
         [
             f"### {paper['title']}",
             "",
-            f"Ours: {', '.join(data)}, {classes} classes, {count} test samples. "
-            f"The paper's: {paper['data']}.",
+            f"Ours: {', '.join(data)}, {classes} classes, {count} test samples."
+            + (f" The paper's: {paper['data']}." if paper["rows"] else ""),
             "",
             *markdown(HEADINGS, lines),
         ]
     )
+
+
+def _paper_rows(name: str) -> dict[str, Any]:
+    """The paper's table; one without rows of a sense that it does not have."""
+    return paper_table(name) or {"title": f"{name.capitalize()} classification", "rows": []}
 
 
 def seeds_table(systems: Sequence[System]) -> str:
@@ -106,7 +112,7 @@ def _seeds_line(members: list[System]) -> list[str]:
 
 def _label(system: System) -> str:
     if system.inside:
-        return f"{LABELS[system.kind]} inside {system.inside}"
+        return f"{LABELS.get(system.kind, f'{system.kind} network')} inside {system.inside}"
     return system.model
 
 
@@ -160,12 +166,10 @@ def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
     paper = paper_table("profiling")
     lines = []
     for name, ours in networks.items():
-        theirs = paper[ours["kind"]]
         lines.append(
             [
                 name,
-                f"{theirs['sliding_window_ms']} / {theirs['fcn_ms']}",
-                f"{theirs['sliding_window_ms'] / theirs['fcn_ms']:.1f}x",
+                *_paper_times(paper.get(ours["kind"])),
                 f"{ours['sliding_window_ms']:.1f} / {ours['fcn_ms']:.1f}",
                 f"{ours['speedup']:.1f}x",
                 f"{ours['speedup_same_engine']:.1f}x",
@@ -185,3 +189,11 @@ def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
             *markdown(headings, lines),
         ]
     )
+
+
+def _paper_times(times: dict[str, float] | None) -> list[str]:
+    """Both times and their ratio; dashes for a sense that the paper does not have."""
+    if times is None:
+        return [NONE, NONE]
+    windows, dense = times["sliding_window_ms"], times["fcn_ms"]
+    return [f"{windows} / {dense}", f"{windows / dense:.1f}x"]

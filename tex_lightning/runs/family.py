@@ -176,8 +176,8 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
     kept = Recordings(tuple(row for row in rows if row.group % folds != pair[1]))
     networks = fit_fold(replace(workspace, recordings=kept).on_fold(pair[0], directory))
     entry = networks[workspace.kind]
-    samples = make_samples(apart, workspace.kind)
     trained, config = load_classifier(entry["checkpoint"]), workspace.config
+    samples = make_samples(apart, config.model.modalities)
     classifier = prepare(trained, config.engine, config.decision)
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
@@ -205,12 +205,13 @@ def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measure
 def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[str]:
     """What trains a system with what else the user asked for.
 
-    One source of weights is meant for networks on photos: a system on traces goes without it.
+    One source of weights is meant for the published trunks: a system without goes without it.
     """
     without = [item for item in given if not item.startswith("weights=")]
     if len(without) < len(given):
         composed = job.compose([*given, *system])
-        if composed.model.kind == "haptic" and isinstance(composed.weights, str):
+        published = any("trunk" in composed.model[sense] for sense in composed.model.senses)
+        if not published and isinstance(composed.weights, str):
             return [*without, *system]
     return [*given, *system]
 

@@ -1,15 +1,16 @@
 """Train and test all networks of a model on one fold."""
 
 import logging
-from dataclasses import asdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.card import Card
-from tex_lightning.config import Config
-from tex_lightning.data.folds import Kind, Split, make_samples
+from tex_lightning.config import Config, plain_values
+from tex_lightning.config.model import FUSION
+from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.calibrate import calibrate
@@ -19,7 +20,6 @@ from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.loggers import log_test
-from tex_lightning.parts import UNIMODAL
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.workspace import (
@@ -40,8 +40,7 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
         "model": config.model.name,
         "data": config.data.name,
         "classes": workspace.classes,
-        "trunk_weights": trunk_weights(config),
-        **haptic_trunk_weights(config),
+        "weights": weights(config),
         "seed": config.seed,
         "wall_seconds": seconds,
         "skipped": skipped_entry(workspace.skipped),
@@ -50,49 +49,37 @@ def results_frame(workspace: Workspace, networks: dict[str, Any], seconds: float
     }
 
 
-def trunk_weights(config: Config) -> str | None:
-    """Where the visual trunk's weights came from, if there is one; else those of HapticNet's."""
-    model = config.model
-    if model.kind != "haptic":
-        trunk = model.baseline is None or "trunk" in model.baseline
-        given = config.weights_of("visual") or model.fusion.visual_checkpoint
-        return (RANDOM if given is None else name_source(given)) if trunk else None
-    given = config.weights_of("haptic")
-    return None if given is None else name_source(given)
-
-
-def haptic_trunk_weights(config: Config) -> dict[str, str]:
-    """Where those of a FusionNet's HapticNet came from, if they were given."""
-    given = config.model.fusion.haptic_checkpoint or config.weights_of("haptic")
-    if config.model.kind != "fusion" or given is None:
-        return {}
-    return {"haptic_trunk_weights": name_source(given)}
+def weights(config: Config) -> dict[str, str]:
+    """By sense where the weights of its network, or of its trunk, came from."""
+    given = {
+        name: config.model.checkpoints.get(name) or config.weights_of(name)
+        for name in config.model.senses
+    }
+    return {name: RANDOM if path is None else name_source(path) for name, path in given.items()}
 
 
 def fit_fold(workspace: Workspace) -> dict[str, Any]:
     """Train and test all networks that the model consists of on one fold."""
     parts = workspace.parts()
-    unimodal: dict[Kind, Path] = {}
+    unimodal: dict[str, Path] = {}
     networks: dict[str, Any] = {}
-    if workspace.kind == "fusion":
-        unimodal = given_checkpoints(workspace.config)
-        for kind, path in unimodal.items():
-            starting_card(workspace, kind, path)  # before time is spent on the other network
-        for kind in UNIMODAL:
-            if kind not in unimodal:
-                networks[kind] = _fit_network(workspace, parts, kind, {})
-                unimodal[kind] = Path(networks[kind]["checkpoint"])
-    networks[workspace.kind] = _fit_network(workspace, parts, workspace.kind, unimodal)
+    if workspace.kind == FUSION:
+        given = given_checkpoints(workspace.config)
+        for name, path in given.items():
+            starting_card(workspace, name, path)  # before time is spent on the other networks
+        for name in workspace.config.model.senses:
+            if name not in given:
+                networks[name] = _fit_network(workspace, parts, [name], {})
+            unimodal[name] = given.get(name) or Path(networks[name]["checkpoint"])
+    senses = workspace.config.model.senses
+    networks[workspace.kind] = _fit_network(workspace, parts, senses, unimodal)
     return networks
 
 
 def _fit_network(
-    workspace: Workspace,
-    parts: Split,
-    kind: Kind,
-    unimodal: dict[Kind, Path],
+    workspace: Workspace, parts: Split, senses: Sequence[str], unimodal: dict[str, Path]
 ) -> dict[str, Any]:
-    card, shared = make_card(workspace, kind, unimodal), workspace.config.crossval.share
+    card, shared = make_card(workspace, senses, unimodal), workspace.config.crossval.share
     training = make_training(workspace, card, parts, unimodal)
     if card.baseline:
         checkpoint = fit_baseline(training)
@@ -106,11 +93,11 @@ def _fit_network(
 
 
 def make_training(
-    workspace: Workspace, card: Card, parts: Split, unimodal: dict[Kind, Path]
+    workspace: Workspace, card: Card, parts: Split, unimodal: dict[str, Path]
 ) -> Training:
     """What the training of one network reads of the configuration."""
     config = workspace.config
-    source = None if card.kind == "fusion" else config.weights_of(card.kind)
+    source = None if card.kind == FUSION else config.weights_of(card.kind)
     return Training(
         card=card,
         parts=parts,
@@ -132,19 +119,17 @@ def _tested_network(workspace: Workspace, checkpoint: Path, parts: Split) -> dic
     classifier = load_classifier(checkpoint)
     classifier.to(pick_device(workspace.config.trainer.accelerator))
     config, store, directory = workspace.config, workspace.store, workspace.directory
-    kind = classifier.card.kind
-    calibrate(
-        classifier, checkpoint, make_samples(parts.val, kind), store, config.engine, config.decision
-    )
-    samples = make_samples(parts.test, kind)
-    unknown = workspace.unknown_samples(kind)
+    kind, modalities = classifier.card.kind, classifier.card.modalities
+    validation, samples = (make_samples(part, modalities) for part in (parts.val, parts.test))
+    calibrate(classifier, checkpoint, validation, store, config.engine, config.decision)
+    unknown = workspace.unknown_samples(modalities)
     result, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, config, unknown
     )
     figures = {}
     if config.task == "fit":  # others draw what they have pooled over the folds
         figures = draw_figures(outcomes, workspace.classes, kind, directory)
-    log_test(config.logger, directory, kind, asdict(config), result, figures)
+    log_test(config.logger, directory, kind, plain_values(config), result, figures)
     title = classifier.card.title
     log.info("%s: %d of %d votes correct.", title, result["correct"], result["test_samples"])
     return result

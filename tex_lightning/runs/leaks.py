@@ -5,7 +5,7 @@ from typing import Any
 
 from tex_lightning.card import Card
 from tex_lightning.config import DataConfig
-from tex_lightning.data.folds import NEEDS, Split
+from tex_lightning.data.folds import Split
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
@@ -31,7 +31,7 @@ def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -
     start = starting_classifier(source, card)
     begun = {} if start is None else start.card.trained_on
     if start is not None:
-        refuse_leak(parts.test.of(NEEDS[card.kind][0]), start.card, f"weights: checkpoint {source}")
+        refuse_leak(parts.test.of(card.modalities[0]), start.card, f"weights: checkpoint {source}")
     return {**_seen(card, parts, data, begun), "trunks": {card.kind: name_source(source)}}
 
 
@@ -47,7 +47,7 @@ def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) ->
         fingerprint(row.path)
         for part in (parts.train, parts.val)
         for row in part
-        if row.modality in NEEDS[card.kind]
+        if row.modality in card.modalities
     ]
     earlier = {digest for each in begun for digest in each.get("seen", ())}
     return {

@@ -10,17 +10,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tex_lightning.config import Config
+from tex_lightning.config.model import FUSION
 from tex_lightning.data.folds import split
-from tex_lightning.data.recordings import MODALITIES, Modality, Recording, Recordings
+from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.progress import console
-from tex_lightning.report.durations import describe_rates, durations, unlike_the_others
+from tex_lightning.report.durations import describe_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
 
 WIDTH, INDENT = 80, 10
-TITLES: dict[Modality, str] = {"haptic": "Traces", "image": "Photos"}
-NETWORKS = {"haptic": "HapticNet", "visual": "VisualNet"}
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +29,7 @@ class _Run:
     """A running task, and the senses and left-out files that it has announced."""
 
     config: Config
-    announced: set[Modality] = field(default_factory=set)
+    announced: set[str] = field(default_factory=set)
     skipped: set[Recording] = field(default_factory=set)
 
 
@@ -70,8 +69,9 @@ def announce(
     if run.announced and not len(fresh):
         return
     run.announced |= {row.modality for row in recordings}
-    if odd := unlike_the_others(fresh.of("haptic"), store):
-        log.warning("%s", odd)
+    for modality in {row.modality: None for row in fresh}:
+        if odd := unlike_the_others(fresh.of(modality), store):
+            log.warning("%s", odd)
     for line in opening_lines(run.config, fresh, store, skipped):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
@@ -81,11 +81,13 @@ def opening_lines(
 ) -> list[str]:
     """The block as lines of at most 80 columns."""
     entries = [("Data", _source(config), 1), ("Classes", _classes(recordings), 2)]
-    for modality in MODALITIES:
-        if rows := recordings.of(modality):
-            entries.append((TITLES[modality], _sense(rows, store), 1))
-    if traces := recordings.of("haptic"):
-        entries.append(("Rates", describe_rates(traces, store), 2))
+    modalities = {row.modality: None for row in recordings}
+    for modality in modalities:
+        title = plural(modality).partition(" ")[0].capitalize()
+        entries.append((title, _sense(recordings.of(modality), store), 1))
+    for modality in modalities:
+        if described := describe_rates(recordings.of(modality), store):
+            entries.append(("Rates", described, 2))
     entries.append(("Folds", _folds(config, recordings), 1))
     if left_out := _left_out(recordings, skipped):
         entries.append(("Skipped", left_out, 2))
@@ -114,13 +116,9 @@ def _classes(recordings: Recordings) -> str:
 
 def _sense(rows: Recordings, store: Store) -> str:
     """How many there are, how long or large they are once decoded, and how many of each class."""
-    if rows.rows[0].modality == "haptic":
-        seconds = list(durations(rows, store).values())
-        size = spread(seconds, "s", ".3g", median=True)
-    else:
-        shapes = [store.image(row).shape for row in rows]
-        pixels = [height * width / 1e6 for height, width, _ in shapes]
-        size = spread(pixels, "megapixels", ".2g", median=True)
+    decoder = store.decoders[rows.rows[0].modality]
+    sizes = [store.extent(row) for row in rows]
+    size = spread(sizes, decoder.unit, decoder.precision, median=True)
     counts = Counter(row.label for row in rows)
     each = f"{len(rows)}; {size}; {spread(list(counts.values()), '', 'd')} of a class"
     if len(set(counts.values())) == 1:
@@ -166,8 +164,7 @@ def _work(config: Config) -> tuple[str, str, int]:
         return "Tests", str(config.checkpoint), 1
     if config.task == "stability":
         return "Tests", ", ".join(config.stability.systems or []), 2
-    if model.baseline is not None or model.kind != "fusion":
+    if model.baseline is not None or model.kind != FUSION:
         return "Trains", model.name, 1
-    given = {"haptic": model.fusion.haptic_checkpoint, "visual": model.fusion.visual_checkpoint}
-    parts = [NETWORKS[kind] for kind, path in given.items() if path is None]
-    return "Trains", f"{model.name}: {', '.join([*parts, 'FusionNet'])}", 1
+    networks = [name for name in model.senses if name not in model.checkpoints]
+    return "Trains", f"{model.name}: {', '.join([*networks, FUSION])}", 1

@@ -17,12 +17,11 @@ from tex_lightning.evaluation.early_stopping import (
     summarise_sequential,
     write_settings,
 )
-from tex_lightning.inference.early_stopping import SEQUENTIAL, SequentialClassifier
+from tex_lightning.inference.early_stopping import SEQUENTIAL, SequentialClassifier, needs_threshold
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.sequential_chart import sequential_figure
 
 ALPHA, THRESHOLD = "alpha", "confidence_threshold"
-KNOBS = {"haptic": (THRESHOLD,), "visual": (ALPHA,), "fusion": (ALPHA, THRESHOLD)}
 FILE = "sequential.csv"
 
 
@@ -42,7 +41,7 @@ def report_sequential(
     used = replace(config, calibrated=False, confidence_threshold=classifier.threshold)
     settings = [
         measure(classifier.full, decision, samples, labels, store, knob, value)
-        for knob, value, decision in _decisions(used, KNOBS[classifier.card.kind])
+        for knob, value, decision in _decisions(used, _knobs(classifier))
     ]
     write_settings(settings, directory / FILE)
     draw_sequential(settings, classifier.card.kind, directory)
@@ -61,6 +60,13 @@ def pool_sequential(
     write_settings(settings, directory / FILE)
     draw_sequential(settings, name, directory)
     return {"sequential": {**_thresholds(config), **summarise_sequential(settings[0])}}
+
+
+def _knobs(classifier: SequentialClassifier) -> tuple[str, ...]:
+    """The thresholds that matter: of photos alpha, of a single signal the probability."""
+    windowed = any(branch.windowed for branch in classifier.full.branches.values())
+    by_probability = (THRESHOLD,) if needs_threshold(classifier.full) else ()
+    return (*((ALPHA,) if windowed else ()), *by_probability)
 
 
 def _thresholds(used: DecisionConfig) -> dict[str, float]:

@@ -1,21 +1,17 @@
 """What ``task=profile`` measures: unimodal networks, each with one recording to classify."""
 
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
-from tex_lightning.card import Card
+from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config
-from tex_lightning.data.decode import decode_image, decode_trace
-from tex_lightning.data.folds import NEEDS, Kind
+from tex_lightning.data.decode import Array, SignalDecoder
 from tex_lightning.errors import UserError
-from tex_lightning.networks.windows import window_size
-from tex_lightning.parts import UNIMODAL, unimodal_parts
-from tex_lightning.profiling.subject import Subject
+from tex_lightning.profiling.subject import Subject, only_branch
 from tex_lightning.runs.workspace import configured_card
 from tex_lightning.synthetic import make_materials
 from tex_lightning.synthetic.camera import render_photo
@@ -32,22 +28,24 @@ def make_subjects(config: Config, device: torch.device) -> list[Subject]:
         UserError: If the checkpoint or a recording cannot be used, or is for a network that is
             not there.
     """
-    if config.checkpoint is None:
-        kinds = UNIMODAL if config.model.kind == "fusion" else (cast(Kind, config.model.kind),)
-        classes = [f"class{number}" for number in range(config.profile.classes)]
-        torch.manual_seed(config.seed)
-        parts = [SurfaceClassifier(configured_card(config, kind, classes)) for kind in kinds]
-    else:
-        parts = list(unimodal_parts(SurfaceClassifier.from_checkpoint(config.checkpoint)))
-    _refuse_unused(config, [part.card.kind for part in parts])
+    parts = _networks(config)
+    _refuse_unused(config, [only_branch(part).modality for part in parts])
     return [_subject(config, part.eval().to(device)) for part in parts]
 
 
-def _refuse_unused(config: Config, kinds: list[Kind]) -> None:
-    needed = {modality for kind in kinds for modality in NEEDS[kind]}
-    for key, value in (("haptic", config.haptic), ("image", config.image)):
-        if value is None:
-            continue
+def _networks(config: Config) -> list[SurfaceClassifier]:
+    if config.checkpoint is not None:
+        whole = SurfaceClassifier.from_checkpoint(config.checkpoint)
+        return [whole.part([name]) for name in whole.card.senses]
+    classes = [f"class{number}" for number in range(config.profile.classes)]
+    torch.manual_seed(config.seed)
+    return [
+        SurfaceClassifier(configured_card(config, [name], classes)) for name in config.model.senses
+    ]
+
+
+def _refuse_unused(config: Config, needed: list[str]) -> None:
+    for key, value in config.files.items():
         if key not in needed:
             raise UserError(f"{key}={value} is for a network that is not profiled; leave it out.")
         if isinstance(value, list | dict):
@@ -55,40 +53,30 @@ def _refuse_unused(config: Config, kinds: list[Kind]) -> None:
 
 
 def _subject(config: Config, classifier: SurfaceClassifier) -> Subject:
-    trace = classifier.card.kind == "haptic"
-    recording = _trace(config, classifier.card) if trace else _photo(config, classifier.card)
-    if trace and config.checkpoint is None and classifier.haptic_features is not None:
-        features = classifier.haptic_features
-        features.fit([features.magnitudes(recording.to(features.window.device))])
-    subject = Subject(classifier, recording)
-    given = tuple(subject.features(classifier).shape[-2:])
-    least = window_size(subject.network)
+    branch = only_branch(classifier)
+    least = branch.window_size
+    recording = torch.from_numpy(_recording(config, branch).copy())
+    given = branch.input_size(recording)
     if given[0] < least[0] or given[1] < least[1]:
         raise UserError(
-            f"The {'trace gives' if trace else 'photo has'} {given[0]}x{given[1]} "
-            f"{'bands and frames' if trace else 'pixels, height first'}, and one window of the "
-            f"{classifier.card.kind} network takes {least[0]}x{least[1]}; give a larger recording."
+            f"The {branch.what} gives an input of {given[0]}x{given[1]}, height first, and one "
+            f"window of the {branch.name} network takes {least[0]}x{least[1]}; give a larger "
+            "recording."
         )
-    return subject
+    features: Any = branch.features
+    if config.checkpoint is None and hasattr(features, "fit"):
+        features.fit([features.magnitudes(recording.to(branch.device))])
+    return Subject(classifier, recording)
 
 
-def _trace(config: Config, card: Card) -> Tensor:
-    if config.haptic is not None:
-        path = Path(str(config.haptic)).expanduser()
-        return torch.from_numpy(decode_trace(path, card.settings_for(config.data.file_rate)))
-    rate = round(card.settings.sampling_rate)
-    rng = np.random.default_rng(config.seed)
-    return torch.from_numpy(slide_tool(_specimen(config), rng, config.profile.seconds, rate))
-
-
-def _photo(config: Config, card: Card) -> Tensor:
-    if config.image is not None:
-        path = Path(str(config.image)).expanduser()
-        return torch.from_numpy(decode_image(path, card.settings).copy())
-    size = (config.profile.width, config.profile.height)
-    rng = np.random.default_rng(config.seed)
-    return torch.from_numpy(render_photo(_specimen(config), rng, size=size))
-
-
-def _specimen(config: Config) -> Specimen:
-    return Specimen(make_materials(2, config.seed)[0])
+def _recording(config: Config, branch: Branch) -> Array:
+    """The file that is given, or what the synthetic tool or camera records."""
+    file = config.files.get(branch.modality)
+    if file is not None:
+        decoder = branch.decoder.assuming(config.data.file_rate)
+        return decoder.decode(Path(str(file)).expanduser())[0]
+    profile, rng = config.profile, np.random.default_rng(config.seed)
+    specimen = Specimen(make_materials(2, config.seed)[0])
+    if isinstance(branch.decoder, SignalDecoder):
+        return slide_tool(specimen, rng, profile.seconds, round(branch.decoder.sampling_rate))
+    return render_photo(specimen, rng, size=(profile.width, profile.height))

@@ -4,13 +4,13 @@ import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.card import SUFFIX
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig
-from tex_lightning.data.decode import DecodeSettings
-from tex_lightning.data.folds import Kind, Sample, make_samples
+from tex_lightning.config.model import FUSION, kind_of
+from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
@@ -20,7 +20,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.runfolder import SETTINGS
 from tex_lightning.runs.opening import announce
-from tex_lightning.runs.tested import recordings_to_test
+from tex_lightning.runs.tested import open_store, recordings_to_test
 from tex_lightning.runs.usable import find_unusable
 from tex_lightning.stability.evaluator import Evaluator
 from tex_lightning.stability.perturbed import PerturbedDataset
@@ -36,7 +36,7 @@ def load_systems(config: Config) -> list[System]:
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
             what it would be tested on.
     """
-    datasets: dict[DecodeSettings, PerturbedDataset] = {}
+    datasets: list[PerturbedDataset] = []
     systems: list[System] = []
     for given in config.stability.systems or []:
         path = Path(given).expanduser()
@@ -46,7 +46,7 @@ def load_systems(config: Config) -> list[System]:
             name = _name(path, kind, classifier)
             systems.append(System(name, classifier.card.kind, members))
     notes = read_recordings(config.data).notes
-    for each in datasets.values():
+    for each in datasets:
         tested = Recordings(tuple(each.rows.values()), notes)
         announce(config, tested, each.store, skipped_files(systems))
     return _named_apart(systems)
@@ -69,38 +69,48 @@ def _checkpoints(path: Path, config: Config) -> dict[str, list[Found]]:
         folds = {fold: each for fold, each in folds.items() if fold in config.stability.folds}
     homes: list[tuple[Path, int | None]] = [(folds[fold], fold) for fold in sorted(folds)]
     found: dict[str, list[Found]] = {}
-    for kind in reversed(get_args(Kind)):  # fusion first
-        places = homes or [(path, None)]
-        files = [(home / "checkpoints" / f"{kind}.ckpt", fold) for home, fold in places]
-        there = [(file, fold) for file, fold in files if file.is_file()]
-        if there:
-            found[kind] = there
+    for home, fold in homes or [(path, None)]:
+        for file in sorted(home.glob(f"checkpoints/*{SUFFIX}")):
+            found.setdefault(file.stem, []).append((file, fold))
     if not found:
         raise UserError(
             f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt or "
             "folds/N/checkpoints/KIND.ckpt); give the folder of a finished run."
         )
-    return found if config.stability.parts else dict([next(iter(found.items()))])
+    kinds = sorted(found, key=lambda kind: (kind != FUSION, kind))
+    return {kind: found[kind] for kind in (kinds if config.stability.parts else kinds[:1])}
 
 
 def _member(
-    config: Config, path: Path, fold: int | None, datasets: dict[DecodeSettings, PerturbedDataset]
+    config: Config, path: Path, fold: int | None, datasets: list[PerturbedDataset]
 ) -> Member:
     classifier = load_classifier(path)
     data = config.data if fold is None else replace(config.data, test_fold=fold)
     rows = recordings_to_test(data, classifier, f"Checkpoint {path}")
-    settings = classifier.card.settings_for(config.data.file_rate)
-    store = Store(cache_root(config.data.cache_dir), settings)
-    dataset = datasets.setdefault(settings, PerturbedDataset(store, config.seed, data.folds))
-    features, min_side = classifier.haptic_features, classifier.min_side
-    skipped = find_unusable(rows, dataset.store, features, min_side, skip_bad=config.data.skip_bad)
+    dataset = _dataset(config, classifier, datasets)
+    branches = classifier.branches.values()
+    skipped = find_unusable(rows, dataset.store, branches, skip_bad=config.data.skip_bad)
     rows = rows.without(each.recording for each in skipped)
-    samples = _limited(make_samples(rows, classifier.card.kind), config.stability.limit)
+    samples = _limited(make_samples(rows, classifier.card.modalities), config.stability.limit)
     if not samples:
         raise UserError(f"There is nothing to test {path} on in {_place(data)}; choose another.")
-    dataset.add(row for each in samples for row in (each.haptic, each.image) if row is not None)
+    dataset.add(row for each in samples for row in each.recordings.values())
     engine = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
     return Member(path, Evaluator(engine.eval()), samples, dataset, skipped)
+
+
+def _dataset(
+    config: Config, classifier: SurfaceClassifier, datasets: list[PerturbedDataset]
+) -> PerturbedDataset:
+    """The one of those met before that decodes alike, or another."""
+    store = open_store(config, classifier)
+    for each in datasets:
+        decoders = {**store.decoders, **each.store.decoders}
+        if decoders == {**decoders, **store.decoders}:
+            each.store = Store(cache_root(config.data.cache_dir), decoders)
+            return each
+    datasets.append(PerturbedDataset(store, config.seed, config.data.folds))
+    return datasets[-1]
 
 
 def _place(data: DataConfig) -> str:
@@ -125,7 +135,8 @@ def _name(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
     note = path / SETTINGS
     if path.is_dir() and note.is_file():
         settings = json.loads(note.read_text(encoding="utf-8"))
-        if settings.get("model.kind") == kind:
+        senses = settings.get("model.senses")
+        if senses and kind_of(senses) == kind:
             return str(settings["model.name"])
     return str(classifier.card.baseline.get("name", classifier.card.kind))
 

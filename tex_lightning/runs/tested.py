@@ -4,10 +4,11 @@ from dataclasses import replace
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import DataConfig
-from tex_lightning.data.folds import NEEDS, split
+from tex_lightning.config import Config, DataConfig
+from tex_lightning.data.folds import split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError, listed
 from tex_lightning.runs.leaks import refuse_leak
 from tex_lightning.runs.workspace import hold_out
@@ -25,7 +26,7 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
         UserError: If their classes are unknown to the checkpoint, or it was trained on them.
     """
     card = classifier.card
-    rows, _ = hold_out(read_recordings(data), data.hold_out)
+    rows, _ = hold_out(read_recordings(data, card.modalities), data.hold_out)
     unknown = [label for label in rows.classes if label not in card.classes]
     if unknown:
         raise UserError(
@@ -35,18 +36,31 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
     return _tested(rows, data, card, who)
 
 
+def open_store(config: Config, classifier: SurfaceClassifier) -> Store:
+    """Where recordings are decoded as a checkpoint says.
+
+    Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
+    """
+    decoders = {
+        branch.modality: branch.decoder.assuming(config.data.file_rate)
+        for branch in classifier.branches.values()
+    }
+    return Store(cache_root(config.data.cache_dir), decoders)
+
+
 def held_out_to_test(data: DataConfig, classifier: SurfaceClassifier) -> Recordings:
     """The recordings of the classes in ``data.hold_out`` in the test fold.
 
     Raises:
         UserError: If there is no such class, or the checkpoint was trained on it.
     """
-    _, held = hold_out(read_recordings(data), data.hold_out)
-    return _tested(held, data, classifier.card, "The checkpoint")
+    card = classifier.card
+    _, held = hold_out(read_recordings(data, card.modalities), data.hold_out)
+    return _tested(held, data, card, "The checkpoint")
 
 
 def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
-    wanted = rows.without(row for row in rows if row.modality not in NEEDS[card.kind])
+    wanted = rows.without(row for row in rows if row.modality not in card.modalities)
     test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
     refuse_leak(test, card, who)
     return replace(test, notes=rows.notes)

@@ -87,10 +87,10 @@ def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -
 
     The latter is None for a baseline whose arithmetic is outside PyTorch and not counted.
     """
-    trace, photo = load_sample(sample, store)
+    recordings = load_sample(sample, store)
     return {
         "parameters": classifier.count_parameters(),
-        "macs_per_sample": count_macs(lambda: classifier.logits(trace, photo)) or None,
+        "macs_per_sample": count_macs(lambda: classifier.logits(**recordings)) or None,
     }
 
 

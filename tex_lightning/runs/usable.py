@@ -1,29 +1,23 @@
 """Which recordings can be used at all: found out before time is spent on training."""
 
-from tex_lightning.classifier import check_frames, check_side
-from tex_lightning.data.datamodule import load_trace
+from collections.abc import Iterable
+
+from tex_lightning.branches import Branch
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import HapticFeatures
 
 
 def find_unusable(
-    recordings: Recordings,
-    store: Store,
-    features: HapticFeatures | None,
-    min_side: int,
-    *,
-    skip_bad: bool,
+    recordings: Recordings, store: Store, branches: Iterable[Branch], *, skip_bad: bool
 ) -> list[Unusable]:
     """Decode recordings and find those that cannot be, or give no fragment.
 
     Args:
         recordings: All that a task will need.
         store: Filled with them.
-        features: Of the traces; None for a network on photos.
-        min_side: Of a photo in pixels.
+        branches: That look at them.
         skip_bad: Whether the task goes on without them (``data.skip_bad``).
 
     Raises:
@@ -31,7 +25,13 @@ def find_unusable(
     """
     damaged = store.fill(recordings)
     readable = recordings.without(each.recording for each in damaged)
-    unusable = [*damaged, *_find_too_small(readable, store, features, min_side)]
+    small = [
+        found
+        for branch in branches
+        for row in readable.of(branch.modality)
+        if (found := _too_small(row, store, branch)) is not None
+    ]
+    unusable = list({each.recording: each for each in (*damaged, *small)}.values())
     if unusable and not skip_bad:
         refuse(unusable, len(recordings))
     return unusable
@@ -49,33 +49,21 @@ def refuse(unusable: list[Unusable], count: int) -> None:
     )
 
 
-def _find_too_small(
-    recordings: Recordings, store: Store, features: HapticFeatures | None, min_side: int
-) -> list[Unusable]:
-    """The recordings that are too short or too small for a single fragment."""
-    found = []
-    for row in recordings:
-        try:
-            _check_size(row, store, features, min_side)
-        except UserError as error:
-            found.append(Unusable(row, f"{row.path}: {error}"))
-    return found
+def _too_small(row: Recording, store: Store, branch: Branch) -> Unusable | None:
+    """A recording that is too short or too small for a single fragment."""
+    try:
+        branch.check(store.load(row))
+    except UserError as error:
+        said = f"{str(error).rstrip('.')}{_doubt(row, store, branch)}."
+        return Unusable(row, f"{row.path}: {said}")
+    return None
 
 
-def _check_size(
-    row: Recording, store: Store, features: HapticFeatures | None, min_side: int
-) -> None:
-    if row.modality == "image":
-        height, width, _ = store.image(row).shape
-        check_side(height, width, min_side)
-    elif features is not None:
-        try:
-            check_frames(features.count_frames(load_trace(row, store)), features)
-        except UserError as error:
-            rate = store.rate(row)
-            if rate.source != "assumed":
-                raise
-            raise UserError(
-                f"{str(error).rstrip('.')}, or correct the rate: {rate.hz:,.6g} Hz are assumed "
-                "(data.file_rate, or give the rate of this file)."
-            ) from error
+def _doubt(row: Recording, store: Store, branch: Branch) -> str:
+    """A rate that nobody has stated may be the reason."""
+    if branch.medium != "signal" or (rate := store.rate(row)).source != "assumed":
+        return ""
+    return (
+        f", or correct the rate: {rate.hz:,.6g} Hz are assumed (data.file_rate, or give the rate "
+        "of this file)"
+    )

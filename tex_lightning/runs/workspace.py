@@ -1,30 +1,27 @@
 """What every training task starts with: recordings, store, classifier card, run folder."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
+from tex_lightning.baselines.classifier import new_classifier
 from tex_lightning.baselines.making import make_baseline
+from tex_lightning.branches import Branch
 from tex_lightning.card import DECISION, Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config, DataConfig, ModelConfig
-from tex_lightning.data.decode import DecodeSettings
-from tex_lightning.data.folds import NEEDS, Kind, Sample, Split, check_split, make_samples, split
+from tex_lightning.config import Config
+from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.errors import UserError, listed
-from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.start import start_trunk
-from tex_lightning.parts import UNIMODAL
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
 from tex_lightning.runs.opening import announce
 from tex_lightning.runs.usable import find_unusable
-
-HAPTIC_KEYS = ("width", "norm", "dropout")
-VISUAL_KEYS = ("trunk", "width", "norm", "dropout", "fc1_kernel", "head")
 
 
 @dataclass(frozen=True)
@@ -33,9 +30,8 @@ class Workspace:
 
     Attributes:
         config: The whole configuration.
-        kind: haptic, visual or fusion.
         classes: Class names in natural order.
-        recordings: Those of the modalities that the kind needs.
+        recordings: Those of the modalities that the model needs.
         unknown: The same of the classes held out of everything but a test of their own.
         store: Decoded files.
         directory: The run folder.
@@ -43,13 +39,17 @@ class Workspace:
     """
 
     config: Config
-    kind: Kind
     classes: list[str]
     recordings: Recordings
     unknown: Recordings
     store: Store
     directory: Path
     skipped: tuple[Unusable, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """What the network of all senses is called."""
+        return self.config.model.kind
 
     def on_fold(self, fold: int, directory: Path) -> "Workspace":
         """The same with another test fold and run folder."""
@@ -60,14 +60,14 @@ class Workspace:
         """Training, validation and test recordings, checked."""
         data = self.config.data
         parts = split(self.recordings, data.folds, data.test_fold, data.val_fold, data.inverted)
-        check_split(parts, self.classes, self.kind, cast(int, data.test_fold))
+        check_split(parts, self.classes, self.config.model.modalities, cast(int, data.test_fold))
         return parts
 
-    def unknown_samples(self, kind: Kind) -> list[Sample]:
+    def unknown_samples(self, modalities: Sequence[str]) -> list[Sample]:
         """Samples of the held-out classes in the test fold."""
         data = self.config.data
         parts = split(self.unknown, data.folds, data.test_fold, data.val_fold, data.inverted)
-        return make_samples(parts.test, kind)
+        return make_samples(parts.test, modalities)
 
 
 def open_workspace(config: Config, directory: Path) -> Workspace:
@@ -76,25 +76,23 @@ def open_workspace(config: Config, directory: Path) -> Workspace:
     Raises:
         UserError: If the data or the networks cannot be used.
     """
-    kind = cast(Kind, config.model.kind)
-    min_side = _check_networks(config)
-    rows = read_recordings(config.data)
-    needed = rows.without(row for row in rows if row.modality not in NEEDS[kind])
+    branches, modalities = check_networks(config), config.model.modalities
+    rows = read_recordings(config.data, modalities)
+    needed = rows.without(row for row in rows if row.modality not in modalities)
     recordings, unknown = hold_out(needed, config.data.hold_out)
-    store = Store(cache_root(config.data.cache_dir), decode_settings(config.data))
+    decoders = {branch.modality: branch.decoder for branch in branches}
+    store = Store(cache_root(config.data.cache_dir), decoders)
     if len(recordings.classes) < 2:
         raise UserError(
-            f"The data has {' or '.join(NEEDS[kind])} recordings of "
-            f"{listed(recordings.classes) or 'no class'} for a {kind} network, and telling "
-            "classes apart takes two; choose another model or add recordings."
+            f"The data has {' or '.join(modalities)} recordings of "
+            f"{listed(recordings.classes) or 'no class'} for a {config.model.kind} network, and "
+            "telling classes apart takes two; choose another model or add recordings."
         )
-    features = HapticFeatures(**_haptic_features(config))
-    skipped = find_unusable(needed, store, features, min_side, skip_bad=config.data.skip_bad)
+    skipped = find_unusable(needed, store, branches, skip_bad=config.data.skip_bad)
     bad = [each.recording for each in skipped]
     announce(config, needed.without(bad), store, skipped)
     return Workspace(
         config,
-        kind,
         recordings.classes,
         recordings.without(bad),
         unknown.without(bad),
@@ -120,136 +118,110 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     return recordings.in_classes(known), recordings.in_classes(classes or [])
 
 
-def _check_networks(config: Config) -> int:
+def check_networks(config: Config) -> list[Branch]:
     """Build what will be trained, so that settings and weights that do not fit are said at once.
 
     Returns:
-        The smallest side in pixels that a photo may have; 0 for traces.
+        The branches, with weights of no meaning.
 
     Raises:
         UserError: Naming the key that does not fit.
     """
     model = config.model
-    if model.baseline is not None:
-        baseline = make_baseline(model.name, model.baseline, model.budget)
-        if config.weights is not None:
-            baseline.load_weights(config.weights)
-        return baseline.min_side
-    given = given_checkpoints(config) if model.kind == "fusion" else {}
-    starts = {kind: SurfaceClassifier.from_checkpoint(path, kind) for kind, path in given.items()}
-    for kind in UNIMODAL if model.kind == "fusion" else (cast(Kind, model.kind),):
-        source = config.weights_of(kind)
-        if kind in starts or (kind == "haptic" and source is None):
-            continue
-        starts[kind] = SurfaceClassifier(configured_card(config, kind, ["one", "other"]))
-        if source is not None:
-            start_trunk(starts[kind], source)
-    min_side = starts["visual"].min_side if "visual" in starts else 0
-    patch = model.visual.fit.patch
-    if "visual" in starts and "visual" not in given and patch < min_side:
+    if model.baseline is None:
+        return [_checked_branch(config, name) for name in model.senses]
+    baseline = make_baseline(model.name, model.baseline, model.budget)
+    if config.weights is not None:
+        baseline.load_weights(config.weights)
+    card = configured_card(config, model.senses, ["one", "other"])
+    return list(new_classifier(card).branches.values())
+
+
+def _checked_branch(config: Config, name: str) -> Branch:
+    given, source = config.model.checkpoints.get(name), config.weights_of(name)
+    if given is not None:
+        return SurfaceClassifier.from_checkpoint(given, name).branch(name)
+    start = SurfaceClassifier(configured_card(config, [name], ["one", "other"]))
+    if source is not None:
+        start_trunk(start, source)
+    branch, fit = start.branch(name), config.model.branch(name).fit
+    if branch.tells_geometry and fit.piece < (least := branch.min_size[1]):
         raise UserError(
-            f"model.visual.fit.patch is {patch}, and this network needs {min_side} pixels for a "
-            f"prediction; choose {min_side} or more."
+            f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least} for "
+            f"a prediction; choose {least} or more."
         )
-    return min_side
+    return branch
 
 
-def given_checkpoints(config: Config) -> dict[Kind, Path]:
+def given_checkpoints(config: Config) -> dict[str, Path]:
     """The unimodal checkpoints that FusionNet is told to start from."""
-    fusion = config.model.fusion
-    given: dict[Kind, str | None] = {
-        "haptic": fusion.haptic_checkpoint,
-        "visual": fusion.visual_checkpoint,
-    }
-    return {kind: Path(path).expanduser() for kind, path in given.items() if path}
+    return {name: Path(path).expanduser() for name, path in config.model.checkpoints.items()}
 
 
-def decode_settings(data: DataConfig) -> DecodeSettings:
-    """How the configured data is decoded."""
-    file_rate = data.sampling_rate if data.file_rate is None else data.file_rate
-    return DecodeSettings(data.sampling_rate, file_rate, data.half_scale, data.resize)
-
-
-def make_card(workspace: Workspace, kind: Kind, unimodal: dict[Kind, Path]) -> Card:
-    """Describe the classifier to train; FusionNet's parts are what their checkpoints say."""
+def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Path]) -> Card:
+    """Describe the classifier to train; FusionNet's branches are what their checkpoints say."""
     config, parts = workspace.config, workspace.parts()
-    rows = [row for row in parts.train if row.modality in NEEDS[kind]]
-    ranges = training_ranges(rows, workspace.store)
-    card = replace(configured_card(config, kind, workspace.classes), input_ranges=ranges)
-    if kind != "fusion":
-        source = None if card.baseline else config.weights_of(kind)
+    card = configured_card(config, senses, workspace.classes)
+    ranges = {
+        branch.modality: training_ranges(
+            branch.measure(row, workspace.store) for row in parts.train.of(branch.modality)
+        )
+        for branch in new_classifier(card).branches.values()
+    }
+    card = replace(card, input_ranges=ranges)
+    if not unimodal:
+        source = None if card.baseline else config.weights_of(card.kind)
         return replace(card, trained_on=trained_on(card, parts, config.data, source))
-    haptic = starting_card(workspace, "haptic", unimodal["haptic"])
-    visual = starting_card(workspace, "visual", unimodal["visual"])
+    starts = {name: starting_card(workspace, name, path) for name, path in unimodal.items()}
     return replace(
         card,
-        trained_on=trained_on_parts(card, parts, config.data, haptic, visual),
-        haptic_features=haptic.haptic_features,
-        haptic_network=haptic.haptic_network,
-        visual_network=visual.visual_network,
-        fusion={"level": config.model.fusion.level},
+        trained_on=trained_on_parts(card, parts, config.data, *starts.values()),
+        branches={name: starts[name].branches[name] for name in senses},
     )
 
 
-def configured_card(config: Config, kind: Kind, classes: list[str]) -> Card:
-    """Describe a unimodal classifier by the configuration alone, as if nothing had trained it."""
-    model, network = config.model, config.model.baseline is None
+def configured_card(config: Config, senses: Sequence[str], classes: list[str]) -> Card:
+    """Describe a classifier by the configuration alone, as if nothing had trained it."""
+    model = config.model
     return Card(
-        kind=kind,
         classes=classes,
-        decode=decode_settings(config.data).to_dict(),
+        branches={name: model.branch(name).node for name in senses},
         decision={key: getattr(config.decision, key) for key in DECISION},
-        haptic_features=_haptic_features(config) if kind == "haptic" else {},
-        haptic_network=_network(model.haptic, *HAPTIC_KEYS) if network and kind == "haptic" else {},
-        visual_network=_network(model.visual, *VISUAL_KEYS) if network and kind == "visual" else {},
-        baseline={} if network else _baseline(model, config.weights),
+        fusion={"level": model.fusion.level} if len(senses) > 1 else {},
+        baseline={} if model.baseline is None else _baseline(config),
     )
 
 
-def _baseline(model: ModelConfig, weights: str | None) -> dict[str, Any]:
+def _baseline(config: Config) -> dict[str, Any]:
     """What makes it again, and the weights it started from."""
+    model = config.model
     return {
         "name": model.name,
         "node": model.baseline,
         "budget": model.budget,
-        "weights": weights,
+        "weights": config.weights,
     }
 
 
-def starting_card(workspace: Workspace, kind: Kind, path: Path) -> Card:
+def starting_card(workspace: Workspace, name: str, path: Path) -> Card:
     """The card of a unimodal checkpoint, if FusionNet may start from it.
 
     Raises:
         UserError: If it is no such network, classes or decoding differ, or it has seen the fold
             that this run tests.
     """
-    config = workspace.config
-    card = SurfaceClassifier.from_checkpoint(path, kind).card
+    card = SurfaceClassifier.from_checkpoint(path, name).card
     if card.classes != workspace.classes:
         raise UserError(
             f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
             f"{len(workspace.classes)} of this data; train it on the same data."
         )
-    theirs, ours = card.settings.to_dict(), decode_settings(config.data).to_dict()
-    for key in ("sampling_rate",) if kind == "haptic" else ("half_scale", "resize"):
-        if theirs[key] != ours[key]:
+    theirs, ours = card.branches[name]["decode"], workspace.config.model.branch(name).decode
+    for key in theirs:
+        if key != "file_rate" and theirs[key] != ours.get(key):
             raise UserError(
                 f"Checkpoint {path} was trained with data.{key}={theirs[key]}, this "
-                f"run has {ours[key]}; make them equal."
+                f"run has {ours.get(key)}; make them equal."
             )
-    refuse_leak(workspace.parts().test.of(NEEDS[kind][0]), card, f"Checkpoint {path}")
+    refuse_leak(workspace.parts().test.of(card.modalities[0]), card, f"Checkpoint {path}")
     return card
-
-
-def _haptic_features(config: Config) -> dict[str, Any]:
-    return {
-        "sampling_rate": config.data.sampling_rate,
-        "normalisation": config.model.haptic.normalisation,
-        "skip_impact": config.model.haptic.skip_impact,
-        "axes": config.model.haptic.axes,
-        "scale": config.model.haptic.scale,
-    }
-
-
-def _network(section: object, *keys: str) -> dict[str, Any]:
-    return {key: getattr(section, key) for key in keys}

@@ -1,30 +1,29 @@
 """A classifier that takes recordings one by one and decides on them in any combination.
 
-A FusionNet computes its summand of the class scores for each trace and each photo once, however
-many samples they are part of, and decides as :meth:`SurfaceClassifier.classify` does.
+A FusionNet computes its summand of the class scores for each recording once, however many samples
+it is part of, and decides as :meth:`SurfaceClassifier.classify` does.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import cast
+from itertools import combinations
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier, content_seed
-from tex_lightning.data.recordings import Modality
 from tex_lightning.decision.voting import probabilities
 from tex_lightning.errors import UserError
-from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.perturbations.scene import Array
 
 
 @dataclass(frozen=True)
 class Scores:
-    """What a classifier made of one recording.
+    """What one sense of a classifier made of one recording.
 
     Attributes:
-        recording: Trace or photo; a FusionNet draws its pairs by it.
+        recording: Signal or photo; a FusionNet draws its tuples by it.
         scores: Class scores (classes, positions) by this recording alone.
         summand: What it adds to those of a FusionNet; the same at level FC2.
     """
@@ -47,8 +46,8 @@ class Decision:
         label: Class index; None if the classifier refused the sample.
         share: Share of the votes.
         probability: Mean probability of the label over the fragments.
-        agreement: Of a FusionNet with both modalities, the probability that draws from the beliefs
-            of its two parts are the same class; else None.
+        agreement: Where several senses decided, the probability that draws from the beliefs of two
+            of them are the same class, mean over all twos; else None.
     """
 
     label: int | None
@@ -65,63 +64,60 @@ class Evaluator:
 
     Args:
         classifier: In evaluation mode, as prediction runs it.
+
+    Attributes:
+        modalities: By the name of each sense, what it looks at.
     """
 
     def __init__(self, classifier: SurfaceClassifier) -> None:
         self.classifier = classifier
         self.classes = classifier.card.classes
-        self.fused = classifier.card.kind == "fusion"
+        branches = classifier.card.branches
+        self.modalities: dict[str, str] = {name: branches[name]["modality"] for name in branches}
 
     @torch.inference_mode()
-    def score(self, recording: Array, modality: Modality) -> Scores | None:
+    def score(self, recording: Array, sense: str) -> Scores | None:
         """Class scores of every position of a recording; None if it is refused."""
-        tensor = torch.from_numpy(np.array(recording))
         try:
-            if self.fused:
-                return self._half(recording, tensor, modality)
-            trace, photo = (tensor, None) if modality == "haptic" else (None, tensor)
-            scores = self.classifier.logits(trace, photo).cpu()
+            features = self.classifier.positions(sense, torch.from_numpy(np.array(recording)))
         except UserError:
             return None
-        return Scores(recording, scores, scores)
-
-    def _half(self, recording: Array, tensor: Tensor, modality: Modality) -> Scores:
-        network = cast(FusionNet, self.classifier.network)
-        if modality == "haptic":
-            features = self.classifier.haptic_positions(tensor, network.level)
-            summand = network.project_haptic(features[None])[0]
-        else:
-            features = self.classifier.visual_positions(tensor, network.level).flatten(1)
-            summand = network.project_visual(features[None])[0]
-        scores = summand if network.level == "fc2" else features
+        summand = self.classifier.project(sense, features)
+        scores = summand if self.classifier.level(sense) == "fc2" else features
         return Scores(recording, scores.cpu(), summand.cpu())
 
     @torch.inference_mode()
     def alone(self, scores: Scores | None) -> Decision:
-        """Decide by one recording; so does a FusionNet whose other modality is missing."""
-        # a FusionNet's part has no temperature of its own: `part_card`
-        temperature = 1.0 if self.fused else self.classifier.card.temperature
-        return REFUSED if scores is None else self._decide(scores.scores, temperature)
+        """Decide by one recording; so does a FusionNet whose other modalities are missing."""
+        return REFUSED if scores is None else self._decide(scores.scores, 1)
 
     @torch.inference_mode()
-    def together(
-        self, haptic: Scores | None, image: Scores | None, pairs: int | None = None
-    ) -> Decision:
-        """Decide by both recordings, over so many pairs; None takes the card's."""
-        if haptic is None or image is None:
-            return REFUSED
-        seed = self.classifier.card.decision["seed"]
-        scores = self.classifier.pair_scores(
-            haptic.summand[None],
-            image.summand[None],
-            content_seed(seed, haptic.recording, image.recording),
-            pairs,
-        )
-        temperature = self.classifier.card.temperature
-        return self._decide(scores, temperature, float(haptic.belief @ image.belief))
+    def together(self, scores: Mapping[str, Scores | None], count: int | None = None) -> Decision:
+        """Decide by the recordings of some senses; those of the others are missing.
 
-    def _decide(
-        self, scores: Tensor, temperature: float, agreement: float | None = None
-    ) -> Decision:
+        Args:
+            scores: By the name of each sense, in the order of the card.
+            count: Number of tuples; None takes the card's.
+        """
+        found = {sense: each for sense, each in scores.items() if each is not None}
+        if not found or len(found) < len(scores):
+            return REFUSED
+        if len(found) == 1:
+            return self.alone(*found.values())
+        # a modality that several senses look at counts once
+        looked_at = {self.modalities[sense]: each.recording for sense, each in found.items()}
+        seed = content_seed(self.classifier.card.decision["seed"], *looked_at.values())
+        joined = self.classifier.join([each.summand for each in found.values()], seed, count)
+        return self._decide(joined, len(found), _agreement(found.values()))
+
+    def _decide(self, scores: Tensor, senses: int, agreement: float | None = None) -> Decision:
+        card = self.classifier.card
+        # some of the senses have no temperature of their own: `Card.of`
+        temperature = card.temperature if senses == len(card.senses) else 1.0
         vote = self.classifier.decide(scores, temperature)
         return Decision(vote.label, float(vote.shares[vote.label]), vote.probability, agreement)
+
+
+def _agreement(found: Iterable[Scores]) -> float:
+    beliefs = [each.belief for each in found]
+    return float(np.mean([float(one @ other) for one, other in combinations(beliefs, 2)]))

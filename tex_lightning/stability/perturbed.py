@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, fingerprint
@@ -40,7 +41,7 @@ class PerturbedDataset:
 
     def clean(self, row: Recording) -> Array:
         """The recording as decoded."""
-        return self.store.trace(row) if row.modality == "haptic" else self.store.image(row)
+        return self.store.load(row)
 
     def perturbed(self, row: Recording, perturbation: Perturbation, severity: float) -> Array:
         """The recording perturbed; those of the latest perturbation and severity are kept."""
@@ -48,7 +49,7 @@ class PerturbedDataset:
             self._now, self._perturbed = (perturbation, severity), {}
         if row not in self._perturbed:
             rng = self.rng(perturbation.name, row)
-            scene = Scene(rng, self.store.settings.sampling_rate, partial(self._other, row, rng))
+            scene = Scene(rng, self._rate(row), partial(self._other, row, rng))
             self._perturbed[row] = perturbation.apply(np.array(self.clean(row)), severity, scene)
         return self._perturbed[row]
 
@@ -68,9 +69,13 @@ class PerturbedDataset:
         choice = near or others
         return choice[int(rng.integers(len(choice)))]
 
-    def axes(self, samples: Iterable[Sample]) -> set[int]:
-        """Numbers of axes that the traces of some samples have."""
-        return {len(self.clean(each.haptic)) for each in samples if each.haptic is not None}
+    def axes(self, samples: Iterable[Sample], modality: str) -> set[int]:
+        """Numbers of axes that the signals of some samples have."""
+        return {len(self.clean(each.recordings[modality])) for each in samples}
+
+    def _rate(self, row: Recording) -> float:
+        decoder = self.store.decoders[row.modality]
+        return decoder.sampling_rate if isinstance(decoder, SignalDecoder) else 0.0
 
     def _other(self, row: Recording, rng: np.random.Generator) -> Array:
         return np.array(self.clean(self.partner(row, rng)))

@@ -7,13 +7,12 @@ import numpy as np
 
 from tex_lightning.evaluation.calibration import auroc
 from tex_lightning.evaluation.outcomes import wilson_interval
-from tex_lightning.perturbations.table import SEVERITIES, perturbations
+from tex_lightning.perturbations.table import BOTH, SEVERITIES, SWAPPED, perturbations
 from tex_lightning.stability.evaluator import Decision
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import Bench, Trial
 
 Errors = dict[str, float]
-SWAPS = ("haptic_swapped", "image_swapped")
 
 
 def summarise_system(system: System, trials: Sequence[Trial], reference: Errors) -> dict[str, Any]:
@@ -88,17 +87,25 @@ def corruption_error(errors: Errors, reference: Errors) -> dict[str, Any] | None
 
 
 def conflict_summary(system: System, bench: Bench) -> dict[str, Any]:
-    """How well a FusionNet tells a trace and a photo of two classes from those of one.
+    """How well a FusionNet tells recordings of two classes in one sample from those of one.
 
     The area under the ROC curve of three scores, each high for a conflict: 1 - agreement of the
     beliefs of its parts, 1 - share of the votes, and 1 - mean probability of the label. Every
-    sample is there once as it is and once with each modality swapped.
+    sample is there once as it is and once with each modality swapped. A system without such a
+    perturbation has none.
     """
-    clean = _usable(bench.trial(system, perturbations()[SWAPS[0]], 0).decisions)
+    swaps = [
+        each
+        for each in perturbations().values()
+        if each.modality == BOTH and each.fate[1] == SWAPPED and system.meets(each)
+    ]
+    if not swaps:
+        return {}
+    clean = _usable(bench.trial(system, swaps[0], 0).decisions)
     swapped = [
         made
-        for name in SWAPS
-        for made in _usable(bench.trial(system, perturbations()[name], SEVERITIES[-1]).decisions)
+        for each in swaps
+        for made in _usable(bench.trial(system, each, SEVERITIES[-1]).decisions)
     ]
     scores = {
         "conflict_auroc": (_disagreement(clean), _disagreement(swapped)),

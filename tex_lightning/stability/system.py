@@ -1,17 +1,17 @@
 """A system under test: a classifier for each fold, with that fold's test samples."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tex_lightning.data.folds import NEEDS, Kind, Sample
+from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.unusable import Unusable
-from tex_lightning.perturbations.table import Perturbation
+from tex_lightning.perturbations.table import BOTH, FEWER, MISSING, Perturbation
 from tex_lightning.stability.evaluator import Decision, Evaluator, Scores
 from tex_lightning.stability.perturbed import PerturbedDataset
 
-See = Callable[[Recording], Scores | None]
+See = Callable[[str, Recording], Scores | None]  # of a sense
 
 
 @dataclass
@@ -31,60 +31,56 @@ class Member:
     samples: list[Sample]
     dataset: PerturbedDataset
     skipped: Sequence[Unusable] = ()
-    _clean: dict[Recording, Scores | None] = field(default_factory=dict)
+    _clean: dict[tuple[str, Recording], Scores | None] = field(default_factory=dict)
 
     def clean(self) -> list[Decision]:
         """Decisions on the samples as they are."""
-        return [self._decide(sample, self._see) for sample in self.samples]
+        return [self._decide(sample.recordings, self._see) for sample in self.samples]
 
     def decide(self, perturbation: Perturbation, severity: float) -> list[Decision]:
         """Decisions on the perturbed samples."""
-        if perturbation.modality == "both":
+        if perturbation.modality == BOTH:
             return [self._combine(sample, perturbation, severity) for sample in self.samples]
-        seen: dict[Recording, Scores | None] = {}
+        seen: dict[tuple[str, Recording], Scores | None] = {}
 
-        def see(row: Recording) -> Scores | None:
+        def see(sense: str, row: Recording) -> Scores | None:
             if row.modality != perturbation.modality:
-                return self._see(row)
-            if row not in seen:
+                return self._see(sense, row)
+            if (sense, row) not in seen:
                 array = self.dataset.perturbed(row, perturbation, severity)
-                seen[row] = self.evaluator.score(array, row.modality)
-            return seen[row]
+                seen[sense, row] = self.evaluator.score(array, sense)
+            return seen[sense, row]
 
-        return [self._decide(sample, see) for sample in self.samples]
+        return [self._decide(sample.recordings, see) for sample in self.samples]
 
-    def _see(self, row: Recording) -> Scores | None:
-        if row not in self._clean:
-            array = self.dataset.clean(row)
-            self._clean[row] = self.evaluator.score(array, row.modality)
-        return self._clean[row]
+    def _see(self, sense: str, row: Recording) -> Scores | None:
+        if (sense, row) not in self._clean:
+            self._clean[sense, row] = self.evaluator.score(self.dataset.clean(row), sense)
+        return self._clean[sense, row]
 
-    def _decide(self, sample: Sample, see: See) -> Decision:
-        if sample.haptic is not None and sample.image is not None:
-            return self.evaluator.together(see(sample.haptic), see(sample.image))
-        row = sample.haptic or sample.image
-        return self.evaluator.alone(None if row is None else see(row))
+    def _decide(
+        self, rows: Mapping[str, Recording], see: See, count: int | None = None
+    ) -> Decision:
+        """Decide by recordings, by modality; senses whose modality is missing are left out."""
+        scores = {
+            sense: see(sense, rows[modality])
+            for sense, modality in self.evaluator.modalities.items()
+            if modality in rows
+        }
+        return self.evaluator.together(scores, count)
 
     def _combine(self, sample: Sample, perturbation: Perturbation, severity: float) -> Decision:
-        """A trace and a photo that are whole, put together wrongly."""
-        haptic, image = sample.haptic, sample.image
-        assert haptic is not None and image is not None  # noqa: PT018
-        value, name = perturbation.value(severity), perturbation.name
-        if name == "fewer_pairs":
-            pairs = max(1, round(value))
-            return self.evaluator.together(self._see(haptic), self._see(image), pairs)
-        rng = self.dataset.rng(name, haptic, image)
-        if rng.random() >= value:
-            return self._decide(sample, self._see)
-        if name == "haptic_missing":
-            return self.evaluator.alone(self._see(image))
-        if name == "image_missing":
-            return self.evaluator.alone(self._see(haptic))
-        if name == "haptic_swapped":
-            haptic = self.dataset.partner(haptic, rng)
-        else:
-            image = self.dataset.partner(image, rng)
-        return self.evaluator.together(self._see(haptic), self._see(image))
+        """Recordings that are whole, put together wrongly."""
+        value, rows = perturbation.value(severity), dict(sample.recordings)
+        if perturbation.name == FEWER:
+            return self._decide(rows, self._see, max(1, round(value)))
+        modality, becomes = perturbation.fate
+        rng = self.dataset.rng(perturbation.name, *rows.values())
+        if rng.random() < value:
+            row = rows.pop(modality)
+            if becomes != MISSING:
+                rows[modality] = self.dataset.partner(row, rng)
+        return self._decide(rows, self._see)
 
 
 @dataclass
@@ -93,13 +89,18 @@ class System:
 
     Attributes:
         name: Unlike those of the other systems.
-        kind: haptic, visual or fusion.
+        kind: The sense that it reads, or ``fusion`` of several.
         members: One for each fold that is tested.
     """
 
     name: str
-    kind: Kind
+    kind: str
     members: list[Member]
+
+    @property
+    def modalities(self) -> tuple[str, ...]:
+        """What recordings it looks at."""
+        return tuple(dict.fromkeys(self.members[0].evaluator.modalities.values()))
 
     @property
     def samples(self) -> Iterator[tuple[Member, Sample]]:
@@ -130,10 +131,12 @@ class System:
 
     def meets(self, perturbation: Perturbation) -> bool:
         """Whether the system reads what the perturbation changes."""
-        if perturbation.modality == "both":
-            return self.kind == "fusion"
-        if perturbation.modality not in NEEDS[self.kind]:
+        modality, axes = perturbation.modality, perturbation.axes
+        if modality == BOTH:
+            hit = perturbation.name == FEWER or perturbation.fate[0] in self.modalities
+            return hit and len(self.modalities) > 1
+        if modality not in self.modalities:
             return False
-        return perturbation.axes is None or all(
-            member.dataset.axes(member.samples) == {perturbation.axes} for member in self.members
+        return axes is None or all(
+            member.dataset.axes(member.samples, modality) == {axes} for member in self.members
         )

@@ -1,4 +1,4 @@
-"""Synthetic surfaces: photos and acceleration traces rendered from one height field per class.
+"""Synthetic surfaces: photos, acceleration traces and sounds from one height field per class.
 
 The data are made for tests and for trying the whole system without a download. They are not a
 model of any real data set, and no result on them says anything about one.

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import soundfile
 import torch
 from numpy.typing import NDArray
 
@@ -19,12 +21,14 @@ from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
 from tex_lightning.synthetic.camera import Light, render_photo
 from tex_lightning.synthetic.materials import make_materials
+from tex_lightning.synthetic.microphone import hear_stroke
 from tex_lightning.synthetic.specimen import Specimen
-from tex_lightning.synthetic.tool import slide_tool
+from tex_lightning.synthetic.tool import draw_stroke, slide_tool
 
 RATE = 10_000  # Hz of traces
+SOUND_RATE = 44_100  # Hz of sounds
 CLASSES = Key("materials that can be made up", least=2, most=999)
-_HAPTIC, _IMAGE = 0, 1
+_HAPTIC, _IMAGE, _SOUND = 0, 1, 2
 _FIRST_IMAGE, _LAST_IMAGE = 5529, 9999
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
@@ -35,10 +39,10 @@ class SyntheticSpec:
 
     Attributes:
         classes: Number of materials, 2 to 999.
-        recordings: Traces, and photos, of each material. The first half of the photos is taken in
-            daylight, the second in ambient light.
+        recordings: Traces, photos and sounds of each material. The first half of the photos is
+            taken in daylight, the second in ambient light.
         seed: Seed of everything, not negative.
-        seconds: Duration of a trace, at least 1.
+        seconds: Duration of a trace and of its sound, at least 1.
         photo_width: Width of a photo in pixels, at least 32.
         photo_height: Height of a photo in pixels, at least 32.
 
@@ -61,12 +65,18 @@ class SyntheticSpec:
                 raise UserError(f"{section}.{name} is {value}: choose {key.range}.")
 
 
-def write_folder(spec: SyntheticSpec, root: Path) -> None:
-    """Write ``CLASS/haptic/NN.npy`` (float32, shape (3, T), in g) and ``CLASS/image/NN.jpg``.
+def write_folder(
+    spec: SyntheticSpec, root: Path, modalities: Sequence[str] = ("haptic", "image")
+) -> None:
+    """Write ``CLASS/haptic/NN.npy``, ``CLASS/image/NN.jpg`` and, if asked, ``CLASS/sound/NN.flac``.
+
+    Traces are float32, shape (3, T), in g at 10 kHz. Sounds are 16 bit at 44.1 kHz, each of the
+    stroke that the trace of the same number was felt in.
 
     Args:
         spec: What to write.
         root: Folder to write to; missing or empty.
+        modalities: Some of ``haptic``, ``image`` and ``sound``.
 
     Raises:
         UserError: The folder holds something already.
@@ -74,14 +84,13 @@ def write_folder(spec: SyntheticSpec, root: Path) -> None:
     _prepare(root)
 
     def write(specimen: Specimen, index: int) -> None:
-        folder = root / specimen.material.name
-        (folder / "haptic").mkdir(parents=True)
-        (folder / "image").mkdir()
-        for recording in range(spec.recordings):
-            trace = record(spec, specimen, index, recording)
-            np.save(folder / "haptic" / f"{recording:02d}.npy", trace)
-            photo = photograph(spec, specimen, index, recording)
-            _write_jpeg(folder / "image" / f"{recording:02d}.jpg", photo)
+        for modality in modalities:
+            suffix, take, save = _FILES[modality]
+            folder = root / specimen.material.name / modality
+            folder.mkdir(parents=True)
+            for recording in range(spec.recordings):
+                taken = take(spec, specimen, index, recording)
+                save(folder / f"{recording:02d}{suffix}", taken)
 
     _for_each_class(spec, write)
 
@@ -133,6 +142,16 @@ def record(
     return slide_tool(specimen, rng, spec.seconds, RATE)
 
 
+def listen(
+    spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
+) -> NDArray[np.float32]:
+    """Record what a microphone hears of the stroke of :func:`record`, shape (T,), in [-1, 1]."""
+    contact = np.random.default_rng([spec.seed, index, recording, _HAPTIC])
+    stroke = draw_stroke(contact, spec.seconds, RATE).at_rate(SOUND_RATE)
+    rng = np.random.default_rng([spec.seed, index, recording, _SOUND])
+    return hear_stroke(specimen, stroke, contact, rng)
+
+
 def photograph(
     spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.uint8]:
@@ -168,3 +187,16 @@ def _for_each_class(spec: SyntheticSpec, write: Callable[[Specimen, int], None])
 def _write_jpeg(path: Path, photo: NDArray[np.uint8]) -> None:
     encoded = cv2.imencode(".jpg", cv2.cvtColor(photo, cv2.COLOR_RGB2BGR), _JPEG)[1]
     path.write_bytes(encoded.tobytes())
+
+
+def _write_sound(path: Path, sound: NDArray[np.float32]) -> None:
+    soundfile.write(path, sound, SOUND_RATE, "PCM_16")
+
+
+_Take = Callable[[SyntheticSpec, Specimen, int, int], NDArray[Any]]
+_Save = Callable[[Path, NDArray[Any]], None]
+_FILES: dict[str, tuple[str, _Take, _Save]] = {
+    "haptic": (".npy", record, np.save),
+    "image": (".jpg", photograph, _write_jpeg),
+    "sound": (".flac", listen, _write_sound),
+}

@@ -1,11 +1,14 @@
-"""Materials of the synthetic surfaces: what a camera and a tool meet when they come to one class.
+"""Materials of the synthetic surfaces: what camera, tool and microphone meet at one class.
 
-A material has three parts. The ``ReliefSpec`` is the shape of the surface, met by both senses. The
-``Body`` is what only the tool feels, the ``Skin`` what only the camera sees. Twins share two of the
-three, and so reproduce the confusions of single modalities (paper, section IV, confusion
-matrices): in every block of six classes the first two look alike and feel different (a plaster and
-a rubber cast of one mould), the next two feel alike and look different (one mould, two coats of
-paint), and the last two differ from all others in both.
+A material has four parts. The ``ReliefSpec`` is the shape of the surface, met by every sense. The
+``Skin`` is what only the camera sees. The ``Body`` shakes the tool, and the microphone hears of it
+what the ``Voice``, which only it meets, lets through. Twins reproduce the confusions of single
+modalities (paper, section IV, confusion matrices). In every block of six classes
+
+- the first two look alike: a plaster and a rubber cast of one mould on one board,
+- the next two feel alike: one mould, two coats of paint, on opposite boards,
+- the last two sound nearly alike: different in relief, body and skin, but on soft mats under the
+  same loose foil, whose rustle drowns the rest.
 
 No material imitates a real one, and the names say so: ``S001_grooved_stiff_red``.
 """
@@ -25,6 +28,8 @@ BLOCK = 6
 _KINDS = 4  # moulds in a block: look-alikes share one, feel-alikes share one, two stand alone
 _KIND_OF_SLOT = (0, 0, 1, 1, 2, 3)
 _LOOK_ALIKE, _FEEL_ALIKE = 1, 3  # slots holding the second of a pair
+_BOARDS = 3  # each pair has its own; the two that feel alike lie on opposite ones
+_FOIL = _BOARDS - 1  # board of the pair that sounds alike
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,23 @@ class Skin:
 
 
 @dataclass(frozen=True)
+class Voice:
+    """What only the microphone hears: the board that a specimen is fixed to.
+
+    Attributes:
+        pitch: Frequency of the board's lowest ringing, in Hz.
+        quality: Quality factor of the ringing; a larger one rings longer and narrower.
+        loudness: Factor on the sound of the contact.
+        rustle: Loudness of a loose foil; 0 without one.
+    """
+
+    pitch: float
+    quality: float
+    loudness: float
+    rustle: float
+
+
+@dataclass(frozen=True)
 class Material:
     """One class of surface."""
 
@@ -101,6 +123,7 @@ class Material:
     relief: ReliefSpec
     body: Body
     skin: Skin
+    voice: Voice
 
     def looks_like(self, other: Material) -> bool:
         """Whether no photo can tell the two apart."""
@@ -109,6 +132,11 @@ class Material:
     def feels_like(self, other: Material) -> bool:
         """Whether no acceleration trace can tell the two apart."""
         return (self.relief, self.body) == (other.relief, other.body)
+
+    def sounds_like(self, other: Material) -> bool:
+        """Whether hardly a sound tells the two apart: a foil that both have drowns them."""
+        drowned = self.voice.rustle > 0 or self.feels_like(other)
+        return drowned and self.voice == other.voice
 
 
 def make_materials(classes: int, seed: int) -> list[Material]:
@@ -131,8 +159,9 @@ def _make_material(index: int, seed: int) -> Material:
     relief = _make_relief(kind, seed)
     body = _make_body(kind, seed, opposite=slot == _LOOK_ALIKE)
     skin = _make_skin(kind, seed, opposite=slot == _FEEL_ALIKE)
+    voice = _make_voice(block * _BOARDS + slot // 2, seed, opposite=slot == _FEEL_ALIKE)
     words = (f"S{index + 1:03d}", relief.family, _stiffness_word(body), _colour_word(skin))
-    return Material("_".join(words), relief, body, skin)
+    return Material("_".join(words), relief, body, skin, voice)
 
 
 def _spread(
@@ -198,6 +227,17 @@ def _make_skin(kind: int, seed: int, *, opposite: bool) -> Skin:
         gloss=0.5 * gloss**2,
         shininess=_between(6.0, 60.0, gloss),
         seed=2 * kind + opposite,
+    )
+
+
+def _make_voice(board: int, seed: int, *, opposite: bool) -> Voice:
+    pitch, quality, loudness = _spread(board, (2, 3, 5), seed, 4, opposite=opposite)
+    foil = board % _BOARDS == _FOIL
+    return Voice(
+        pitch=_between(500.0, 5000.0, pitch),
+        quality=_between(3.0, 40.0, quality),
+        loudness=_between(0.2, 1.6, loudness) * (0.01 if foil else 1.0),
+        rustle=1.0 if foil else 0.0,
     )
 
 

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, signal, spatial
+from scipy import interpolate, ndimage, signal, spatial
 
 from tex_lightning.synthetic.relief import MICRO_PITCH, PITCH, Field
 from tex_lightning.synthetic.specimen import Specimen
 
 GRAVITY = 9.81  # m/s^2
 RANGE = 6.0  # g, of the accelerometer named in the paper
-_MASS = 0.05  # kg, moving with the tip
+MASS = 0.05  # kg, moving with the tip
 _HAND_STIFFNESS = 300.0  # N/m, of the grip
 _BENDING_HZ, _BENDING_DAMPING = 170.0, 0.12  # tool held in the hand, along the stroke
 _BODY_HZ, _BODY_QUALITY, _BODY_GAIN = 430.0, 8.0, 0.5  # ringing of the stylus itself
@@ -47,6 +47,17 @@ class Stroke:
     landing: int
     sampling_rate: int
 
+    def at_rate(self, sampling_rate: int) -> Stroke:
+        """The same movement in samples of another rate."""
+        ratio = sampling_rate / self.sampling_rate
+        before = np.arange(len(self.speed))
+        after = np.arange(round(len(self.speed) * ratio)) / ratio
+        # Without the kinks of a straight interpolation, which accelerations would turn into noise.
+        position = interpolate.CubicSpline(before, self.position, axis=1)(after)
+        speed = np.interp(after, before, self.speed)
+        force = np.interp(after, before, self.force)
+        return Stroke(position, speed, force, round(self.landing * ratio), sampling_rate)
+
 
 def draw_stroke(
     rng: np.random.Generator, seconds: float, sampling_rate: int, mean_speed: float | None = None
@@ -66,9 +77,9 @@ def draw_stroke(
     drawn_speed = 90 * np.exp(0.12 * np.clip(rng.standard_normal(), -2, 2))
     mean_force = np.exp(0.2 * np.clip(rng.standard_normal(), -2, 2))
     lead = rng.uniform(0.2, 0.4)
-    speed = np.exp(0.15 * _drift(rng, count, sampling_rate))
-    force = mean_force * np.exp(0.15 * _drift(rng, count, sampling_rate))
-    heading = np.deg2rad(rng.uniform(-15, 15) + 8 * _drift(rng, count, sampling_rate))
+    speed = np.exp(0.15 * drift(rng, count, sampling_rate))
+    force = mean_force * np.exp(0.15 * drift(rng, count, sampling_rate))
+    heading = np.deg2rad(rng.uniform(-15, 15) + 8 * drift(rng, count, sampling_rate))
     # The hand rests for a moment after the landing and then sets off smoothly.
     since_start = np.arange(count) / sampling_rate - lead - 0.06
     speed *= (drawn_speed if mean_speed is None else mean_speed) * _ramp(since_start / 0.15)
@@ -117,12 +128,12 @@ def accelerate(specimen: Specimen, stroke: Stroke, rng: np.random.Generator) -> 
     grip = np.exp(0.03 * rng.standard_normal())
     profile = _profile(specimen, stroke)
     normal = _contact(specimen, stroke, np.gradient(np.gradient(profile)) * _per_second2(stroke))
-    normal = _bound_fall(normal, stroke.force / _MASS) + _impact(specimen, stroke, rng)
+    normal = _bound_fall(normal, stroke.force / MASS) + _impact(specimen, stroke, rng)
     along = body.friction * normal + _stick_slip(specimen, stroke, grip, rng)
     sideways = 0.3 * body.friction * normal
     shaken = np.stack([along, sideways, normal])
     shaken += _BODY_GAIN * _ring(shaken, _BODY_HZ * grip, stroke.sampling_rate)
-    tremor = [_drift(rng, len(profile), stroke.sampling_rate, hertz=9.0) for _ in range(3)]
+    tremor = [drift(rng, len(profile), stroke.sampling_rate, hertz=9.0) for _ in range(3)]
     return shaken + 0.1 * np.stack(tremor)
 
 
@@ -149,7 +160,7 @@ def _sample(tile: Field, points: Signal) -> Signal:
 def _contact_frequency(specimen: Specimen, stroke: Stroke) -> float:
     """Give the resonance in rad/s; a Hertzian contact stiffens with the cube root of the force."""
     stiffness = specimen.material.body.stiffness * np.cbrt(stroke.force.mean())
-    return float(np.sqrt((stiffness + _HAND_STIFFNESS) / _MASS))
+    return float(np.sqrt((stiffness + _HAND_STIFFNESS) / MASS))
 
 
 def _contact(specimen: Specimen, stroke: Stroke, acceleration: Signal) -> Signal:
@@ -193,7 +204,7 @@ def _stick_slip(
     omega = 2 * np.pi * _BENDING_HZ * grip
     poles = [1, 2 * _BENDING_DAMPING * omega, omega**2]
     b, a = signal.bilinear([1, 0, 0], poles, stroke.sampling_rate)
-    released: Signal = signal.lfilter(b, a, force / _MASS)
+    released: Signal = signal.lfilter(b, a, force / MASS)
     return released
 
 
@@ -203,7 +214,7 @@ def _ring(acceleration: Signal, hertz: float, sampling_rate: int) -> Signal:
     return rung
 
 
-def _drift(rng: np.random.Generator, count: int, sampling_rate: int, hertz: float = 0.8) -> Signal:
+def drift(rng: np.random.Generator, count: int, sampling_rate: int, hertz: float = 0.8) -> Signal:
     """Draw a smooth random signal of about unit variance that varies up to ``hertz``."""
     knots = int(2 * hertz * count / sampling_rate) + 4
     values = np.clip(rng.standard_normal(knots), -2, 2)

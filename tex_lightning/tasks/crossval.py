@@ -7,11 +7,11 @@ where the last one stopped, in the middle of a fold if need be.
 import json
 import logging
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.config import Config
+from tex_lightning.config import Config, plain_values
 from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.novelty import pool_unknown
@@ -131,5 +131,5 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
         ],
     }
     config = workspace.config
-    log_test(config.logger, workspace.directory, name, asdict(config), pooled, figures)
+    log_test(config.logger, workspace.directory, name, plain_values(config), pooled, figures)
     return pooled

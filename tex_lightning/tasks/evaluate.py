@@ -3,20 +3,19 @@
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.data.folds import make_samples
-from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.opening import announce
-from tex_lightning.runs.tested import held_out_to_test, recordings_to_test
+from tex_lightning.runs.tested import held_out_to_test, open_store, recordings_to_test
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.usable import find_unusable
 
@@ -28,22 +27,22 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     ``data.file_rate`` belongs to the files themselves and is taken from it if it is given.
     """
     begin, directory = time.perf_counter(), job.directory
-    checkpoint = Path(cast(str, config.checkpoint)).expanduser()
+    checkpoint = Path(str(config.checkpoint)).expanduser()
     classifier = load_classifier(checkpoint)
     device = pick_device(config.trainer.accelerator)
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
     test = recordings_to_test(config.data, classifier, "The checkpoint")
     unknown = held_out_to_test(config.data, classifier)
-    settings = classifier.card.settings_for(config.data.file_rate)
-    store = Store(cache_root(config.data.cache_dir), settings)
+    store = open_store(config, classifier)
     both = replace(test, rows=test.rows + unknown.rows)
-    features, min_side = classifier.haptic_features, classifier.min_side
-    skipped = find_unusable(both, store, features, min_side, skip_bad=config.data.skip_bad)
+    branches = classifier.branches.values()
+    skipped = find_unusable(both, store, branches, skip_bad=config.data.skip_bad)
     bad = [each.recording for each in skipped]
     announce(config, both.without(bad), store, skipped)
-    samples = make_samples(test.without(bad), kind)
-    unknown_samples = make_samples(unknown.without(bad), kind)
+    modalities = classifier.card.modalities
+    samples = make_samples(test.without(bad), modalities)
+    unknown_samples = make_samples(unknown.without(bad), modalities)
     if not samples:
         raise UserError(
             f"There is nothing to test a {kind} network on; choose another data.test_fold, or "

@@ -23,7 +23,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.job import Job
 from tex_lightning.data.datamodule import load_sample
-from tex_lightning.data.decode import DecodeSettings
+from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.choice import (
@@ -51,7 +51,7 @@ from tex_lightning.runs.family import (
     measure_family,
     with_system,
 )
-from tex_lightning.runs.workspace import decode_settings, open_workspace
+from tex_lightning.runs.workspace import open_workspace
 from tex_lightning.tasks.crossval import chosen_folds
 
 log = logging.getLogger(__name__)
@@ -122,16 +122,16 @@ def _earlier(directory: Path) -> tuple[list[str], list[int]]:
 def _latencies(measured: list[Measured], config: Config) -> Timings:
     """Median and 95th percentile in ms of one sample, all systems interleaved in one run."""
     functions: dict[str, Callable[[], object]] = {}
-    recordings: dict[tuple[str, DecodeSettings], list[tuple[Tensor | None, Tensor | None]]] = {}
+    recordings: dict[tuple[tuple[str, Decoder], ...], list[dict[str, Tensor]]] = {}
     for system in measured:
-        member, kind = system.member.config, system.member.config.model.kind
+        member = system.member.config
         device = pick_device(member.trainer.accelerator)
         trained = load_classifier(system.entry["checkpoint"]).to(device)
         classifier = prepare(trained, member.engine, member.decision)
-        decoded = kind, decode_settings(member.data)
-        if decoded not in recordings:  # all systems of a kind classify the same samples
+        decoded = tuple((each.modality, each.decoder) for each in trained.branches.values())
+        if decoded not in recordings:  # such systems classify the same samples
             workspace = open_workspace(member, Path(system.entry["checkpoint"]).parent)
-            samples = make_samples(workspace.recordings, workspace.kind)
+            samples = make_samples(workspace.recordings, member.model.modalities)
             timed = samples[:: max(1, len(samples) // TIMED)][:TIMED]
             recordings[decoded] = [load_sample(sample, workspace.store) for sample in timed]
         call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
@@ -140,11 +140,9 @@ def _latencies(measured: list[Measured], config: Config) -> Timings:
     return {name: (timing.median, timing.p95) for name, timing in timings.items()}
 
 
-def _classify_next(
-    classifier: SurfaceClassifier, samples: Iterator[tuple[Tensor | None, Tensor | None]]
-) -> object:
+def _classify_next(classifier: SurfaceClassifier, samples: Iterator[dict[str, Tensor]]) -> object:
     """Another sample each time: what a sequential decision costs depends on the sample."""
-    return classifier.classify(*next(samples))
+    return classifier.classify(**next(samples))
 
 
 def _skipped(measured: list[Measured]) -> list[dict[str, str]]:
@@ -177,7 +175,7 @@ def _procedure(measured: list[Measured], timings: Timings) -> dict[str, Any]:
     """How well it does to choose a system and to use it.
 
     Each fold's votes are those of the system chosen on its partner. In a family of several kinds
-    the samples of a fold are that system's own: traces, photos or pairs.
+    the samples of a fold are that system's own.
     """
     named = {system.member.name: system for system in measured}
     folds, all_votes = [], []

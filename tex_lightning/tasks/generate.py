@@ -20,7 +20,25 @@ def run(config: Config, job: Job) -> None:
 
     A manifest beside them lists every file, as an example of the format.
     """
-    out = Path(config.generate.out).expanduser()
+    tum, sound = config.generate.layout == "tum", config.generate.sound
+    if tum and sound:
+        raise UserError(
+            "generate.sound=true needs generate.layout=folder: layout tum has no place for sounds."
+        )
+    out = _new_folder(config.generate.out)
+    spec = spec_of(config.data.classes, config.data.synthetic)
+    if tum:
+        write_tum(spec, out)
+        recordings = read_tum(out)
+    else:
+        write_folder(spec, out, ("haptic", "image", *(["sound"] if sound else [])))
+        recordings = read_folder(out)
+    write_manifest(recordings, out / "manifest.csv")
+    log.info("%d synthetic classes written to %s.", spec.classes, out)
+
+
+def _new_folder(name: str) -> Path:
+    out = Path(name).expanduser()
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"generate.out={out} is not empty; name a new folder.")
     try:
@@ -29,12 +47,4 @@ def run(config: Config, job: Job) -> None:
         raise UserError(
             f"generate.out={out} cannot be made ({error.strerror}); name another folder."
         ) from error
-    spec = spec_of(config.data.classes, config.data.synthetic)
-    if config.generate.layout == "tum":
-        write_tum(spec, out)
-        recordings = read_tum(out)
-    else:
-        write_folder(spec, out)
-        recordings = read_folder(out)
-    write_manifest(recordings, out / "manifest.csv")
-    log.info("%d synthetic classes written to %s.", spec.classes, out)
+    return out

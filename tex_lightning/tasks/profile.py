@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Measure ``model`` or ``checkpoint``; write ``results.json`` and figures, return the results.
 
-    A fusion is measured as the two networks that it consists of.
+    A fusion is measured as the networks that it consists of.
     """
     begin, directory = time.perf_counter(), job.directory
     device = pick_device(config.trainer.accelerator)
@@ -70,13 +70,9 @@ def _measure_growth(config: Config, subjects: list[Subject], directory: Path) ->
 
 
 def _fusion_card(config: Config, subjects: list[Subject]) -> Card | None:
-    """Of a FusionNet made of both networks, if both are profiled."""
-    if len(subjects) < 2:
+    """Of a FusionNet of all networks, if several are profiled."""
+    cards = [subject.classifier.card for subject in subjects]
+    if len(cards) < 2:
         return None
-    haptic, visual = (subject.classifier.card for subject in subjects)
-    return replace(
-        haptic,
-        kind="fusion",
-        visual_network=visual.visual_network,
-        fusion={"level": config.model.fusion.level},
-    )
+    branches = {name: node for card in cards for name, node in card.branches.items()}
+    return replace(cards[0], branches=branches, fusion={"level": config.model.fusion.level})

@@ -8,6 +8,7 @@ from typing import Any
 
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.config.model import FUSION
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -101,7 +102,7 @@ def _entries(bench: Bench, trials: Sequence[Trial], breaks: Sequence[Break]) -> 
         entries[system.name] = {
             **summarise_system(system, trials, reference),
             "breaks": sum(found.below is not None for found in own),
-            **(conflict_summary(system, bench) if system.kind == "fusion" else {}),
+            **(conflict_summary(system, bench) if system.kind == FUSION else {}),
         }
     return entries
 

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,7 @@ import numpy.typing as npt
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
-from tex_lightning.data.decode import decode_trace, usable_samples
+from tex_lightning.data.decode import usable_samples
 from tex_lightning.errors import UserError
 from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.lines import print_line
@@ -34,7 +33,7 @@ def run(config: Config, job: Job) -> None:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
             before there is one fragment.
     """
-    predictor = Predictor(load_classifier(cast(str, config.checkpoint)), config)
+    predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     stream = predictor.stream()
     samples = 0
 
@@ -54,13 +53,15 @@ def run(config: Config, job: Job) -> None:
 def _chunks(config: Config, predictor: Predictor, stream: LiveStream) -> Iterator[Chunk]:
     """Chunks (axes, samples) of the file, or of standard input."""
     size = max(1, round(config.stream.chunk * stream.rate))
-    if config.haptic == "-":
+    predictor.check_senses(config.files)
+    ((modality, given),) = config.files.items()
+    if given == "-":
         yield from _from_standard_input(config, stream.rate, size)
         return
-    if isinstance(config.haptic, list | dict):
-        raise UserError(f"haptic={config.haptic} is several; give one file, or - for a pipe.")
-    path = Path(str(config.haptic)).expanduser()
-    trace = decode_trace(path, predictor.card.settings_for(config.data.file_rate))
+    if isinstance(given, list | dict):
+        raise UserError(f"{modality}={given} is several; give one file, or - for a pipe.")
+    path, decoder = Path(str(given)).expanduser(), stream.classifier.branch.decoder
+    trace, _ = decoder.assuming(config.data.file_rate).decode(path)
     for start in range(0, trace.shape[1], size):
         yield trace[:, start : start + size]
 

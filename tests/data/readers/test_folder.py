@@ -32,6 +32,19 @@ def test_folders_are_found_in_any_case_and_in_the_plural(tmp_path):
         read_folder(root)
 
 
+def test_sounds_and_senses_of_the_users_own_are_read_from_their_folders(tmp_path):
+    root = touch(tmp_path, "a/Sounds/1.wav", "a/haptic/1.wav", "a/thermal/1.png")
+    touch(root, "a/Radar/2.npy", "a/raw data/1.wav", "a/notes/read.me", "a/Sounds/cover.jpg")
+    rows = read_folder(root)
+    found = [(row.modality, row.path.name, row.group) for row in rows]
+    assert sorted(found) == [
+        ("haptic", "1.wav", 0),
+        ("radar", "2.npy", 0),
+        ("sound", "1.wav", 0),
+        ("thermal", "1.png", 0),
+    ]
+
+
 def test_a_flat_class_is_read_by_the_suffixes_of_its_files(tmp_path):
     root = touch(tmp_path, "a/s10.wav", "a/s9.wav", "a/p1.JPG", "a/s9.json", "a/Rates.csv")
     touch(root, "b/haptic/1.wav", ".git/x.wav")
@@ -50,6 +63,13 @@ def test_folders_win_over_files_beside_them_which_are_named(tmp_path):
     (note,) = rows.notes
     assert (note.what, note.count) == ("stray file", 2)
     assert "2.wav, 3.jpg beside them is not read" in note.text
+
+
+def test_a_folder_of_anything_else_does_not_keep_files_from_being_read(tmp_path):
+    rows = read_folder(touch(tmp_path, "a/1.wav", "a/old/1.wav", "b/force/1.npy"))
+    assert names(rows, "haptic") == ["1.wav"]
+    assert [row.label for row in rows.of("force")] == ["b"]
+    assert not rows.notes
 
 
 def test_folders_without_anything_readable_are_named(tmp_path):

@@ -10,9 +10,9 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, DataConfig, register
-from tex_lightning.data.decode import DecodeSettings, decode_trace
+from tex_lightning.data.decode import SignalDecoder, decode_trace
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import write_manifest
+from tex_lightning.data.recordings import read_manifest, write_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic import SyntheticSpec, write_tum
 
@@ -81,19 +81,46 @@ def test_a_manifest_gives_the_same_table_as_the_folder(surfaces, tmp_path):
     assert set(again.rows) == {replace(row, path=row.path.resolve()) for row in rows}
 
 
-def test_synthetic_is_rendered_once_and_survives_in_the_cache(cache, monkeypatch):
-    small = [
+def small(cache: Path, *overrides: str) -> DataConfig:
+    return config(
         "data.classes=2",
         "data.synthetic.recordings=2",
         "data.synthetic.seconds=1",
         "data.synthetic.photo_width=64",
         "data.synthetic.photo_height=48",
         f"data.cache_dir={cache}",
-    ]
-    first = read_recordings(config(*small))
+        *overrides,
+    )
+
+
+def test_synthetic_is_rendered_once_and_survives_in_the_cache(cache, monkeypatch):
+    first = read_recordings(small(cache))
     assert len(first) == 8
     monkeypatch.setattr("tex_lightning.data.readers.synthetic.write_folder", None)
-    assert read_recordings(config(*small)) == first
+    assert read_recordings(small(cache)) == first
+
+
+def test_sounds_are_rendered_for_models_that_listen_and_beside_the_rest(tmp_path):
+    silent = read_recordings(small(tmp_path, "model=fusion"))
+    assert {row.modality for row in silent} == {"haptic", "image"}
+    (before,) = (tmp_path / "synthetic").iterdir()
+    every = read_recordings(small(tmp_path, "model.senses=[haptic,visual,sound]"))
+    assert every.without(every.of("sound")) == silent
+    assert before in (tmp_path / "synthetic").iterdir()
+    assert len(list((tmp_path / "synthetic").iterdir())) == 2
+    pairs = [{(row.label, row.group) for row in every.of(sense)} for sense in ("haptic", "sound")]
+    assert pairs[0] == pairs[1]
+    assert len(every.of("sound")) == 4
+
+
+def test_a_model_that_only_listens_has_nothing_else_rendered(tmp_path):
+    sounds = read_recordings(small(tmp_path, "model=sound"))
+    assert {row.modality for row in sounds} == {"sound"}
+    assert len(list((tmp_path / "synthetic").iterdir())) == 1
+
+
+def test_a_checkpoint_gets_its_own_modalities_whatever_the_model(tmp_path):
+    assert {row.modality for row in read_recordings(small(tmp_path), ["sound"])} == {"sound"}
 
 
 def test_tum_takes_photo_classes_from_their_order(tum):
@@ -104,7 +131,7 @@ def test_tum_takes_photo_classes_from_their_order(tum):
     assert [row.group for row in photos] == list(range(10)) * 3
     trace = rows.of("haptic").rows[0]
     assert trace.sampling_rate == 10_000
-    assert decode_trace(trace.path, DecodeSettings(), 10_000.0).shape == (1, 10_000)
+    assert decode_trace(trace.path, SignalDecoder(), 10_000.0).shape == (1, 10_000)
 
 
 def test_tum_passes_magnified_photos_over_and_works_without_photos(tum):
@@ -150,6 +177,9 @@ def test_generated_surfaces_in_the_tum_layout_train_end_to_end(cli, tmp_path):
         "data.synthetic.photo_height=480",
     ]
     out = f"generate.out={tmp_path}/tum"
+    deaf = cli("task=generate", *size, out, "generate.layout=tum", "generate.sound=true")
+    assert deaf.status == 2
+    assert "needs generate.layout=folder" in deaf.err
     written = cli("task=generate", *size, out, "generate.layout=tum", f"hydra.run.dir={tmp_path}/g")
     assert written.status == 0, written.err
     again = cli("task=generate", *size, out, f"hydra.run.dir={tmp_path}/h")
@@ -165,3 +195,17 @@ def test_generated_surfaces_in_the_tum_layout_train_end_to_end(cli, tmp_path):
     assert run.status == 0, run.err
     trace = np.loadtxt(next((tmp_path / "tum/Training/Accel").glob("*.txt")))
     assert trace.shape == (30_000,)
+
+
+def test_generated_sounds_are_listed_in_the_manifest(cli, tmp_path):
+    written = cli(
+        "task=generate",
+        "data.classes=2",
+        "data.synthetic={recordings: 2, seconds: 1, photo_width: 64, photo_height: 48}",
+        f"generate.out={tmp_path}/out",
+        "generate.sound=true",
+        f"hydra.run.dir={tmp_path}/run",
+    )
+    assert written.status == 0, written.err
+    rows = read_manifest(tmp_path / "out" / "manifest.csv")
+    assert [len(rows.of(each)) for each in ("haptic", "image", "sound")] == [4, 4, 4]

@@ -1,45 +1,31 @@
 """The stream against the whole recording, after every push."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
-from conftest import trunk_node
+from conftest import make_card, trunk_node
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.data.decode import DecodeSettings
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import HapticFeatures
+from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.networks.hapticnet import HapticNet
 
 RATE = 10_000
-ENGINE = EngineConfig(True, True, True, "fp32", False, None)
-CARD = Card(
-    kind="haptic",
-    classes=["a", "b", "c"],
-    decode=DecodeSettings().to_dict(),
-    decision={"pairs": 10, "seed": 0},
-    haptic_features={"axes": "frame", "scale": "mel"},
-    haptic_network={"width": 0.1, "norm": "batch"},
-)
+ENGINE = EngineConfig(True, True, True, True, "fp32", False, None)
 
 
-def make_classifier(norm: str = "batch", **features: object) -> SurfaceClassifier:
+def make_classifier(
+    norm: str = "batch", sense: str = "haptic", **features: object
+) -> SurfaceClassifier:
     """With random weights and statistics, so that labels differ from fragment to fragment."""
     torch.manual_seed(1)
-    card = replace(
-        CARD,
-        haptic_network={"width": 0.1, "norm": norm},
-        haptic_features={**CARD.haptic_features, **features},
-        decision=dict(CARD.decision),
-    )
+    given = {"width": 0.1, "norm": norm, "sampling_rate": float(RATE), **features}
+    card = make_card(sense, classes=["a", "b", "c"], **given)
     classifier = SurfaceClassifier(card)
     for module in classifier.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
@@ -49,7 +35,8 @@ def make_classifier(norm: str = "batch", **features: object) -> SurfaceClassifie
     scores = classifier.eval().network.head.score_layer
     torch.nn.init.normal_(scores.weight)
     with torch.no_grad():  # no class wins every fragment
-        scores.bias.sub_(classifier.logits(recording(4.3, None, 1, 0)).mean(dim=1))
+        known = recording(4.3 if sense == "haptic" else 12.0, None, 1, 0)
+        scores.bias.sub_(classifier.logits(**{sense: known}).mean(dim=1))
     return classifier
 
 
@@ -67,7 +54,7 @@ def recording(seconds: float, touch: float | None, axes: int, seed: int) -> torc
 
 def whole(classifier: SurfaceClassifier, trace: torch.Tensor):
     try:
-        return classifier.classify(trace)
+        return classifier.classify(**{classifier.card.kind: trace})
     except UserError:
         return None
 
@@ -119,7 +106,7 @@ def test_what_could_change_the_label_does_not_wait():
     stream = StreamingClassifier(make_classifier(), wait=60.0)
     stream.push(recording(9.0, None, 1, 0))
     settled = int(stream.votes.sum())
-    at_edge = stream.output_length(stream.frames) - settled
+    at_edge = stream.output_size(50, stream.frames)[1] - settled
     second = (settled - at_edge - 3) // 2
     stream.votes[:] = torch.tensor([second, settled - second, 0])
     fragment = HapticNet.stride * stream.features.hop_length  # samples from one to the next
@@ -150,7 +137,7 @@ def test_a_classifier_prepared_by_the_engine_gives_the_same_votes():
         classifier = make_classifier(norm)
         stream = StreamingClassifier(accelerate(classifier, ENGINE))
         vote = [stream.push(chunk) for chunk in trace.split(1000, dim=1)][-1]
-        assert torch.equal(vote.fragments, classifier.classify(trace).fragments)
+        assert torch.equal(vote.fragments, classifier.classify(haptic=trace).fragments)
 
 
 def test_ties_are_decided_as_in_the_whole():
@@ -160,7 +147,7 @@ def test_ties_are_decided_as_in_the_whole():
         scores.weight[1] = -scores.weight[0]
         scores.bias[:2] = 0
         scores.bias[2] = -1e3
-        ranked = classifier.logits(trace)[0].sort().values
+        ranked = classifier.logits(haptic=trace)[0].sort().values
         middle = len(ranked) // 2
         scores.bias[0] -= ranked[middle - 1 : middle + 1].mean()  # where rounding decides nothing
         scores.bias[1] = -scores.bias[0]
@@ -168,7 +155,7 @@ def test_ties_are_decided_as_in_the_whole():
     for end in range(1200, 120_001, 1200):
         vote = stream.push(trace[:, end - 1200 : end])
         if vote is not None:
-            assert vote.label == classifier.classify(trace[:, :end]).label
+            assert vote.label == classifier.classify(haptic=trace[:, :end]).label
             ties += int((vote.shares == vote.shares.max()).sum()) == 2
     assert ties > 0
 
@@ -187,7 +174,7 @@ def test_what_a_stream_keeps_of_signal_and_layers_does_not_grow():
 
 def test_every_frame_is_computed_once(monkeypatch):
     frames = []
-    spectra = HapticFeatures.spectra
+    spectra = SpectrogramFeatures.spectra
 
     def counted(self, movement):
         found = spectra(self, movement)
@@ -195,7 +182,7 @@ def test_every_frame_is_computed_once(monkeypatch):
         return found
 
     stream = StreamingClassifier(make_classifier(skip_impact=False))
-    monkeypatch.setattr(HapticFeatures, "spectra", counted)
+    monkeypatch.setattr(SpectrogramFeatures, "spectra", counted)
     for chunk in recording(5.0, None, 1, 0).split(333, dim=1):
         stream.push(chunk)
     assert sum(frames) == (50_000 - 500) // 100 + 1
@@ -207,14 +194,28 @@ def test_features_of_the_whole_trace_are_refused(features):
         StreamingClassifier(make_classifier(**features))
 
 
-def test_other_networks_are_refused():
-    card = replace(
-        CARD,
-        kind="visual",
-        visual_network={"trunk": trunk_node("tcnn"), "width": 0.1, "norm": "none"},
-    )
-    with pytest.raises(UserError, match="visual network"):
+@pytest.mark.parametrize(
+    ("senses", "kind"), [(["visual"], "visual"), (["haptic", "sound"], "fusion")]
+)
+def test_other_networks_are_refused(senses, kind):
+    card = make_card(*senses, trunk=trunk_node("tcnn"), width=0.1, norm="none")
+    with pytest.raises(UserError, match=f"{kind} network"):
         StreamingClassifier(SurfaceClassifier(card))
+
+
+def test_a_sense_of_other_windows_is_streamed_as_any_signal():
+    classifier, trace = make_classifier(sense="sound"), recording(25.0, 0.3, 1, 2)
+    features = classifier.features["sound"]
+    assert (features.window_length, features.hop_length) == (1764, 441)
+    stream, counted = StreamingClassifier(classifier), 0
+    for end in range(0, 250_000, 10_000):
+        voted = stream.push(trace[:, end : end + 10_000])
+        expected = whole(classifier, trace[:, : end + 10_000])
+        assert (voted is None) == (expected is None)
+        if voted is not None:
+            assert torch.equal(voted.fragments, expected.fragments)
+            counted += 1
+    assert counted > 10
 
 
 def test_a_checkpoint_that_averages_does_so_live():
@@ -225,7 +226,7 @@ def test_a_checkpoint_that_averages_does_so_live():
     for end in range(22_000, 43_000, 500):
         voted = stream.push(trace[:, (end - 500 if end > 22_000 else 0) : end])
         if voted is not None:
-            assert voted.label == classifier.classify(trace[:, :end]).label
+            assert voted.label == classifier.classify(haptic=trace[:, :end]).label
             assert voted.label == int(voted.probabilities.argmax())
             counted += voted.label != int(voted.shares.argmax())
     assert counted  # votes alone would have given another label

@@ -62,7 +62,7 @@ def test_a_feature_that_hardly_varies_is_not_blown_up():
 
 
 def test_only_texture_features_are_scored_as_they_are():
-    assert visualnet(3, trunk="squeezenet", head=[]).feature_size("fc2") == 3304
+    assert visualnet(3, trunk="squeezenet", head=[]).hidden == 3304
     with pytest.raises(UserError, match="give channels of FC1 and FC2"):
         visualnet(3, trunk="alexnet_caffe", head=[])
 
@@ -70,7 +70,7 @@ def test_only_texture_features_are_scored_as_they_are():
 def test_a_fragment_of_half_the_side_gives_as_many_predictions_on_a_halved_photo():
     whole = visualnet(3, trunk="squeezenet", head=[], width=0.1)
     half = VisualNet(3, SqueezeNetTrunk(width=0.1, norm="batch", patch=112), head=[])
-    assert half.patch == 112
+    assert half.window_size == (112, 112)
     assert 2 * half.stride == whole.stride
     assert half.output_size(112, 112) == (1, 1)
     assert half.output_size(612, 816) == whole.output_size(1224, 1632)

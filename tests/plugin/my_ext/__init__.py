@@ -21,16 +21,17 @@ CONVOLUTION, POOL = Window(8, 8), Window(4, 4)
 
 @dataclass
 class FlatReader:
-    """Reads FOLDER/CLASS_NUMBER.png."""
+    """Reads FOLDER/CLASS_NUMBER.png, and .npy as what a force sensor measured."""
 
     folder: str
     suffix: str = ".png"
 
     def read(self) -> Recordings:
         rows = []
-        for path in sorted(Path(self.folder).glob(f"*{self.suffix}")):
-            label, _, number = path.stem.partition("_")
-            rows.append(Recording(label, "image", path, int(number)))
+        for suffix, modality in ((self.suffix, "image"), (".npy", "force")):
+            for path in sorted(Path(self.folder).glob(f"*{suffix}")):
+                label, _, number = path.stem.partition("_")
+                rows.append(Recording(label, modality, path, int(number)))
         return Recordings(tuple(rows))
 
 
@@ -49,6 +50,31 @@ class SmallTrunk(Trunk):
         self.out_channels = self.channels
         layers = nn.Conv2d(3, self.channels, CONVOLUTION.kernel, CONVOLUTION.stride)
         return nn.Sequential(layers, nn.ReLU(), POOL.max_pool())
+
+
+class Levels(nn.Module):
+    """Mean and deviation of every ten samples."""
+
+    def __init__(self, samples: int) -> None:
+        super().__init__()
+        self.samples = samples
+
+    def forward(self, signal: Tensor) -> Tensor:
+        frames = signal[:1].unfold(-1, self.samples, self.samples)
+        return torch.stack([frames.mean(dim=-1), frames.std(dim=-1)], dim=1)
+
+
+class ForceNet(nn.Module):
+    """One convolution over time."""
+
+    def __init__(self, classes: int, channels: int) -> None:
+        super().__init__()
+        self.hidden = nn.Sequential(nn.Conv1d(2, channels, 9), nn.ReLU())
+        self.score_layer = nn.Conv1d(channels, classes, 1)
+
+    def features(self, x: Tensor, level: str) -> Tensor:
+        hidden = self.hidden(x)
+        return hidden if level == "fc2" else self.score_layer(hidden)
 
 
 class Diary(Callback):
@@ -103,6 +129,12 @@ class NearestSlope(Baseline):
 
     def count_parameters(self) -> int:
         return self.means.numel()
+
+
+def drift(recording: np.ndarray, share: float, scene: Scene) -> np.ndarray:
+    """Add a ramp up to a multiple of the deviation."""
+    ramp = np.linspace(0, share * recording.std(), recording.shape[1])
+    return recording + ramp
 
 
 def stains(recording: np.ndarray, share: float, scene: Scene) -> np.ndarray:

@@ -1,10 +1,12 @@
 """Readers: each maps a data set on disk to the one table of recordings."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build_typed
+from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
@@ -17,13 +19,21 @@ class Reader(Protocol):
         """The table of its recordings."""
 
 
-def read_recordings(config: DataConfig) -> Recordings:
+def read_recordings(config: DataConfig, modalities: Sequence[str] | None = None) -> Recordings:
     """Read the configured data set, cut to its first ``data.classes`` classes if that is set.
+
+    Args:
+        config: Names the reader.
+        modalities: That a checkpoint needs, for a reader that makes no others; None are those of
+            the configured model.
 
     Raises:
         UserError: If the data set is missing, incomplete or has fewer classes than asked for.
     """
-    reader: Reader = build_typed("data.reader", config.reader)
+    node = config.reader
+    if modalities is not None and "senses" in node:
+        node = {**node, "senses": list(modalities)}
+    reader: Reader = build_typed("data.reader", node)
     recordings = reader.read()
     classes = recordings.classes
     if config.classes is not None and config.classes > len(classes):
@@ -39,11 +49,11 @@ def read_recordings(config: DataConfig) -> Recordings:
 
 
 def _with_stated_rates(recordings: Recordings) -> Recordings:
-    """Give traces the rates that sidecars and tables beside them state."""
+    """Give signals the rates that sidecars and tables beside them state."""
     rows = tuple(
-        replace(row, sampling_rate=stated_rate(row.path, row.sampling_rate))
-        if row.modality == "haptic"
-        else row
+        row
+        if row.path.suffix.lower() in IMAGE_SUFFIXES
+        else replace(row, sampling_rate=stated_rate(row.path, row.sampling_rate))
         for row in recordings
     )
     return replace(recordings, rows=rows)

@@ -1,7 +1,8 @@
 """Reader of ``root/CLASS/haptic/*`` and ``root/CLASS/image/*``: the layout for one's own data.
 
-Names of folders may be in any case and in the plural (``Haptics``). A class without these folders
-is read as it lies, ``root/CLASS/*``: a file's suffix tells its sense.
+Names of folders may be in any case and in the plural (``Haptics``). ``root/CLASS/sound/*`` and the
+folders of senses of the user's own, ``root/CLASS/NAME/*``, are read as well. A class without
+folders for its senses is read as it lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
 from collections.abc import Iterator
@@ -12,7 +13,6 @@ from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.rates import RATES_TABLE
 from tex_lightning.data.recordings import (
     MODALITIES,
-    Modality,
     Note,
     Recording,
     Recordings,
@@ -21,7 +21,12 @@ from tex_lightning.data.recordings import (
 from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_paths
 from tex_lightning.errors import UserError
 
-SUFFIXES: dict[Modality, tuple[str, ...]] = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}
+# of files that lie side by side in the folder of a class
+SUFFIXES = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}
+# of files in the folder of a sense; that of a user's sense may hold either
+OWN_SUFFIXES = {**SUFFIXES, "sound": TRACE_SUFFIXES}
+# what haptic, image and sound are called by mistake: no senses of the user's own
+MISNOMERS = ("accel", "acceleration", "audio", "photo", "picture", "trace")
 SHOWN = 3  # names of a folder that nothing was read from
 
 
@@ -83,9 +88,9 @@ def read_folder(root: Path) -> Recordings:
 
 def _read_class(directory: Path) -> tuple[list[Recording], list[Note]]:
     """Recordings of one class, from its folders if it has any, and what was passed over."""
-    folders = _sense_folders(directory)
-    places = folders or dict.fromkeys(MODALITIES, directory)
-    files = {sense: _files(place, SUFFIXES[sense]) for sense, place in places.items()}
+    folders, own = _sense_folders(directory), _own_folders(directory)
+    places = {**(folders or dict.fromkeys(SUFFIXES, directory)), **own}
+    files = {sense: _files(place, suffixes_of(sense)) for sense, place in places.items()}
     rows = [
         row for sense, paths in files.items() for row in number_files(directory.name, sense, paths)
     ]
@@ -93,7 +98,7 @@ def _read_class(directory: Path) -> tuple[list[Recording], list[Note]]:
 
 
 def _passed_over(
-    directory: Path, folders: dict[Modality, Path], files: dict[Modality, list[Path]]
+    directory: Path, folders: dict[str, Path], files: dict[str, list[Path]]
 ) -> Iterator[Note]:
     if not any(files.values()):
         yield Note("class folder", 1, f"Class folder {directory} is skipped: {_why(directory)}.")
@@ -120,12 +125,16 @@ def _listed(names: list[str]) -> str:
     return ", ".join([*names[:SHOWN], *(["…"] if len(names) > SHOWN else [])])
 
 
-def _sense_folders(directory: Path) -> dict[Modality, Path]:
-    found: dict[Modality, Path] = {}
+def suffixes_of(modality: str) -> tuple[str, ...]:
+    """Of the files of a modality, in lower case."""
+    return OWN_SUFFIXES.get(modality, (*TRACE_SUFFIXES, *IMAGE_SUFFIXES))
+
+
+def _sense_folders(directory: Path) -> dict[str, Path]:
+    """Folders of the package's senses, by modality."""
+    found: dict[str, Path] = {}
     for modality in MODALITIES:
-        names = (modality, f"{modality}s")
-        matching = [path for path in directory.iterdir() if path.name.casefold() in names]
-        folders = sorted(path for path in matching if path.is_dir())
+        folders = [each for each in _folders(directory) if _is_called(each, modality)]
         if len(folders) > 1:
             raise UserError(
                 f"{directory} has the folders {folders[0].name} and {folders[1].name} for one "
@@ -134,6 +143,25 @@ def _sense_folders(directory: Path) -> dict[Modality, Path]:
         if folders:
             found[modality] = folders[0]
     return found
+
+
+def _own_folders(directory: Path) -> dict[str, Path]:
+    """Folders of senses of the user's own, by name: others that hold recordings."""
+    return {
+        folder.name.casefold(): folder
+        for folder in _folders(directory)
+        if folder.name.isidentifier()
+        and not any(_is_called(folder, name) for name in (*MODALITIES, *MISNOMERS))
+        and _files(folder, suffixes_of(folder.name))
+    }
+
+
+def _folders(directory: Path) -> list[Path]:
+    return sorted(path for path in directory.iterdir() if path.is_dir())
+
+
+def _is_called(folder: Path, name: str) -> bool:
+    return folder.name.casefold() in (name, f"{name}s")
 
 
 def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:

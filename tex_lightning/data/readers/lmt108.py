@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tex_lightning.config.check_ranges import choice
-from tex_lightning.data.recordings import Modality, Recording, Recordings
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 
 PER_CLASS = 10
 RATE = 10_000.0
 MARKS = {"training": "train", "testing": "test"}
-FOLDERS: dict[Modality, Path] = {
+FOLDERS: dict[str, Path] = {
     "haptic": Path("AccelScansComponents/Movement"),
     "image": Path("ImageScans/NoFlash"),
 }
@@ -120,7 +120,7 @@ def _check_numbers(folder: Path, label: str, what: str, numbers: dict[int, list[
 
 
 def _recordings(
-    modality: Modality, found: dict[str, dict[int, list[Path]]], rate: float | None
+    modality: str, found: dict[str, dict[int, list[Path]]], rate: float | None
 ) -> list[Recording]:
     return [
         Recording(label, modality, files[0], number - 1, rate)

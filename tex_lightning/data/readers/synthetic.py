@@ -11,9 +11,11 @@ from pathlib import Path
 from tex_lightning import __version__
 from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import cache_root
 from tex_lightning.synthetic import SyntheticSpec, write_folder
+
+SOUND = "sound"
 
 log = logging.getLogger(__name__)
 
@@ -22,26 +24,43 @@ log = logging.getLogger(__name__)
 class SyntheticReader:
     """Rendered surfaces.
 
+    Sounds take as long to render as all the rest, so they have a folder of the cache to themselves.
+
     Attributes:
         classes: How many; None takes the usual number.
         surfaces: What is rendered of each.
         cache_dir: Folder of the cache; None takes the user's.
+        senses: That take part, or their modalities: sounds are rendered if ``sound`` is one of
+            them, and nothing else if it is the only one.
     """
 
     classes: int | None
     surfaces: SyntheticConfig
     cache_dir: str | None
+    senses: list[str]
 
     def read(self) -> Recordings:
         """Render the surfaces unless the cache has them, and read them."""
+        tables = []
+        if set(self.senses) != {SOUND}:
+            tables.append(read_folder(self._folder(("haptic", "image"))))
+        if SOUND in self.senses:
+            tables.append(read_folder(self._folder((SOUND,))))
+        return Recordings(tuple(row for table in tables for row in table))
+
+    def _folder(self, modalities: tuple[str, ...]) -> Path:
+        """The folder of the cache with these recordings."""
         spec = spec_of(self.classes, self.surfaces)
-        identity = json.dumps({"version": __version__, **asdict(spec)}, sort_keys=True)
-        digest = hashlib.sha256(identity.encode()).hexdigest()[:16]
+        identity = {"version": __version__, **asdict(spec)}
+        if SOUND in modalities:
+            identity["modality"] = SOUND
+        digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:16]
         target = cache_root(self.cache_dir) / "synthetic" / digest
         if not target.is_dir():
-            log.info("Rendering %d synthetic surfaces, once.", spec.classes)
-            _render(spec, target)
-        return read_folder(target)
+            what = " and ".join(map(plural, modalities))
+            log.info("Rendering %s of %d synthetic surfaces, once.", what, spec.classes)
+            _render(spec, target, modalities)
+        return target
 
 
 def spec_of(classes: int | None, surfaces: SyntheticConfig) -> SyntheticSpec:
@@ -56,12 +75,12 @@ def spec_of(classes: int | None, surfaces: SyntheticConfig) -> SyntheticSpec:
     )
 
 
-def _render(spec: SyntheticSpec, target: Path) -> None:
+def _render(spec: SyntheticSpec, target: Path, modalities: tuple[str, ...]) -> None:
     """Write beside the target and move it there whole; another process may have been faster."""
     target.parent.mkdir(parents=True, exist_ok=True)
     partial = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
     try:
-        write_folder(spec, partial)
+        write_folder(spec, partial, modalities)
         partial.rename(target)
     except OSError:
         if not target.is_dir():

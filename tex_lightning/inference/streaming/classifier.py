@@ -1,13 +1,16 @@
 """A HapticNet that classifies while the tool is still moving."""
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
+from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.decision.early_stopping import StoppingRule
 from tex_lightning.decision.voting import Vote, probabilities, winner
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SEARCH_SECONDS, HapticFeatures, movement_start
+from tex_lightning.features.spectrogram import SEARCH_SECONDS, SpectrogramFeatures, movement_start
 from tex_lightning.inference.streaming.convolutions import Columns
 from tex_lightning.inference.streaming.layers import streaming_layers
 from tex_lightning.networks.hapticnet import HapticNet
@@ -42,12 +45,20 @@ class StreamingClassifier:
     def __init__(
         self, classifier: SurfaceClassifier, *, wait: float = 0, keep_scores: bool = False
     ) -> None:
-        network, features = classifier.network, classifier.haptic_features
-        if not isinstance(network, HapticNet) or features is None:
+        branch: Any = next(iter(classifier.branches.values()))
+        network, features = branch.network, branch.features
+        if len(classifier.card.senses) > 1 or not isinstance(network, HapticNet):
             raise UserError(
                 f"This checkpoint holds a {classifier.card.kind} network, and a live stream is "
-                "classified by HapticNet; give the checkpoint of a run with model=haptic."
+                "classified by HapticNet; give the checkpoint of a run with model=haptic or "
+                "model=sound."
             )
+        if not isinstance(features, SpectrogramFeatures):
+            raise UserError(
+                f"A live stream takes spectrograms, and the features of {branch.name} are "
+                f"{type(features).__name__}; give another checkpoint."
+            )
+        self.branch: SignalBranch = branch
         _check_local(features, network)
         self.features = features
         self.keep_scores = keep_scores
@@ -55,7 +66,7 @@ class StreamingClassifier:
         self.search = int(SEARCH_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
         self.wait = wait * features.sampling_rate
-        self.output_length = network.output_length
+        self.output_size = network.output_size
         self.temperature = classifier.card.temperature
         self.by_mean = classifier.card.rule == "mean"
         self.exact = StoppingRule(0, network.classes)  # what follows in time is no random draw
@@ -110,7 +121,7 @@ class StreamingClassifier:
 
     def certain(self, frames: int) -> bool:
         """Whether the settled fragments decide for a recording of so many frames, all in all."""
-        unsettled = self.output_length(frames) - int(self.votes.sum())
+        unsettled = self.output_size(self.features.bands, frames)[1] - int(self.votes.sum())
         sums = self.probabilities if self.by_mean else self.votes
         return self.exact.decided(sums.tolist(), unsettled)
 
@@ -195,7 +206,7 @@ class StreamingClassifier:
         return torch.bincount(labels, minlength=self.votes.shape[0])
 
 
-def _check_local(features: HapticFeatures, network: HapticNet) -> None:
+def _check_local(features: SpectrogramFeatures, network: HapticNet) -> None:
     """Refuse what cannot be computed, or not to the same labels, before the end is known."""
     if features.axes != "frame" or features.normalisation != "standard":
         raise UserError(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tex_lightning.classifier import SurfaceClassifier, check_frames
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.quality import Quality, TraceMonitor
 from tex_lightning.decision.voting import Vote
@@ -45,7 +45,7 @@ class LiveStream:
             )
         self.device, self.top_k = classifier.device, top_k
         self.classifier = StreamingClassifier(classifier, wait=wait)
-        self.monitor = TraceMonitor()
+        self.monitor = TraceMonitor(self.classifier.branch.what)
         self.axes: int | None = None  # not known yet
         self.rate = self.classifier.features.sampling_rate
 
@@ -68,7 +68,7 @@ class LiveStream:
             UserError: If they are no such samples.
         """
         begin = time.perf_counter()
-        chunk = as_trace(samples)
+        chunk = as_trace(samples, self.classifier.branch.modality)
         axes, shape = self.axes or len(chunk), tuple(np.shape(samples))
         if shape != (axes, chunk.size // axes) and not (axes == len(shape) == 1):
             raise UserError(
@@ -90,7 +90,7 @@ class LiveStream:
         Raises:
             UserError: Saying how much signal it takes.
         """
-        check_frames(self.classifier.frames, self.classifier.features)
+        self.classifier.branch.check_frames(self.classifier.frames)
 
     def _describe(self, vote: Vote | None, begin: float) -> Prediction:
         quality = self._quality()
@@ -100,4 +100,5 @@ class LiveStream:
     def _quality(self) -> Quality:
         if not self.monitor.count:
             return Quality()
-        return self.monitor.quality(self.card.input_ranges, level=self.monitor.level)
+        ranges = self.card.input_ranges.get(self.classifier.branch.modality, {})
+        return self.monitor.quality(ranges, level=self.monitor.level)

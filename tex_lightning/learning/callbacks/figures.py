@@ -5,9 +5,8 @@ from typing import Any
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 from matplotlib.figure import Figure
-from torch import Tensor
+from torch import Tensor, nn
 
-from tex_lightning.features.spectrogram import HapticFeatures
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.loggers import log_figures
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
@@ -31,14 +30,15 @@ class SampleFigures(Callback):
             return
         classifier = pl_module.classifier
         titles = [classifier.card.classes[int(index)] for index in batch["label"][:SHOWN]]
-        for tensor in pl_module.inputs(batch):
-            name, figure = _figure(tensor[:SHOWN].cpu(), titles, classifier.haptic_features)
-            log_figures(trainer.loggers, {name: figure})
+        inputs = zip(classifier.branches.items(), pl_module.inputs(batch), strict=True)
+        for (name, branch), tensor in inputs:
+            figure = _figure(tensor[:SHOWN].cpu(), titles, branch.features)
+            log_figures(trainer.loggers, {f"samples/{name}": figure})
 
 
-def _figure(
-    tensor: Tensor, titles: list[str], features: HapticFeatures | None
-) -> tuple[str, Figure]:
-    if features is not None and tensor.shape[1] == 1:
-        return "samples/spectrograms", spectrogram_figure(tensor[:, 0], titles, features)
-    return "samples/patches", patch_figure(tensor, titles)
+def _figure(tensor: Tensor, titles: list[str], features: nn.Module) -> Figure:
+    """Patches of a photo, or planes of another input one above the other."""
+    if tensor.dim() == 4 and tensor.shape[1] == 3:
+        return patch_figure(tensor, titles)
+    planes = tensor.reshape(len(tensor), -1, tensor.shape[-1])
+    return spectrogram_figure(planes, titles, features)

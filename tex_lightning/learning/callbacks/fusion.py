@@ -1,8 +1,8 @@
 """Start FusionNet from trained unimodal networks, with a faster head (paper, section III-B)."""
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
-from typing import cast
 
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
@@ -12,8 +12,6 @@ from tex_lightning.config.model import MAX_FACTOR, MIN_FACTOR
 from tex_lightning.errors import UserError
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.visualnet import VisualNet
 
 log = logging.getLogger(__name__)
 
@@ -22,10 +20,9 @@ class FusionStart(Callback):
     """Load the unimodal checkpoints and set the learning rate of the fusion layer.
 
     Args:
-        haptic_checkpoint: Of a HapticNet.
-        visual_checkpoint: Of a VisualNet.
+        checkpoints: By sense that of its network.
         head_factor: Learning rate of the fusion layer over that of the networks, 10 to 50.
-        head_start: ``scores`` begins with the sum of both networks' class scores, ``random`` with
+        head_start: ``scores`` begins with the sum of all networks' class scores, ``random`` with
             small random weights.
 
     Raises:
@@ -33,19 +30,14 @@ class FusionStart(Callback):
     """
 
     def __init__(
-        self,
-        haptic_checkpoint: Path,
-        visual_checkpoint: Path,
-        head_factor: float,
-        head_start: str = "scores",
+        self, checkpoints: Mapping[str, Path], head_factor: float, head_start: str = "scores"
     ) -> None:
         if not MIN_FACTOR <= head_factor <= MAX_FACTOR:
             raise UserError(
                 f"model.fusion.fit.head_factor is {head_factor:g}; "
                 f"choose a value from {MIN_FACTOR:g} to {MAX_FACTOR:g}."
             )
-        self.haptic_checkpoint = haptic_checkpoint
-        self.visual_checkpoint = visual_checkpoint
+        self.checkpoints = checkpoints
         self.head_factor = head_factor
         self.head_start = head_start
 
@@ -53,27 +45,26 @@ class FusionStart(Callback):
         """Fill in weights and features; a resumed run overwrites them with its own later."""
         if stage != "fit" or not isinstance(pl_module, FusionModule):
             return
-        target = pl_module.classifier
-        haptic = SurfaceClassifier.from_checkpoint(self.haptic_checkpoint, "haptic")
-        visual = SurfaceClassifier.from_checkpoint(self.visual_checkpoint, "visual")
-        target.adopt_haptic_features(haptic)
-        head = pl_module.network.head
-        parts = cast(HapticNet, haptic.network), cast(VisualNet, visual.network)
-        network = FusionNet(*parts, classes=len(target.card.classes), level=pl_module.network.level)
+        target, head = pl_module.classifier, pl_module.network.head
+        networks = []
+        for name, path in self.checkpoints.items():
+            start = SurfaceClassifier.from_checkpoint(path, name)
+            target.branch(name).adopt(start.branch(name))
+            networks.append(start.network)
+        fused = FusionNet(*networks, classes=len(target.card.classes), **target.card.fusion)
         if self.head_start == "scores":
-            network.start_from_scores(*parts)
+            fused.start_from_scores(*networks)
         else:
-            network.head.load_state_dict(head.state_dict())  # drawn from the run's own seed
-        target.network = network
+            fused.head.load_state_dict(head.state_dict())  # drawn from the run's own seed
+        target.network = fused
         pl_module.head_factor = self.head_factor
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """State both rates; each step's are logged as lr/backbone and lr/head."""
         rates = {group["name"]: group["lr"] for group in trainer.optimizers[0].param_groups}
         log.info(
-            "FusionNet starts from %s and %s; learning rate %.3g, head %.3g.",
-            self.haptic_checkpoint.name,
-            self.visual_checkpoint.name,
+            "FusionNet starts from %s; learning rate %.3g, head %.3g.",
+            " and ".join(path.name for path in self.checkpoints.values()),
             rates["backbone"],
             rates["head"],
         )

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import ClassVar, cast
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -175,7 +175,7 @@ class SqueezeNetTrunk(Trunk):
 
     def forward(self, x: Tensor) -> Tensor:
         """Map an image (B, 3, H, W) to features (B, out_channels, M', N')."""
-        features = cast(TextureFeatures, self.layers.features)
+        features: Any = self.layers.features
         pooled = []
         for name, layer in list(self.layers.named_children())[:-1]:
             x = layer(x)

@@ -8,8 +8,8 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.inference.tiles import in_tiles, layer_windows, split_axis
 from tex_lightning.networks import HapticNet
+from tex_lightning.networks.tiles import in_tiles, layer_windows, split_axis
 from tex_lightning.networks.trunks import TRUNKS
 
 NARROW = 0.03

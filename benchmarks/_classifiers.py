@@ -1,0 +1,28 @@
+"""Classifiers of the configured networks with random weights."""
+
+import torch
+from torch import nn
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import CONF, Config
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.weights import read_config
+from tex_lightning.runs.workspace import configured_card
+
+
+def configured(*overrides: str) -> Config:
+    """The configuration as a command line composes it."""
+    return read_config(compose_config(CONF, overrides))
+
+
+def make_classifier(*overrides: str, classes: int = 16) -> SurfaceClassifier:
+    """A classifier whose scores vary, as a trained one's do, of the model in ``overrides``."""
+    torch.manual_seed(0)
+    config = configured(*overrides)
+    names = [f"class{number}" for number in range(classes)]
+    classifier = SurfaceClassifier(configured_card(config, config.model.senses, names)).eval()
+    for branch in classifier.branches.values():
+        for layer in branch.network.get_submodule("head").modules():
+            if isinstance(layer, nn.Conv2d):
+                nn.init.kaiming_normal_(layer.weight)
+    return classifier

@@ -1,0 +1,106 @@
+"""Photos: single windows, pieces of large ones, files and pixels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from conftest import make_card, make_photo
+from PIL import Image
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.decode import PhotoDecoder
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
+from tex_lightning.features.image import MEAN, STD
+
+FIT = {"perturb": [], "perturbed_share": 0.5, "rotation": 180.0}
+
+
+@pytest.fixture(scope="module")
+def branch():
+    torch.manual_seed(0)
+    return SurfaceClassifier(make_card("visual", width=0.1)).eval().branch("visual")
+
+
+def photo(height: int = 330, width: int = 300) -> torch.Tensor:
+    rng = np.random.default_rng(0)
+    return torch.from_numpy(rng.integers(0, 256, (height, width, 3)).astype(np.uint8))
+
+
+def pixels(part: torch.Tensor) -> torch.Tensor:
+    """Normalised by hand."""
+    return ((part / 255 - torch.tensor(MEAN)) / torch.tensor(STD)).permute(2, 0, 1)[None]
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+@torch.no_grad()
+def test_windows_are_crops_through_the_network(branch, level):
+    corners = torch.tensor([[0, 0], [106, 76], [33, 5]])
+    found = branch.windows(photo(), corners, level)
+    for column, (top, left) in zip(found.T, corners.tolist(), strict=True):
+        crop = pixels(photo()[top : top + 224, left : left + 224])
+        expected = branch.network.features(crop, level).flatten()
+        torch.testing.assert_close(column, expected, atol=1e-5, rtol=1e-4)
+
+
+@torch.no_grad()
+def test_positions_are_those_of_the_network_row_by_row(branch):
+    expected = branch.network.features(pixels(photo()), "fc3")[0]
+    assert branch.grid(photo()) == (*expected.shape[1:],)
+    torch.testing.assert_close(branch.positions(photo(), "fc3"), expected.flatten(1))
+
+
+@pytest.mark.parametrize("tile", [224 * 224, 90_000, 10**9])
+@torch.no_grad()
+def test_positions_in_pieces_are_those_of_the_whole(branch, tile):
+    large = photo(610, 540)
+    whole = branch.positions(large, "fc3")
+    found = replace(branch, tile=tile).positions(large, "fc3")
+    torch.testing.assert_close(found, whole, atol=1e-5, rtol=0)
+
+
+def test_too_small_a_photo_is_refused(branch):
+    with pytest.raises(UserError, match=r"The photo has 300x198 pixels .* needs 199 on each side"):
+        branch.check(photo(198))
+    branch.check(photo(199, 199))
+
+
+def test_a_bank_is_cut_into_turned_crops(branch, tmp_path):
+    Image.fromarray(photo(400, 400).numpy()).save(tmp_path / "p.png")
+    row = Recording("a", "image", tmp_path / "p.png", 0)
+    store = Store(tmp_path, {"image": branch.decoder})
+    bank = branch.bank([row], store, FIT, size=224, seed=0, learn=True)
+    pieces = bank.cut(np.zeros(2, int), np.random.default_rng(0))
+    assert branch.training_input(pieces, 224).shape == (2, 3, 224, 224)
+    still = branch.bank([row], store, {**FIT, "rotation": 0.0}, size=224, seed=0, learn=True)
+    pieces = still.cut(np.zeros(2, int), np.random.default_rng(0))
+    expected = torch.cat([pixels(crop.permute(1, 2, 0)) for crop in pieces["crop"]])
+    found = branch.training_input(pieces, 224)
+    torch.testing.assert_close(found, expected, atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_files_and_pixels_are_received_alike(branch, tmp_path, half):
+    branch = replace(branch, decoder=PhotoDecoder(half_scale=half))
+    rgb = make_photo(1, 0) // np.array([1, 2, 3], np.uint8)
+    Image.fromarray(rgb).save(tmp_path / "p.png")
+    side = 120 if half else 240
+    given = [
+        (tmp_path / "p.png", {}),
+        (str(tmp_path / "p.png"), {"fast": True}),
+        (rgb, {}),
+        (torch.from_numpy(rgb), {"rate": 5.0}),  # which photos do not have
+        (rgb[..., ::-1], {"colour": "bgr"}),
+    ]
+    first = branch.receive(*given[0][:1], {})[0]
+    assert first.shape == (side, side, 3)
+    for what, how in given:
+        found, quality = branch.receive(what, {}, **how)
+        assert torch.equal(found, first)
+        assert quality.warnings == ()
+    _, quality = branch.receive(rgb * 0, {})
+    assert quality.empty
+    with pytest.raises(UserError, match="give uint8 pixels"):
+        branch.receive(rgb / 255, {})

@@ -1,0 +1,50 @@
+"""Systems of any senses side by side."""
+
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.evaluation.mcnemar import mcnemar
+from tex_lightning.evaluation.outcomes import RANDOM, Outcome
+from tex_lightning.report.systems import System, _start
+from tex_lightning.report.tables import accuracy_tables, profiling_table
+
+ENTRY = {"fit_seconds": 1.0, "parameters": 7}
+
+
+def make(kind: str, right: str, *modalities: str, **changes: Any) -> System:
+    """A system and the numbers of the samples that it was right on, as + and -."""
+    outcomes = [
+        Outcome({name: f"{n}.{name}" for name in modalities}, "a", "ba"[mark == "+"], 1, 1, 1, 2.0)
+        for n, mark in enumerate(right)
+    ]
+    settings = {"model": kind, "inside": "", "data": "folder", "variant": "", **changes}
+    return System(kind=kind, classes=["a", "b"], entries=[ENTRY], outcomes=outcomes,
+                  directories=[Path()], **settings)  # fmt: skip
+
+
+def test_a_sense_that_the_paper_does_not_have_gets_a_table_of_its_own():
+    tables = accuracy_tables([make("force", "++-", "force")], complete=True)
+    assert tables.startswith("### Force classification\n\nOurs: folder, 2 classes, 3 test samples.")
+    assert "| **force** | - | 66.7% (2/3) |" in tables
+    assert "The paper's" not in tables
+    part = accuracy_tables([make("force", "+--", "force", inside="fusion")], complete=True)
+    assert "| **force network inside fusion** | - | 33.3% (1/3) |" in part
+    network = {"fcn_ms": 1.0, "sliding_window_ms": 10.0, "speedup": 10.0, "kind": "force",
+               "speedup_same_engine": 5.0, "label_agreement": 1.0}  # fmt: skip
+    assert "| force | - | - | 10.0 / 1.0 | 10.0x |" in profiling_table({"force": network})
+
+
+def test_a_system_of_fewer_senses_is_compared_on_its_part_of_each_sample():
+    fused = make("fusion", "+++-", "haptic", "image", "sound")
+    pair = make("fusion", "+--+", "haptic", "sound")
+    assert mcnemar(fused.successes, pair.successes_beside(fused)) == (2, 1, 1.0)
+    assert mcnemar(pair.successes, fused.successes_beside(pair)) is None
+
+
+def test_rows_say_which_trunks_did_not_begin_at_random():
+    given = {"haptic": RANDOM, "visual": "/w/squeezenet.pth", "touch": "/r/a.ckpt (trained on 27)"}
+    assert _start({"weights": given}, "visual") == ["trunk from squeezenet.pth"]
+    assert _start({"weights": given}, "haptic") == []
+    both = ["visual trunk from squeezenet.pth", "touch trunk from /r/a.ckpt"]
+    assert _start({"weights": given}, "fusion") == both
+    assert _start({}, "fusion") == []

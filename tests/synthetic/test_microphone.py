@@ -1,0 +1,149 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tex_lightning.synthetic.dataset import SyntheticSpec, listen, record
+from tex_lightning.synthetic.microphone import hear_stroke
+from tex_lightning.synthetic.specimen import Specimen
+from tex_lightning.synthetic.tool import draw_stroke
+
+RATE = 44_100
+SPEC = SyntheticSpec(seconds=2)
+PLAIN = range(4)  # without a foil
+
+
+def _sound(specimen, recording=0, spec=SPEC):
+    return listen(spec, specimen, 0, recording)
+
+
+def _hear(specimen, speed=90, seed=0):
+    stroke = draw_stroke(np.random.default_rng(seed), 2.0, 10_000, mean_speed=speed).at_rate(RATE)
+    return hear_stroke(specimen, stroke, np.random.default_rng(1), np.random.default_rng(2))
+
+
+def _level(sound, low=0, high=RATE / 2):
+    """Level of the movement between two frequencies, in dB of full scale."""
+    moving = sound[RATE:].astype(float)
+    power = np.abs(np.fft.rfft(moving)) ** 2 / len(moving) ** 2
+    hertz = np.fft.rfftfreq(len(moving), 1 / RATE)
+    return 10 * np.log10(2 * power[(hertz >= low) & (hertz < high)].sum())
+
+
+def _voiced(specimen, **changes):
+    material = specimen.material
+    voice = dataclasses.replace(material.voice, **changes)
+    return Specimen(dataclasses.replace(material, voice=voice))
+
+
+def test_sound_has_one_channel_its_duration_and_its_range(specimen):
+    for index in range(6):
+        sound = _sound(specimen(index))
+        assert sound.shape == (2 * RATE,)
+        assert sound.dtype == np.float32
+        assert 0.01 < np.abs(sound).max() <= 1
+
+
+def test_sound_is_reproducible_and_each_recording_and_seed_has_its_own(specimen):
+    np.testing.assert_array_equal(_sound(specimen(0), 4), _sound(specimen(0), 4))
+    assert not np.array_equal(_sound(specimen(0), 4), _sound(specimen(0), 5))
+    other = dataclasses.replace(SPEC, seed=1)
+    assert not np.array_equal(_sound(specimen(0), 4), _sound(specimen(0), 4, other))
+
+
+@pytest.mark.parametrize("recording", range(4))
+def test_sound_begins_with_the_touch_that_the_trace_of_its_number_shows(specimen, recording):
+    trace = record(SPEC, specimen(0), 0, recording)
+    felt = np.linalg.norm(trace - trace[:, :1500].mean(axis=1, keepdims=True), axis=0)
+    sound = np.abs(_sound(specimen(0), recording))
+    touch = [np.argmax(felt > 0.3) / 10_000, np.argmax(sound > 0.02) / RATE]
+    assert touch[0] == pytest.approx(touch[1], abs=0.003)
+
+
+def test_sound_swells_with_the_trace_of_its_number(specimen):
+    # What passes under the tip is heard and felt at once, in steps of 10 ms.
+    def swelling(signal, rate):
+        power = np.square(np.diff(np.atleast_2d(signal)[:, rate:])).sum(axis=0)
+        steps = np.log(power[: 98 * rate // 100].reshape(-1, rate // 100).mean(axis=1))
+        return np.diff(steps)
+
+    felt = [swelling(record(SPEC, specimen(0), 0, n), 10_000) for n in range(3)]
+    heard = [swelling(_sound(specimen(0), n), RATE) for n in range(3)]
+    alike = np.corrcoef([*felt, *heard])[:3, 3:]
+    assert np.diag(alike).min() > 0.5
+    assert np.abs(alike[~np.eye(3, dtype=bool)]).max() < 0.4
+
+
+def test_the_stroke_is_the_same_at_any_rate():
+    coarse = draw_stroke(np.random.default_rng(0), 2.0, 10_000)
+    fine = coarse.at_rate(RATE)
+    assert fine.landing / RATE == pytest.approx(coarse.landing / 10_000, abs=1 / RATE)
+    assert (fine.speed[: fine.landing] == 0).all()
+    np.testing.assert_allclose(fine.position[:, ::441], coarse.position[:, ::100], atol=1e-9)
+    np.testing.assert_allclose(fine.force[::441], coarse.force[::100])
+    travelled = np.linalg.norm(np.diff(fine.position), axis=0) * RATE
+    np.testing.assert_allclose(travelled[RATE:], fine.speed[RATE + 1 :], rtol=1e-2)
+
+
+def test_hiss_reaches_beyond_what_a_trace_can_hold(specimen):
+    quiet = [_level(_hear(_voiced(specimen(i), loudness=0)), 10_000, 20_000) for i in PLAIN]
+    rubbed = [_level(_hear(specimen(i)), 10_000, 20_000) for i in PLAIN]
+    assert min(np.subtract(rubbed, quiet)) > 3
+
+
+def test_room_is_equally_loud_everywhere_and_hides_what_is_quiet(specimen):
+    leads = [np.std(_sound(specimen(i))[: RATE // 6]) for i in range(6)]
+    assert max(leads) < 1.1 * min(leads)
+    silent = _hear(_voiced(specimen(1), loudness=0))
+    faint = _hear(_voiced(specimen(1), loudness=0.01))
+    assert _level(faint) == pytest.approx(_level(silent), abs=0.5)
+    assert _level(_hear(specimen(1))) > _level(silent) + 6
+
+
+def test_faster_strokes_are_louder(specimen):
+    for index in (1, 4):
+        levels = [_level(_hear(specimen(index), speed)) for speed in (40, 80, 160)]
+        assert levels[0] + 3 < levels[1] < levels[2] - 3
+
+
+def test_finer_roughness_hisses_brighter(specimen):
+    def brightness(wavelength):
+        material = specimen(3).material
+        body = dataclasses.replace(material.body, micro_wavelength=wavelength, friction=0.8)
+        sound = _hear(Specimen(dataclasses.replace(material, body=body)))
+        return _level(sound, 10_000, 20_000) - _level(sound, 3000, 6000)
+
+    assert brightness(0.08) > brightness(0.35) + 3
+
+
+def test_board_rings_at_its_pitch(specimen):
+    for pitch in (800.0, 4000.0):
+        sounds = [
+            _hear(_voiced(specimen(0), pitch=pitch, quality=quality)) for quality in (40.0, 1000.0)
+        ]
+        ringing, dry = [
+            _level(sound, 0.99 * pitch, 1.01 * pitch) - _level(sound, 1.1 * pitch, 1.2 * pitch)
+            for sound in sounds
+        ]
+        assert ringing > dry + 3
+
+
+def test_feel_alikes_sound_apart_though_their_traces_are_equal(specimen):
+    first, second = (_sound(specimen(index)) for index in (2, 3))
+    traces = [record(SPEC, specimen(index), 0, 0) for index in (2, 3)]
+    np.testing.assert_array_equal(*traces)
+    assert abs(_level(first) - _level(second)) > 2
+
+
+def test_foil_drowns_what_the_tool_tells_apart(specimen):
+    def spectrum(sound):
+        edges = np.geomspace(500, 20_000, 13)
+        return np.array([_level(sound, *edges[k : k + 2]) for k in range(12)])
+
+    # Of the same stroke the pair differs by less than one of them differs from stroke to stroke.
+    pair = [spectrum(_hear(specimen(index))) for index in (4, 5)]
+    without = [spectrum(_hear(_voiced(specimen(index), rustle=0, loudness=1))) for index in (4, 5)]
+    assert np.abs(pair[0] - pair[1]).max() < 3
+    assert np.abs(without[0] - without[1]).max() > 6
+    others = [spectrum(_hear(specimen(index))) for index in PLAIN]
+    assert all(np.abs(pair[0] - other).max() > 6 for other in others)

@@ -1,0 +1,92 @@
+"""Any set of senses through the command line: training, testing, prediction."""
+
+import json
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from tex_lightning.config import CONF
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.weights import read_config
+from tex_lightning.data.readers import read_recordings
+
+SENSES = {"haptic": "haptic", "visual": "image", "sound": "sound"}  # and their modalities
+SUBSETS = [chosen for count in (1, 2, 3) for chosen in combinations(SENSES, count)]
+SMALL = ["debug=tiny", "data.classes=2", "data.synthetic.recordings=3", "data.folds=3"]
+SMALL += ["data.test_fold=0", "data.val_fold=null", "trainer.threads=1"]
+
+
+def listed(senses) -> str:
+    return f"[{','.join(senses)}]"
+
+
+@pytest.fixture(scope="module")
+def every(run_once) -> Path:
+    """A FusionNet of all senses."""
+    return run_once("model=fusion", f"model.senses={listed(SENSES)}", *SMALL)
+
+
+def test_all_senses_are_trained_and_fused(every):
+    results = json.loads((every / "results.json").read_text())
+    networks = results["networks"]
+    assert list(networks) == [*SENSES, "fusion"]
+    assert results["weights"].keys() == SENSES.keys()
+    parts = sum(networks[name]["parameters"] for name in SENSES)
+    assert abs(networks["fusion"]["parameters"] - parts) <= 2 * (len(SENSES) - 1)  # one bias
+    for name in networks:
+        assert (every / "checkpoints" / f"{name}.ckpt").is_file()
+        assert networks[name]["test_samples"] == 2
+
+
+@pytest.fixture(scope="module")
+def files(cache) -> dict[str, Path]:
+    """A file of each modality."""
+    chosen = [*SMALL, f"model.senses={listed(SENSES)}", f"data.cache_dir={cache}"]
+    config = read_config(compose_config(CONF, chosen))
+    rows = read_recordings(config.data)
+    return {modality: rows.of(modality).rows[0].path for modality in SENSES.values()}
+
+
+@pytest.mark.parametrize("senses", SUBSETS, ids="+".join)
+def test_it_predicts_by_whichever_are_given(cli, every, files, senses):
+    given = {SENSES[name]: files[SENSES[name]] for name in senses}
+    outcome = cli(
+        "task=predict", f"checkpoint={every}", *[f"{name}={file}" for name, file in given.items()]
+    )
+    assert outcome.status == 0, outcome.err
+    prediction = json.loads(outcome.out)
+    assert prediction["modalities"] == list(given)
+    assert {name: Path(prediction[name]) for name in given} == given
+    assert prediction["fragments"] == 50 or len(given) == 1  # `debug=tiny` draws so many tuples
+
+
+def test_a_sweep_trains_every_set(cli, tmp_path):
+    swept = ",".join(listed(senses) for senses in SUBSETS)
+    outcome = cli(
+        "-m", "model=fusion", f"model.senses={swept}", *SMALL, f"hydra.sweep.dir={tmp_path}"
+    )
+    assert outcome.status == 0, outcome.err
+    for number, senses in enumerate(SUBSETS):
+        results = json.loads((tmp_path / str(number) / "results.json").read_text())
+        assert list(results["networks"]) == [*senses, *(["fusion"] if len(senses) > 1 else [])]
+    assert (tmp_path / "report.md").is_file()
+
+
+def test_a_given_checkpoint_of_any_sense_starts_the_fusion(cli, every, tmp_path):
+    start = f"model.fusion.sound_checkpoint={every}/checkpoints/sound.ckpt"
+    run = ["model=fusion", "model.senses=[haptic,sound]", start, f"hydra.run.dir={tmp_path}"]
+    outcome = cli(*run, *SMALL)
+    assert outcome.status == 0, outcome.err
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert list(results["networks"]) == ["haptic", "fusion"]
+    assert "sound.ckpt" in results["weights"]["sound"]
+
+
+def test_sound_is_streamed_in_chunks(cli, every, files):
+    checkpoint = f"checkpoint={every}/checkpoints/sound.ckpt"
+    whole = json.loads(cli("task=predict", checkpoint, f"sound={files['sound']}").out)
+    outcome = cli("task=stream", checkpoint, f"sound={files['sound']}", "stream.chunk=0.5")
+    assert outcome.status == 0, outcome.err
+    last = json.loads(outcome.out.splitlines()[-1])
+    assert (last["label"], last["fragments"]) == (whole["label"], whole["fragments"])

@@ -1,0 +1,280 @@
+"""What a branch is, whatever it senses with."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.config.instantiation import TARGET, build
+from tex_lightning.data.banks import Bank
+from tex_lightning.data.decode import Array, Decoder
+from tex_lightning.data.quality import Quality, Ranges
+from tex_lightning.data.recordings import Recording, name_one
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError, shorten
+from tex_lightning.networks.blocks import Level
+from tex_lightning.networks.tiles import in_tiles, layer_windows
+
+GEOMETRY = ("window_size", "min_size", "stride", "output_size")  # that a network may tell of itself
+
+
+@dataclass
+class Branch(ABC):
+    """One sense: how its files are decoded, its features, its network.
+
+    Features are an ``nn.Module`` that maps a decoded recording to the network's input (1, ...).
+    The network is an ``nn.Module`` whose ``features(x, level)`` maps inputs to (batch, D,
+    *positions): class scores before softmax at level "fc3", the last hidden layer at level "fc2".
+    A network that also has a ``score_layer``, its last layer, can be fused on FC2. One that tells
+    its geometry as :class:`~tex_lightning.networks.hapticnet.HapticNet` does (``window_size``,
+    ``min_size``, ``stride``, ``output_size``) is taken through large recordings in pieces.
+
+    Attributes:
+        name: Of the sense.
+        modality: Of its recordings in the table.
+        decoder: Of its files.
+        features: See above.
+        network: See above.
+        tile: Most elements of an input that go through the network at once; None never divides.
+        medium: What its recordings are: ``signal`` or ``photo``.
+        windowed: Whether single windows of a recording can be classified.
+    """
+
+    name: str
+    modality: str
+    decoder: Decoder
+    features: nn.Module
+    network: nn.Module
+    tile: int | None = None
+
+    medium: ClassVar[str]
+    windowed: ClassVar[bool] = False
+
+    @classmethod
+    def make(
+        cls,
+        name: str,
+        classes: int,
+        *,
+        modality: str,
+        decode: Mapping[str, Any],
+        features: Mapping[str, Any],
+        network: Mapping[str, Any],
+        **shared: Any,  # noqa: ANN401
+    ) -> Self:
+        """Make one with random weights.
+
+        Args:
+            name: Of the sense.
+            classes: Number of materials.
+            modality: See the class.
+            decode: Arguments of the decoder.
+            features: ``_target_`` and arguments.
+            network: ``_target_`` and arguments.
+            **shared: Offered to both, which take what they have parameters for, beside ``classes``
+                and the settings of the decoder; nodes with a ``_target_`` are built before.
+
+        Raises:
+            UserError: If a part cannot be made.
+        """
+        where = f"model.{name}"
+        offered = {**decode, "classes": classes, **shared}
+        for key, value in shared.items():
+            if isinstance(value, Mapping) and TARGET in value:
+                offered[key] = build(f"{where}.{key}", value, **{**offered, key: None})
+        made = [
+            build(f"{where}.{key}", node, **offered)
+            for key, node in (("features", features), ("network", network))
+        ]
+        for key, part in zip(("features", "network"), made, strict=True):
+            if not isinstance(part, nn.Module):
+                raise UserError(f"{where}.{key} gives {shorten(part)}, which is no nn.Module.")
+        return cls(name, modality, cls.make_decoder(decode), *made)
+
+    @classmethod
+    @abstractmethod
+    def make_decoder(cls, decode: Mapping[str, Any]) -> Decoder:
+        """Make the decoder from its settings."""
+
+    @abstractmethod
+    def check(self, recording: Tensor | Array) -> None:
+        """Refuse a decoded recording that is too small for one fragment.
+
+        Raises:
+            UserError: Saying what it takes.
+        """
+
+    @abstractmethod
+    def input_size(self, recording: Tensor) -> tuple[int, int]:
+        """Height and width of the network input of a decoded recording."""
+
+    @abstractmethod
+    def blank(self, height: int, width: int) -> Tensor:
+        """A network input (1, C, height, width) of zeros."""
+
+    @abstractmethod
+    def bank(
+        self,
+        rows: Sequence[Recording],
+        store: Store,
+        fit: Mapping[str, Any],
+        *,
+        size: int,
+        seed: int,
+        learn: bool,
+    ) -> Bank:
+        """What training batches are cut from.
+
+        Args:
+            rows: The training recordings.
+            store: Where they are decoded.
+            fit: The recipe.
+            size: Length or side of a piece.
+            seed: Of everything random.
+            learn: Whether the features learn from the recordings what they have to, such as their
+                normalisation; else they have.
+        """
+
+    @abstractmethod
+    def training_input(self, pieces: Mapping[str, Tensor], size: int) -> Tensor:
+        """Network input (batch, ...) of what the bank has cut."""
+
+    @abstractmethod
+    def measure(self, row: Recording, store: Store) -> dict[str, float]:
+        """Measures of a training recording that inputs are compared with."""
+
+    @abstractmethod
+    def receive(
+        self,
+        given: Any,  # noqa: ANN401
+        ranges: Ranges,
+        **how: Any,  # noqa: ANN401
+    ) -> tuple[Tensor, Quality]:
+        """Decode a file, or bring an array to what decoding gives; say what is wrong with it.
+
+        Args:
+            given: A path, or samples or pixels.
+            ranges: Of the measures of the training recordings.
+            **how: ``rate`` in Hz, ``colour`` order, ``fast`` decoding, as far as they apply.
+
+        Raises:
+            UserError: If it cannot be used.
+        """
+
+    def piece_size(self, size: int) -> int:
+        """Length or side of a piece that gives a single position; ``size`` if nothing tells."""
+        return self.window_size[1] if self.tells_geometry else size
+
+    def adopt(self, other: "Branch") -> None:
+        """Take over what the features of another branch of this kind have learnt."""
+        self.features.load_state_dict(other.features.state_dict())
+
+    def __call__(self, recording: Tensor) -> Tensor:
+        """Network input of a decoded recording, on the device of the branch."""
+        found: Tensor = self.features(recording.to(self.device))
+        return found
+
+    def positions(self, recording: Tensor, level: Level) -> Tensor:
+        """Features (D, positions), float32, of a decoded recording; an image's row by row.
+
+        Raises:
+            UserError: If the recording is too small, or not finite.
+        """
+        self.check(recording)
+        return self.dense(self(recording), level)
+
+    def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
+        """Features (D, windows), float32, of single windows of a decoded recording.
+
+        Args:
+            recording: As for :meth:`positions`.
+            corners: (windows, 2) row and column where each begins in the network's input.
+            level: As for :meth:`positions`.
+        """
+        raise NotImplementedError(f"{self.medium}s are not classified window by window")
+
+    def grid(self, recording: Tensor) -> tuple[int, int]:
+        """Rows and columns of positions that a decoded recording gives."""
+        rows, columns = self._tell("output_size")(*self.input_size(recording))
+        return rows, columns
+
+    @property
+    def tells_geometry(self) -> bool:
+        """Whether the network says how large inputs and their windows have to be."""
+        return all(hasattr(self.network, name) for name in GEOMETRY)
+
+    @property
+    def window_size(self) -> tuple[int, int]:
+        """Height and width of an input that gives exactly one position."""
+        height, width = self._tell("window_size")
+        return height, width
+
+    @property
+    def min_size(self) -> tuple[int, int]:
+        """Height and width of the smallest input that gives a position."""
+        height, width = self._tell("min_size")
+        return height, width
+
+    @property
+    def stride(self) -> int:
+        """Elements of the input between neighbouring positions."""
+        stride: int = self._tell("stride")
+        return stride
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+        return next(self._tensors()).device
+
+    @property
+    def what(self) -> str:
+        """What one of its recordings is called."""
+        return name_one(self.modality)
+
+    def _tensors(self) -> Iterator[Tensor]:
+        modules = (self.features, self.network)
+        yield from chain(*(module.buffers() for module in modules))
+        yield from chain(*(module.parameters() for module in modules))
+        yield torch.empty(0)  # of modules without any
+
+    def _tell(self, name: str) -> Any:  # noqa: ANN401
+        found = getattr(self.network, name, None)
+        if found is None:
+            raise UserError(
+                f"This needs a network that tells its geometry, and {type(self.network).__name__} "
+                f"of {self.name} has no {name}."
+            )
+        return found
+
+    def dense(self, x: Tensor, level: Level) -> Tensor:
+        """Features (D, positions) of a network input, piece by piece if it is large."""
+        if self.tile is None or not self.tells_geometry:
+            return self._features(x, level).flatten(2)[0]
+
+        def features(part: Tensor) -> Tensor:
+            found = self._features(part, level)
+            return found if found.dim() == 4 else found[:, :, None]
+
+        windows = layer_windows(self.network, 0), layer_windows(self.network, 1)
+        return in_tiles(features, x, windows, self.tile)[0].flatten(1)
+
+    def _features(self, x: Tensor, level: Level) -> Tensor:
+        """Features (1, D, *positions), float32, of a network input."""
+        weights = next(self.network.parameters(), x)
+        found: Tensor = self.network.features(x.to(weights.dtype), level)  # type: ignore[operator]
+        return found.float()
+
+
+def as_tensor(recording: Tensor | Array) -> Tensor:
+    """A decoded recording in memory; an array may be a read-only map of a file."""
+    return recording if isinstance(recording, Tensor) else torch.from_numpy(np.array(recording))
+
+
+def content(recording: Tensor) -> Array:
+    """The array whose content seeds what is random about a recording."""
+    return np.ascontiguousarray(recording.cpu().numpy())

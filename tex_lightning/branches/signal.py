@@ -1,0 +1,207 @@
+"""The branch of a sense whose recordings are signals: traces of acceleration, sounds, forces."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, cast
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tex_lightning.branches.base import Branch, as_tensor, content
+from tex_lightning.data.arrays import as_trace
+from tex_lightning.data.banks import InputBank
+from tex_lightning.data.datamodule import load_recording
+from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
+from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_measures
+from tex_lightning.data.recordings import Recording, plural
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError, shorten
+from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.networks.blocks import Level
+from tex_lightning.perturbations.augment import Augmentation
+from tex_lightning.progress import track
+
+
+class SignalBranch(Branch):
+    """Signals (axes, samples) float32; features map one to (1, ..., frames), time last.
+
+    Features that have ``magnitudes``, ``fit`` and ``normalise``, as those of this package, learn
+    their normalisation from the training set.
+    """
+
+    medium: ClassVar[str] = "signal"
+    decoder: SignalDecoder
+
+    @classmethod
+    def make_decoder(cls, decode: Mapping[str, Any]) -> SignalDecoder:
+        """Make the decoder; files without a rate have the one that all are brought to."""
+        rate = decode["sampling_rate"]
+        return SignalDecoder(rate, decode.get("file_rate") or rate)
+
+    @property
+    def spectrogram(self) -> SpectrogramFeatures | None:
+        """The features, if they are this package's."""
+        return self.features if isinstance(self.features, SpectrogramFeatures) else None
+
+    def check(self, recording: Tensor | Array) -> None:
+        """Refuse a signal that is too short for one fragment; see the base class."""
+        recording = as_tensor(recording)
+        if self.spectrogram is not None and self.tells_geometry:
+            self.check_frames(self.spectrogram.count_frames(recording))
+            return
+        with torch.inference_mode():
+            self._whole(recording, "fc3")
+
+    def positions(self, recording: Tensor, level: Level) -> Tensor:
+        """Features of a decoded signal; see the base class."""
+        if self.spectrogram is not None and self.tells_geometry:
+            return super().positions(recording, level)
+        return self._whole(recording, level)
+
+    def _whole(self, recording: Tensor, level: Level) -> Tensor:
+        """Features by a network that does not say how much it needs."""
+        try:
+            found = self.dense(self(recording), level)
+        except RuntimeError as error:  # of a kernel that is longer than its input
+            raise self._unusable(recording, " ".join(str(error).split())) from error
+        if not found.shape[1]:
+            raise self._unusable(recording, "it gives no position")
+        return found
+
+    def _unusable(self, recording: Tensor, why: str) -> UserError:
+        seconds = self.decoder.extent(content(recording))
+        return UserError(
+            f"{type(self.network).__name__} makes nothing of {seconds:.2f} s of a {self.what} "
+            f"({shorten(why)}); record a longer one, or correct the network."
+        )
+
+    def check_frames(self, frames: int) -> None:
+        """Refuse a spectrogram of so many frames if it is too short for one fragment.
+
+        Raises:
+            UserError: Saying how much movement it takes.
+        """
+        features, least = cast(SpectrogramFeatures, self.spectrogram), self._tell("min_size")[1]
+        if frames < least:
+            rate = features.sampling_rate
+            have = max(0, features.samples(frames)) / rate if frames else 0.0
+            raise UserError(
+                f"The {self.what} has {have:.2f} s of movement, and {type(self.network).__name__} "
+                f"needs {features.samples(least) / rate:.2f} s for one fragment; record a longer "
+                "stroke."
+            )
+
+    def __call__(self, recording: Tensor) -> Tensor:
+        """Network input (1, ..., frames) of a decoded signal.
+
+        Raises:
+            UserError: If it is not finite: NaN would win every vote.
+        """
+        found = super().__call__(recording)
+        if not bool(found.isfinite().all()):
+            raise UserError(
+                f"The {self.what} holds NaN, infinity or numbers too large to square; repair the "
+                "recording."
+            )
+        return found
+
+    def input_size(self, recording: Tensor) -> tuple[int, int]:
+        """Bands and frames of the spectrogram, which is not computed for that."""
+        if self.spectrogram is None:
+            height, width = self(recording).shape[-2:]
+            return height, width
+        return self.spectrogram.bands, self.spectrogram.count_frames(recording)
+
+    def blank(self, height: int, width: int) -> Tensor:
+        """A spectrogram of zeros."""
+        return torch.zeros(1, 1, height, width)
+
+    def bank(
+        self,
+        rows: Sequence[Recording],
+        store: Store,
+        fit: Mapping[str, Any],
+        *,
+        size: int,
+        seed: int,
+        learn: bool,
+    ) -> InputBank:
+        """Network inputs of all recordings, then those of perturbed copies; see the base class.
+
+        The normalisation is that of the clean ones.
+        """
+        raw = [self._raw(load_recording(row, store)) for row in self._tracked(rows)]
+        if learn and hasattr(self.features, "fit"):
+            self.features.fit(raw)  # type: ignore[operator]  # of features that have one
+        raw += self._perturbed(rows, store, fit, seed)
+        return InputBank([self._normalised(each) for each in raw], size, len(raw) // len(rows))
+
+    @torch.no_grad()
+    def _raw(self, recording: Tensor) -> Tensor:
+        """Features (..., frames) before normalisation, if they have one that is apart."""
+        measure = getattr(self.features, "magnitudes", None)
+        if measure is None:
+            found: Tensor = self.features(recording.to(self.device))[0]
+        else:
+            found = measure(recording.to(self.device))
+        return found
+
+    def _normalised(self, raw: Tensor) -> Tensor:
+        """Network input (..., frames) on the CPU."""
+        normalise = getattr(self.features, "normalise", None)
+        return raw.cpu() if normalise is None else normalise(raw)[None].cpu()
+
+    def _tracked(self, rows: Sequence[Recording]) -> Iterable[Recording]:
+        return track(rows, f"Features of {plural(self.modality)}")
+
+    def _perturbed(
+        self, rows: Sequence[Recording], store: Store, fit: Mapping[str, Any], seed: int
+    ) -> list[Tensor]:
+        """Of all signals perturbed, once for each copy; seeded by recording and copy."""
+        augmentation = Augmentation.of(fit["perturb"], rate=self.decoder.sampling_rate)
+        if augmentation is None:
+            return []
+        found = []
+        for copy in range(fit["perturbed_copies"]):
+            for number, row in enumerate(self._tracked(rows)):
+                rng = np.random.default_rng([seed, copy, number])
+                changed = torch.from_numpy(augmentation(np.array(store.load(row)), rng))
+                try:
+                    found.append(self._raw(changed))
+                except UserError:  # hardly anything was left of it
+                    found.append(self._raw(load_recording(row, store)))
+        return found
+
+    def training_input(self, pieces: Mapping[str, Tensor], size: int) -> Tensor:
+        """The sub-samples as they are."""
+        return pieces["input"]
+
+    def measure(self, row: Recording, store: Store) -> dict[str, float]:
+        """``level`` and ``rate``."""
+        rate = self.decoder.sampling_rate
+        return trace_measures(store.load(row), store.rate(row).hz, rate)
+
+    def receive(
+        self,
+        given: Any,  # noqa: ANN401
+        ranges: Ranges,
+        *,
+        rate: float | None = None,
+        **_: Any,  # noqa: ANN401
+    ) -> tuple[Tensor, Quality]:
+        """A file or samples; ``rate`` in Hz is that of samples and of files that carry none."""
+        target = self.decoder.sampling_rate
+        if isinstance(given, str | Path):
+            path, assumed = Path(given).expanduser(), rate or self.decoder.file_rate
+            raw, found = read_trace(path, SignalDecoder(target, assumed))
+            source, name = found.hz, f"Trace {path}"
+        else:
+            raw, name = as_trace(given, self.modality), self.modality
+            source = target if rate is None else rate
+        if not source > 0:
+            raise UserError(f"rate is {source:g}; give the sampling rate in Hz.")
+        trace, monitor = to_rate(raw, source, target, name), TraceMonitor(self.what)
+        monitor.update(raw)  # resampling would blur what is constant or clipped
+        measures = trace_measures(trace, source, target)
+        return torch.from_numpy(trace), monitor.quality(ranges, **measures)
