@@ -28,7 +28,7 @@ class Baseline(ABC):
     configured rate, photos as (height, width, 3) uint8 RGB.
 
     Attributes:
-        kind: Which modality it reads.
+        kind: What it reads: ``haptic`` any signals, ``visual`` any photos.
         min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
         sampling_rate: Of the traces in Hz; set by whoever makes it.
     """

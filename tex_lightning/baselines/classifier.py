@@ -28,6 +28,7 @@ from tex_lightning.networks.blocks import Level
 if TYPE_CHECKING:
     from tex_lightning.baselines.base import Array, Baseline
 
+MEDIA = {"haptic": "signal", "visual": "photo"}  # by the kind of a baseline
 LEAST_SECONDS = 0.05  # of movement: the paper's window
 
 
@@ -57,7 +58,7 @@ class Movement(nn.Module):
             axes = axes[:, movement_start(axes, self.sampling_rate) :]
         if axes.shape[1] < self.sampling_rate * LEAST_SECONDS:
             raise UserError(
-                f"The trace has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "
+                f"The signal has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "
                 "little to classify; record a longer stroke."
             )
         if len(axes) == 3:
@@ -116,6 +117,11 @@ class BaselineClassifier(SurfaceClassifier):
         name, node, budget = (card.baseline[key] for key in ("name", "node", "budget"))
         self.baseline: Baseline = make_baseline(name, node, budget)
         branch = self.branch(card.kind)
+        if branch.medium != (wanted := MEDIA[self.baseline.kind]):
+            raise UserError(
+                f"{name} looks at a {wanted}, and {branch.name} is a {branch.medium}; choose "
+                "another sense in model.senses, or leave it out."
+            )
         values = branch.name, branch.modality, branch.decoder
         if isinstance(branch.decoder, SignalDecoder):
             self.baseline.sampling_rate = rate = branch.decoder.sampling_rate

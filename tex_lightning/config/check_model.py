@@ -19,6 +19,8 @@ def check_model(model: ModelConfig) -> Iterator[str]:
             yield f"{key} is {shorten(node)}: give a class and arguments, {{_target_: a.b.Name}}"
     if not model.senses or len(set(model.senses)) < len(model.senses):
         yield f"model.senses is {shorten(model.senses)}: name one sense or several, each once"
+    if model.baseline is not None and len(model.senses) > 1:
+        yield f"model={model.name} looks at one sense: give one in model.senses"
     head = list(model.visual.head)
     if len(head) not in (0, 2):
         given = shorten(head)

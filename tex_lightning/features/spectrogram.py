@@ -120,14 +120,14 @@ class SpectrogramFeatures(nn.Module):
             Magnitudes (bands, frames), not negative.
 
         Raises:
-            UserError: If the trace is shorter than one window.
+            UserError: If the signal is shorter than one window.
         """
         if self.skip_impact:
             trace = trace[:, movement_start(trace, self.sampling_rate) :]
         samples = trace.shape[-1]
         if samples < self.window_length:
             raise UserError(
-                f"The trace has {samples / self.sampling_rate:.2f} s of movement, less than one "
+                f"The signal has {samples / self.sampling_rate:.2f} s of movement, less than one "
                 f"window of {self.window_length} samples; record a longer stroke."
             )
         return self.spectra(trace)

@@ -82,7 +82,7 @@ def match_files(given: Mapping[str, Files]) -> list[dict[str, Path]]:
     """
     found = {modality: files.paths for modality, files in given.items() if files.paths}
     if not found:
-        raise UserError("There is nothing to classify; give haptic=FILE, image=FILE or both.")
+        raise UserError("There is nothing to classify; give a file, as in haptic=FILE.")
     first, *others = found.values()
     stems = {name: {path.stem: path for path in paths} for name, paths in found.items()}
     searched = any(files.searched for files in given.values())

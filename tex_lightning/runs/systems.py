@@ -45,8 +45,8 @@ def load_systems(config: Config) -> list[System]:
             classifier = members[0].evaluator.classifier
             name = _name(path, kind, classifier)
             systems.append(System(name, classifier.card.kind, members))
-    notes = read_recordings(config.data).notes
     for each in datasets:
+        notes = read_recordings(config.data, list(each.store.decoders)).notes
         tested = Recordings(tuple(each.rows.values()), notes)
         announce(config, tested, each.store, skipped_files(systems))
     return _named_apart(systems)

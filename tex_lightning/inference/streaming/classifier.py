@@ -210,8 +210,8 @@ def _check_local(features: SpectrogramFeatures, network: HapticNet) -> None:
     """Refuse what cannot be computed, or not to the same labels, before the end is known."""
     if features.axes != "frame" or features.normalisation != "standard":
         raise UserError(
-            f"This checkpoint was trained with model.haptic.axes={features.axes} and "
-            f"model.haptic.normalisation={features.normalisation}, which look at the whole trace; "
+            f"This checkpoint was trained with axes={features.axes} and "
+            f"normalisation={features.normalisation}, which look at the whole recording; "
             "for a live stream train with axes=frame and normalisation=standard."
         )
     if any(parameter.dtype != torch.float32 for parameter in network.parameters()):

@@ -36,7 +36,7 @@ class LiveStream:
         if self.card.baseline:
             raise UserError(
                 f"This checkpoint holds {self.card.title}, and a live stream is classified by "
-                "HapticNet; give the checkpoint of a run with model=haptic."
+                "HapticNet; give the checkpoint of a run with model=haptic or model=sound."
             )
         if wait > 0 and self.card.reject_below:
             raise UserError(

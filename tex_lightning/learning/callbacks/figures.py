@@ -5,8 +5,9 @@ from typing import Any
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 from matplotlib.figure import Figure
-from torch import Tensor, nn
+from torch import Tensor
 
+from tex_lightning.branches import Branch
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.loggers import log_figures
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
@@ -32,13 +33,13 @@ class SampleFigures(Callback):
         titles = [classifier.card.classes[int(index)] for index in batch["label"][:SHOWN]]
         inputs = zip(classifier.branches.items(), pl_module.inputs(batch), strict=True)
         for (name, branch), tensor in inputs:
-            figure = _figure(tensor[:SHOWN].cpu(), titles, branch.features)
+            figure = _figure(branch, tensor[:SHOWN].cpu(), titles)
             log_figures(trainer.loggers, {f"samples/{name}": figure})
 
 
-def _figure(tensor: Tensor, titles: list[str], features: nn.Module) -> Figure:
-    """Patches of a photo, or planes of another input one above the other."""
-    if tensor.dim() == 4 and tensor.shape[1] == 3:
-        return patch_figure(tensor, titles)
-    planes = tensor.reshape(len(tensor), -1, tensor.shape[-1])
-    return spectrogram_figure(planes, titles, features)
+def _figure(branch: Branch, inputs: Tensor, titles: list[str]) -> Figure:
+    """Patches of photos, or of signals the planes of their features one above the other."""
+    if branch.medium == "photo":
+        return patch_figure(inputs, titles)
+    planes = inputs.reshape(len(inputs), -1, inputs.shape[-1])
+    return spectrogram_figure(planes, titles, branch.features)
