@@ -7,6 +7,7 @@ import pytest
 import torch
 from conftest import make_card, make_photo
 from PIL import Image
+from torch import nn
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder
@@ -104,3 +105,24 @@ def test_files_and_pixels_are_received_alike(branch, tmp_path, half):
     assert quality.empty
     with pytest.raises(UserError, match="give uint8 pixels"):
         branch.receive(rgb / 255, {})
+
+
+class Stripes(nn.Module):
+    """A user's network that tells nothing of its geometry."""
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.convolution = nn.Conv2d(3, classes, 40, stride=20)
+
+    def features(self, x: torch.Tensor, level: str) -> torch.Tensor:
+        return self.convolution(x)
+
+
+@torch.no_grad()
+def test_a_network_that_tells_no_geometry_is_asked(branch):
+    own = replace(branch, network=Stripes(3), tile=100)
+    assert own.positions(photo(80, 60), "fc3").shape == (3, 3 * 2)
+    own.check(photo(40, 40))
+    with pytest.raises(UserError, match=r"Stripes makes nothing of .* a photo .*give a larger one"):
+        own.check(np.zeros((39, 200, 3), np.uint8))
+    assert own.piece_size(100) == 100

@@ -71,7 +71,7 @@ def test_too_short_a_signal_is_refused_in_one_sentence(samples):
     with pytest.raises(UserError) as caught:
         own().positions(signal(1.0, samples), "fc3")
     said = str(caught.value)
-    expected = f"Loudness makes nothing of {samples / RATE:.2f} s of a force recording"
+    expected = f"Loudness makes nothing of {samples / RATE:.3g} s of a force recording"
     assert said.startswith(expected)
     assert said.endswith(".")
     assert "\n" not in said

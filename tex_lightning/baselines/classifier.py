@@ -53,6 +53,17 @@ class Movement(nn.Module):
         Raises:
             UserError: If there is too little movement.
         """
+        axes = self.steady(trace)
+        if len(axes) == 3:
+            return dft321(axes[:, : quick_length(axes.shape[1])])[None, None]
+        return (axes - axes.mean(dim=1, keepdim=True))[None, :1]
+
+    def steady(self, trace: Tensor) -> Tensor:
+        """Steady movement (axes, samples) of a trace.
+
+        Raises:
+            UserError: If there is too little.
+        """
         axes = trace.float()
         if self.skip_impact:
             axes = axes[:, movement_start(axes, self.sampling_rate) :]
@@ -61,9 +72,7 @@ class Movement(nn.Module):
                 f"The signal has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "
                 "little to classify; record a longer stroke."
             )
-        if len(axes) == 3:
-            return dft321(axes[:, : quick_length(axes.shape[1])])[None, None]
-        return (axes - axes.mean(dim=1, keepdim=True))[None, :1]
+        return axes
 
 
 class FittedBaseline(nn.Module):
@@ -89,12 +98,20 @@ def as_baseline_takes_it(x: Tensor) -> "Array":
     return array
 
 
+@dataclass
 class MovementBranch(SignalBranch):
     """Signals for baselines."""
 
-    def check(self, recording: "Tensor | Array") -> None:
+    features: Movement
+
+    @property
+    def knows_least(self) -> bool:
+        """Yes: of movement."""
+        return True
+
+    def check_size(self, recording: "Tensor | Array") -> None:
         """Refuse a signal with too little movement."""
-        self(as_tensor(recording))
+        self.features.steady(as_tensor(recording))
 
 
 class PixelBranch(PhotoBranch):

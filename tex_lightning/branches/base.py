@@ -101,13 +101,22 @@ class Branch(ABC):
     def make_decoder(cls, decode: Mapping[str, Any]) -> Decoder:
         """Make the decoder from its settings."""
 
+    @property
     @abstractmethod
-    def check(self, recording: Tensor | Array) -> None:
-        """Refuse a decoded recording that is too small for one fragment.
+    def knows_least(self) -> bool:
+        """Whether it can be told without computing if a recording is large enough."""
+
+    @abstractmethod
+    def check_size(self, recording: Tensor | Array) -> None:
+        """Refuse a decoded recording that is too small for one fragment, where that is known.
 
         Raises:
             UserError: Saying what it takes.
         """
+
+    @abstractmethod
+    def prepared(self, recording: Tensor) -> Tensor:
+        """What :meth:`dense` takes of a decoded recording."""
 
     @abstractmethod
     def input_size(self, recording: Tensor) -> tuple[int, int]:
@@ -179,14 +188,45 @@ class Branch(ABC):
         found: Tensor = self.features(recording.to(self.device))
         return found
 
+    def check(self, recording: Tensor | Array) -> None:
+        """Refuse a decoded recording that is too small for one fragment.
+
+        Raises:
+            UserError: Saying what it takes, as far as that is known.
+        """
+        if self.knows_least:
+            self.check_size(recording)
+        else:
+            with torch.inference_mode():
+                self._tried(as_tensor(recording), "fc3")
+
     def positions(self, recording: Tensor, level: Level) -> Tensor:
         """Features (D, positions), float32, of a decoded recording; an image's row by row.
 
         Raises:
             UserError: If the recording is too small, or not finite.
         """
-        self.check(recording)
-        return self.dense(self(recording), level)
+        if not self.knows_least:
+            return self._tried(recording, level)
+        self.check_size(recording)
+        return self.dense(self.prepared(recording), level)
+
+    def _tried(self, recording: Tensor, level: Level) -> Tensor:
+        """Features by a network that does not say how much it needs."""
+        try:
+            found = self.dense(self.prepared(recording), level)
+        except RuntimeError as error:  # of a kernel that is larger than its input
+            raise self._unusable(recording, " ".join(str(error).split())) from error
+        if not found.shape[1]:
+            raise self._unusable(recording, "it gives no position")
+        return found
+
+    def _unusable(self, recording: Tensor, why: str) -> UserError:
+        extent = f"{self.decoder.extent(content(recording)):.3g} {self.decoder.unit}"
+        return UserError(
+            f"{type(self.network).__name__} makes nothing of {extent} of a {self.what} "
+            f"({shorten(why)}); give a larger one, or correct the network."
+        )
 
     def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
         """Features (D, windows), float32, of single windows of a decoded recording.

@@ -33,10 +33,15 @@ class PhotoBranch(Branch):
         """Make the decoder."""
         return PhotoDecoder(**decode)
 
-    def check(self, recording: Tensor | Array) -> None:
+    @property
+    def knows_least(self) -> bool:
+        """Whether the network says how large a photo has to be."""
+        return hasattr(self.network, "min_size")
+
+    def check_size(self, recording: Tensor | Array) -> None:
         """Refuse a photo that is too small for one fragment; see the base class."""
         height, width = recording.shape[:2]
-        least = max(self._tell("min_size"))
+        least = max(self.min_size)
         if min(height, width) < least:
             raise UserError(
                 f"The {self.what} has {width}x{height} pixels after decoding, and this network "
@@ -48,10 +53,9 @@ class PhotoBranch(Branch):
         """Network input (1, 3, height, width) of a decoded photo."""
         return super().__call__(_planes(recording))
 
-    def positions(self, recording: Tensor, level: Level) -> Tensor:
-        """As the base class; a large photo is normalised piece by piece."""
-        self.check(recording)
-        return self.dense(_planes(recording), level)
+    def prepared(self, recording: Tensor) -> Tensor:
+        """Pixels (1, 3, height, width): a large photo is normalised piece by piece."""
+        return _planes(recording)
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
         pixels: Tensor = self.features(x.to(self.device)) if x.dtype == torch.uint8 else x

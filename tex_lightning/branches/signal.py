@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from tex_lightning.branches.base import Branch, as_tensor, content
+from tex_lightning.branches.base import Branch, as_tensor
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.datamodule import load_recording
@@ -16,9 +16,8 @@ from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_measures
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.networks.blocks import Level
 from tex_lightning.perturbations.augment import Augmentation
 from tex_lightning.progress import track
 
@@ -44,37 +43,18 @@ class SignalBranch(Branch):
         """The features, if they are this package's."""
         return self.features if isinstance(self.features, SpectrogramFeatures) else None
 
-    def check(self, recording: Tensor | Array) -> None:
+    @property
+    def knows_least(self) -> bool:
+        """Whether the spectrogram's frames can be counted, and the network says how many."""
+        return self.spectrogram is not None and self.tells_geometry
+
+    def check_size(self, recording: Tensor | Array) -> None:
         """Refuse a signal that is too short for one fragment; see the base class."""
-        recording = as_tensor(recording)
-        if self.spectrogram is not None and self.tells_geometry:
-            self.check_frames(self.spectrogram.count_frames(recording))
-            return
-        with torch.inference_mode():
-            self._whole(recording, "fc3")
+        self.check_frames(self.input_size(as_tensor(recording))[1])
 
-    def positions(self, recording: Tensor, level: Level) -> Tensor:
-        """Features of a decoded signal; see the base class."""
-        if self.spectrogram is not None and self.tells_geometry:
-            return super().positions(recording, level)
-        return self._whole(recording, level)
-
-    def _whole(self, recording: Tensor, level: Level) -> Tensor:
-        """Features by a network that does not say how much it needs."""
-        try:
-            found = self.dense(self(recording), level)
-        except RuntimeError as error:  # of a kernel that is longer than its input
-            raise self._unusable(recording, " ".join(str(error).split())) from error
-        if not found.shape[1]:
-            raise self._unusable(recording, "it gives no position")
-        return found
-
-    def _unusable(self, recording: Tensor, why: str) -> UserError:
-        seconds = self.decoder.extent(content(recording))
-        return UserError(
-            f"{type(self.network).__name__} makes nothing of {seconds:.2f} s of a {self.what} "
-            f"({shorten(why)}); record a longer one, or correct the network."
-        )
+    def prepared(self, recording: Tensor) -> Tensor:
+        """Network input of the whole signal."""
+        return self(recording)
 
     def check_frames(self, frames: int) -> None:
         """Refuse a spectrogram of so many frames if it is too short for one fragment.
@@ -82,8 +62,8 @@ class SignalBranch(Branch):
         Raises:
             UserError: Saying how much movement it takes.
         """
-        features, least = cast(SpectrogramFeatures, self.spectrogram), self._tell("min_size")[1]
-        if frames < least:
+        features, least = self.spectrogram, self.min_size[1]
+        if features is not None and frames < least:
             rate = features.sampling_rate
             have = max(0, features.samples(frames)) / rate if frames else 0.0
             raise UserError(
@@ -139,18 +119,17 @@ class SignalBranch(Branch):
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
-        """Features (..., frames) before normalisation, if they have one that is apart."""
+        """Features (..., frames), before normalisation if that is apart."""
         measure = getattr(self.features, "magnitudes", None)
-        if measure is None:
-            found: Tensor = self.features(recording.to(self.device))[0]
-        else:
-            found = measure(recording.to(self.device))
+        recording = recording.to(self.device)
+        found: Tensor = self.features(recording)[0] if measure is None else measure(recording)
         return found
 
     def _normalised(self, raw: Tensor) -> Tensor:
         """Network input (..., frames) on the CPU."""
-        normalise = getattr(self.features, "normalise", None)
-        return raw.cpu() if normalise is None else normalise(raw)[None].cpu()
+        if hasattr(self.features, "magnitudes"):
+            raw = self.features.normalise(raw)[None]  # type: ignore[operator]  # they have both
+        return raw.cpu()
 
     def _tracked(self, rows: Sequence[Recording]) -> Iterable[Recording]:
         return track(rows, f"Features of {plural(self.modality)}")
