@@ -93,8 +93,8 @@ def _answer(arguments: list[str]) -> int:
 
 def _run() -> int:
     """Run the command line and return its exit status."""
-    sys.argv[1:] = with_own_senses(quote_files(sys.argv[1:]))
     register()
+    sys.argv[1:] = with_own_senses(quote_files(sys.argv[1:]))
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
         entry()

@@ -147,6 +147,15 @@ def test_it_evaluates_predicts_and_is_perturbed(cli, fused, data, flat, tmp_path
     assert [*found["fusion"]["perturbation_errors"]] == ["drift", "stains", "fewer_pairs"]
 
 
+def test_hydras_search_path_brings_senses_too(cli, flat, tmp_path):
+    outcome = cli(
+        f"hydra.searchpath=[file://{CONF[1]}]", "model=fusion", "model.senses=[force]", "data=flat",
+        f"data.reader.folder={flat}", "debug=tiny", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert list(results(tmp_path)["networks"]) == ["force"]
+
+
 def test_a_sense_that_does_not_exist_is_refused(cli, data, tmp_path):
     wrong = ["model=fusion", "model.senses=[haptic,smell]", f"hydra.run.dir={tmp_path}"]
     outcome = cli(*CONF, *data, *wrong)

@@ -9,7 +9,9 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
+from hydra._internal.config_search_path_impl import ConfigSearchPathImpl
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -37,13 +39,45 @@ def register_folders() -> None:
 
 
 def with_own_senses(overrides: Sequence[str]) -> list[str]:
-    """The overrides, and those that compose the senses in ``branch/`` of the folders.
+    """The overrides, and those that compose the senses in ``branch/`` of a user's folders.
 
     ``model.senses`` may name them then, as it does those of the package.
     """
-    names = {file.stem for folder in user_folders() for file in folder.glob("branch/*.yaml")}
+    folders = [*_searched_folders(), *_named_folders(overrides)]
+    names = {file.stem for folder in folders for file in folder.glob("branch/*.yaml")}
     added = [f"+branch@model.{name}={name}" for name in sorted(names)]
     return [*overrides, *(each for each in added if each not in overrides)]
+
+
+def _searched_folders() -> Iterator[Path]:
+    """What search-path plugins add, ours and others."""
+    path = ConfigSearchPathImpl()
+    plugins: Any = Plugins.instance().discover(SearchPathPlugin)
+    for plugin in plugins:
+        plugin().manipulate_search_path(path)
+    for entry in path.get_path():
+        yield from _folder(entry.path)
+
+
+def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
+    """What ``hydra.searchpath=[…]`` names."""
+    for override in overrides:
+        key, _, value = override.partition("=")
+        if key == "hydra.searchpath":
+            for entry in value.strip("[]").split(","):
+                yield from _folder(entry.strip(" '\""))
+
+
+def _folder(entry: str) -> Iterator[Path]:
+    """The folder of ``file://PATH`` or ``pkg://PACKAGE``, if it is there."""
+    scheme, _, place = entry.rpartition("://")
+    if scheme in ("", "file"):
+        yield Path(place)
+    elif scheme == "pkg":
+        package, *inside = place.replace(".", "/").split("/")
+        spec = find_spec(package)
+        for home in (spec and spec.submodule_search_locations) or ():
+            yield Path(home, *inside)
 
 
 def installed_packages() -> list[str]:
