@@ -45,7 +45,8 @@ def measure(threads: int = 2) -> dict[str, Any]:
 def _traces(axes: int, seconds: float) -> dict[str, float]:
     trace = torch.randn(axes, int(seconds * RATE))
     linear, mel = SpectrogramFeatures(), SpectrogramFeatures(scale="mel")
-    whole = SpectrogramFeatures(axes="trace")
+    whole, blocks = SpectrogramFeatures(axes="trace"), SpectrogramFeatures(scale="mel")
+    blocks.fast_spectrogram = True
     stft = partial(
         torch.stft,
         trace[0],
@@ -58,6 +59,7 @@ def _traces(axes: int, seconds: float) -> dict[str, float]:
     functions = {
         "linear": lambda: linear(trace),
         "mel": lambda: mel(trace),
+        "mel_in_blocks": lambda: blocks(trace),
         "linear_whole_trace": lambda: whole(trace),
         "stft_alone": stft,
     }
