@@ -3,11 +3,16 @@
 from collections.abc import Mapping
 from typing import Any
 
+from torch import nn
+
 from tex_lightning.branches.base import Branch
-from tex_lightning.config.instantiation import TARGET, find_class
-from tex_lightning.errors import UserError
+from tex_lightning.config.instantiation import TARGET, build, find_class
+from tex_lightning.errors import UserError, shorten
 
 __all__ = ["Branch", "make_branch"]
+
+PARTS = ("features", "network")
+OWN = (TARGET, "modality", "decode", *PARTS)
 
 
 def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
@@ -15,18 +20,35 @@ def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
 
     Args:
         name: Of the sense.
-        node: ``_target_``, a subclass of :class:`Branch`, and its arguments.
+        node: ``_target_``, a subclass of :class:`Branch`; ``modality``; ``decode``, arguments of
+            its decoder; ``features`` and ``network``, each a ``_target_`` with arguments. All
+            other values are offered to these two, which take what they have parameters for,
+            beside ``classes`` and the settings of the decoder; nodes with a ``_target_`` are built
+            before.
         classes: Number of materials.
 
     Raises:
         UserError: If the node cannot be used.
     """
-    cls = find_class(f"model.{name}", node)
+    where = f"model.{name}"
+    cls = find_class(where, node)
     if not issubclass(cls, Branch):
         raise UserError(
-            f"model.{name} names {node[TARGET]}, which is no branch; take "
+            f"{where} names {node[TARGET]}, which is no branch; take "
             "tex_lightning.branches.signal.SignalBranch or "
             "tex_lightning.branches.photo.PhotoBranch, or derive from one of them."
         )
-    values = {key: value for key, value in node.items() if key != TARGET}
-    return cls.make(name, classes, **values)
+    offered = {**node["decode"], "classes": classes}
+    offered |= {key: value for key, value in node.items() if key not in OWN}
+    for key, value in list(offered.items()):
+        if isinstance(value, Mapping) and TARGET in value:
+            offered[key] = build(f"{where}.{key}", value, **offered)
+    features, network = (_make_part(f"{where}.{key}", node[key], offered) for key in PARTS)
+    return cls(name, node["modality"], cls.make_decoder(node["decode"]), features, network)
+
+
+def _make_part(where: str, node: Mapping[str, Any], offered: Mapping[str, Any]) -> nn.Module:
+    part = build(where, node, **offered)
+    if not isinstance(part, nn.Module):
+        raise UserError(f"{where} gives {shorten(part)}, which is no nn.Module.")
+    return part

@@ -4,13 +4,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.config.instantiation import TARGET, build
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder
 from tex_lightning.data.quality import Quality, Ranges
@@ -54,47 +53,6 @@ class Branch(ABC):
 
     medium: ClassVar[str]
     windowed: ClassVar[bool] = False
-
-    @classmethod
-    def make(
-        cls,
-        name: str,
-        classes: int,
-        *,
-        modality: str,
-        decode: Mapping[str, Any],
-        features: Mapping[str, Any],
-        network: Mapping[str, Any],
-        **shared: Any,  # noqa: ANN401
-    ) -> Self:
-        """Make one with random weights.
-
-        Args:
-            name: Of the sense.
-            classes: Number of materials.
-            modality: See the class.
-            decode: Arguments of the decoder.
-            features: ``_target_`` and arguments.
-            network: ``_target_`` and arguments.
-            **shared: Offered to both, which take what they have parameters for, beside ``classes``
-                and the settings of the decoder; nodes with a ``_target_`` are built before.
-
-        Raises:
-            UserError: If a part cannot be made.
-        """
-        where = f"model.{name}"
-        offered = {**decode, "classes": classes, **shared}
-        for key, value in shared.items():
-            if isinstance(value, Mapping) and TARGET in value:
-                offered[key] = build(f"{where}.{key}", value, **{**offered, key: None})
-        made = [
-            build(f"{where}.{key}", node, **offered)
-            for key, node in (("features", features), ("network", network))
-        ]
-        for key, part in zip(("features", "network"), made, strict=True):
-            if not isinstance(part, nn.Module):
-                raise UserError(f"{where}.{key} gives {shorten(part)}, which is no nn.Module.")
-        return cls(name, modality, cls.make_decoder(decode), *made)
 
     @classmethod
     @abstractmethod

@@ -17,7 +17,6 @@ from tex_lightning.config.model import (
     BROUGHT,
     FUSION,
     BranchConfig,
-    FitConfig,
     FusionConfig,
     ModelConfig,
     PhotoConfig,
@@ -42,7 +41,7 @@ from tex_lightning.config.tasks import (
 
 __all__ = [
     "READS", "SILENT", "BranchConfig", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig",
-    "EngineConfig", "FitConfig", "FrontierConfig", "FusionConfig", "GenerateConfig", "ModelConfig",
+    "EngineConfig", "FrontierConfig", "FusionConfig", "GenerateConfig", "ModelConfig",
     "PhotoConfig", "PredictConfig", "ProfileConfig", "SignalConfig", "StabilityConfig",
     "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten", "plain_values", "register",
 ]  # fmt: skip
