@@ -13,15 +13,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config.data import DataConfig, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
-from tex_lightning.config.model import (
-    BROUGHT,
-    FUSION,
-    BranchConfig,
-    FusionConfig,
-    ModelConfig,
-    PhotoConfig,
-    SignalConfig,
-)
+from tex_lightning.config.model import BROUGHT, FUSION, ModelConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     OPTIMIZED_METRICS,
@@ -40,10 +32,10 @@ from tex_lightning.config.tasks import (
 )
 
 __all__ = [
-    "READS", "SILENT", "BranchConfig", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig",
-    "EngineConfig", "FrontierConfig", "FusionConfig", "GenerateConfig", "ModelConfig",
-    "PhotoConfig", "PredictConfig", "ProfileConfig", "SignalConfig", "StabilityConfig",
-    "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten", "plain_values", "register",
+    "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
+    "FrontierConfig", "GenerateConfig", "ModelConfig", "PredictConfig", "ProfileConfig",
+    "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten",
+    "plain_values", "register",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
