@@ -23,6 +23,7 @@ from benchmarks._classifiers import make_classifier
 from benchmarks.engine import DEFAULT
 from tex_lightning.data.decode import PhotoDecoder, decode_image
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.memory import kept_memory
 from tex_lightning.networks.trunks import TRUNKS
 
 SIZE = (8000, 6000)
@@ -102,4 +103,5 @@ def peak() -> float:
 
 if __name__ == "__main__":
     path, name, most = sys.argv[1:]
-    print(json.dumps(classify(Path(path), name, json.loads(most))))
+    with kept_memory():  # as every task does
+        print(json.dumps(classify(Path(path), name, json.loads(most))))

@@ -29,6 +29,7 @@ from benchmarks.engine import DEFAULT
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.memory import kept_memory
 from tex_lightning.profiling.timing import interleaved
 
 WAYS: dict[str, tuple[dict[str, str], int | None]] = {
@@ -130,10 +131,11 @@ def worker(way: str) -> dict[str, dict[str, float]]:
     threads = WAYS[way][1]
     if threads is not None:
         torch.set_num_threads(threads)
-    timings = {
-        name: interleaved({name: work}, 1000, 2, budget_s=BUDGET_S)[name]
-        for name, work in works().items()
-    }
+    with kept_memory():
+        timings = {
+            name: interleaved({name: work}, 1000, 2, budget_s=BUDGET_S)[name]
+            for name, work in works().items()
+        }
     return {
         name: {"median_ms": timing.median, "p95_ms": timing.p95} for name, timing in timings.items()
     }

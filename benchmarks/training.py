@@ -36,6 +36,7 @@ from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
+from tex_lightning.memory import kept_memory
 from tex_lightning.runs.fold import make_training
 from tex_lightning.runs.workspace import Workspace, make_card, open_workspace
 
@@ -216,7 +217,7 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     """
     networks: dict[str, Any] = {}
     unimodal: dict[str, Path] = {}
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, kept_memory():
         workspace = open_workspace(_config(overrides), Path(folder))
         model = workspace.config.model
         for kind in dict.fromkeys([*model.senses, model.kind]):

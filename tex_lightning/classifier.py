@@ -161,7 +161,8 @@ class SurfaceClassifier(nn.Module):
             self.summand(name, recordings[branch.modality])
             for name, branch in self.branches.items()
         ]
-        return self.join(summands, self.seed(**recordings))
+        # a seed is read out of every byte of the recordings, and a single sense draws nothing
+        return self.join(summands, self.seed(**recordings) if self.fusion is not None else 0)
 
     def seed(self, **recordings: Tensor) -> int:
         """Of the random choices for one sample of decoded recordings."""
