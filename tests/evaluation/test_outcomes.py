@@ -32,6 +32,12 @@ def outcome(label: str, predicted: str, fragments: int = 4, right: int = 2) -> O
     return Outcome(files, label, predicted, 0.5, fragments, right, 1.5)
 
 
+def test_a_sample_is_named_alike_whichever_sense_comes_first():
+    one, other = {"haptic": "x.wav", "image": "y.png"}, {"image": "y.png", "haptic": "x.wav"}
+    samples = {Outcome(files, "a", "a", 0.5, 4, 2, 1.5).sample for files in (one, other)}
+    assert len(samples) == 1
+
+
 @given(LABELS)
 def test_summary_and_confusion_agree_with_scikit_learn(pairs):
     outcomes = [outcome(*pair) for pair in pairs]

@@ -58,8 +58,8 @@ class Outcome:
 
     @property
     def sample(self) -> str:
-        """What names the sample among those of one kind: its files."""
-        return "|".join(self.files.values())
+        """What names the sample: its files, in whatever order a network looks at them."""
+        return "|".join(self.files[modality] for modality in sorted(self.files))
 
     @property
     def fragment_votes(self) -> dict[str, int]:

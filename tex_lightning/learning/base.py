@@ -18,7 +18,6 @@ from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metric
 from tex_lightning.loggers import log_figures
 from tex_lightning.report.figures import confusion_figure
 
-AUGMENTATION = "fit.augmentation"
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
 
@@ -53,7 +52,7 @@ class SurfaceModule(LightningModule):
         self.head_factor: float = fit["head_factor"]
         self.seed, self.pieces = seed, pieces
         node = fit.get("augmentation")
-        self.augmentation = None if node is None else build(AUGMENTATION, node)
+        self.augmentation = None if node is None else build(self._augmentation_key, node)
         self.fit_seconds = 0.0
         self.val_loss: float | None = None
         classes = len(self.classifier.card.classes)
@@ -69,10 +68,16 @@ class SurfaceModule(LightningModule):
             return found
         return [self._augmented(each) for each in found]
 
+    @property
+    def _augmentation_key(self) -> str:
+        return f"model.{self.classifier.card.kind}.fit.augmentation"
+
     def _augmented(self, patches: Tensor) -> Tensor:
         """Changed by what the recipe names, which takes pixels in [0, 1]."""
         features = cast(ImageFeatures, next(iter(self.classifier.features.values())))
-        pixels = call(AUGMENTATION, self.augmentation, patches * features.std + features.mean)
+        pixels = call(
+            self._augmentation_key, self.augmentation, patches * features.std + features.mean
+        )
         changed: Tensor = (pixels - features.mean) / features.std
         return changed
 
