@@ -21,15 +21,7 @@ from tex_lightning.inference.macs import count_macs
 from tex_lightning.profiling.roofline import gemm_gflops, gflops, products
 from tex_lightning.profiling.timing import interleaved
 
-OFF = EngineConfig(
-    fold_batch_norm=False,
-    fast_response_norm=False,
-    fast_spectrogram=False,
-    channels_last=False,
-    precision="fp32",
-    compile=False,
-    tile=None,
-)
+OFF = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "reference.yaml")))
 DEFAULT = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "default.yaml")))
 SIZES = {  # of a spectrogram of 20 s, and of a halved photo of 8 megapixels
     "haptic": (50, 1996),

@@ -52,22 +52,23 @@ class SurfaceClassifier(nn.Module):
         super().__init__()
         self.card = card
         self.tile: int | None = None
-        classes = len(card.classes)
-        self._take({name: make_branch(name, node, classes) for name, node in card.branches.items()})
-
-    def _take(self, branches: dict[str, Branch]) -> None:
-        """Hold the modules of new branches; :meth:`branch` puts each together again."""
+        branches = self.make_branches()
         networks = [branch.network for branch in branches.values()]
         self.features = nn.ModuleDict({name: each.features for name, each in branches.items()})
         self.network: nn.Module = (
             networks[0]
             if len(networks) == 1
-            else FusionNet(*networks, classes=len(self.card.classes), **self.card.fusion)
+            else FusionNet(*networks, classes=len(card.classes), **card.fusion)
         )
-        empty = nn.Module()
-        self._kinds = {
+        empty = nn.Module()  # :meth:`branch` puts each together again
+        self._templates = {
             name: replace(each, features=empty, network=empty) for name, each in branches.items()
         }
+
+    def make_branches(self) -> dict[str, Branch]:
+        """Make the branches of the card, with random weights."""
+        nodes, classes = self.card.branches.items(), len(self.card.classes)
+        return {name: make_branch(name, node, classes) for name, node in nodes}
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: str | None = None) -> "SurfaceClassifier":
@@ -117,8 +118,8 @@ class SurfaceClassifier(nn.Module):
         """One sense with its features and network as they are now."""
         place = self.card.senses.index(name)
         network = self.network if self.fusion is None else self.fusion.networks[place]
-        kind = self._kinds[name]
-        return replace(kind, features=self.features[name], network=network, tile=self.tile)
+        template = self._templates[name]
+        return replace(template, features=self.features[name], network=network, tile=self.tile)
 
     @property
     def branches(self) -> dict[str, Branch]:

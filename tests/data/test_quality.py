@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import branch_node
 
-from tex_lightning.branches import make_branch
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.quality import (
     TraceMonitor,
@@ -99,20 +97,13 @@ def test_a_sample_is_empty_if_all_of_it_is():
     assert together([empty, fine]).warnings == empty.warnings
 
 
-def measures(rows, folder):
-    """What the branch of the sense measures of its training recordings."""
-    store = Store(folder, {"haptic": SignalDecoder()})
-    branch = make_branch("haptic", branch_node("haptic"), 2)
-    return (branch.measure(row, store) for row in rows)
-
-
 def test_ranges_leave_out_the_oddest_recordings(tmp_path):
     rows = []
     for number in range(300):
         path = tmp_path / f"{number}.npy"
         np.save(path, NOISE[:, :600] * (1e6 if number == 0 else 1 + number / 100))
         rows.append(Recording("a", "haptic", path, number, 5000.0 if number else None))
-    ranges = training_ranges(measures(rows, tmp_path))
+    ranges = training_ranges(rows, Store(tmp_path, {"haptic": SignalDecoder()}))
     assert 0.9 < ranges["level"][0] < 1.2
     assert 3 < ranges["level"][1] < 5
     assert ranges["rate"] == pytest.approx([5000, 5000])
@@ -126,5 +117,5 @@ def test_the_rate_in_the_ranges_is_the_one_that_the_file_was_decoded_at(tmp_path
     )
     path.write_text(f"time,x\n{rows}\n")
     row = Recording("a", "haptic", path, 0)
-    ranges = training_ranges(measures([row], tmp_path))
+    ranges = training_ranges([row], Store(tmp_path, {"haptic": SignalDecoder()}))
     assert ranges["rate"] == pytest.approx([2500, 2500], rel=1e-3)

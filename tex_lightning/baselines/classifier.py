@@ -15,8 +15,8 @@ from tex_lightning.branches.photo import PhotoBranch
 from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.card import Card, damaged, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config.instantiation import find_class
 from tex_lightning.data.datamodule import load_recording
-from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tex_lightning.baselines.base import Array, Baseline
 
 MEDIA = {"haptic": "signal", "visual": "photo"}  # by the kind of a baseline
-LEAST_SECONDS = 0.05  # of movement: the paper's window
+MIN_SECONDS = 0.05  # of movement: the paper's window
 
 
 class Movement(nn.Module):
@@ -67,7 +67,7 @@ class Movement(nn.Module):
         axes = trace.float()
         if self.skip_impact:
             axes = axes[:, movement_start(axes, self.sampling_rate) :]
-        if axes.shape[1] < self.sampling_rate * LEAST_SECONDS:
+        if axes.shape[1] < self.sampling_rate * MIN_SECONDS:
             raise UserError(
                 f"The signal has {axes.shape[1] / self.sampling_rate:.2f} s of movement, too "
                 "little to classify; record a longer stroke."
@@ -98,7 +98,6 @@ def as_baseline_takes_it(x: Tensor) -> "Array":
     return array
 
 
-@dataclass
 class MovementBranch(SignalBranch):
     """Signals for baselines."""
 
@@ -129,24 +128,26 @@ class BaselineClassifier(SurfaceClassifier):
         baseline: Fitted, or about to be.
     """
 
-    def __init__(self, card: Card) -> None:
-        super().__init__(card)
-        name, node, budget = (card.baseline[key] for key in ("name", "node", "budget"))
-        self.baseline: Baseline = make_baseline(name, node, budget)
-        branch = self.branch(card.kind)
-        if branch.medium != (wanted := MEDIA[self.baseline.kind]):
+    baseline: "Baseline"
+
+    def make_branches(self) -> dict[str, Branch]:
+        """Make the branch whose network is the baseline; the network of its node is not made."""
+        name, node, budget = (self.card.baseline[key] for key in ("name", "node", "budget"))
+        self.baseline = make_baseline(name, node, budget)
+        (sense,), (values,) = self.card.senses, self.card.branches.values()
+        kind = find_class(f"model.{sense}", values)
+        if kind.medium != (medium := MEDIA[self.baseline.kind]):
             raise UserError(
-                f"{name} looks at a {wanted}, and {branch.name} is a {branch.medium}; choose "
+                f"{name} looks at a {medium}, and {sense} is a {kind.medium}; choose "
                 "another sense in model.senses, or leave it out."
             )
-        values = branch.name, branch.modality, branch.decoder
-        if isinstance(branch.decoder, SignalDecoder):
-            self.baseline.sampling_rate = rate = branch.decoder.sampling_rate
-            moving = Movement(card.branches[card.kind].get("skip_impact", False), rate)
-            branch = MovementBranch(*values, moving, FittedBaseline(self.baseline))
-        else:
-            branch = PixelBranch(*values, nn.Identity(), FittedBaseline(self.baseline))
-        self._take({card.kind: branch})
+        decoder = kind.make_decoder(values["decode"])
+        network = FittedBaseline(self.baseline)
+        if medium == PhotoBranch.medium:
+            return {sense: PixelBranch(sense, values["modality"], decoder, nn.Identity(), network)}
+        self.baseline.sampling_rate = decoder.sampling_rate
+        moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
+        return {sense: MovementBranch(sense, values["modality"], decoder, moving, network)}
 
     def count_parameters(self) -> int:
         """How many numbers were fitted."""

@@ -112,10 +112,6 @@ class Branch(ABC):
         """Network input (batch, ...) of what the bank has cut."""
 
     @abstractmethod
-    def measure(self, row: Recording, store: Store) -> dict[str, float]:
-        """Measures of a training recording that inputs are compared with."""
-
-    @abstractmethod
     def receive(
         self,
         given: Any,  # noqa: ANN401

@@ -11,7 +11,7 @@ from tex_lightning.branches.base import Branch
 from tex_lightning.data.arrays import as_photo
 from tex_lightning.data.banks import PhotoBank
 from tex_lightning.data.decode import Array, PhotoDecoder, decode_image
-from tex_lightning.data.quality import Quality, Ranges, photo_measures, photo_quality
+from tex_lightning.data.quality import Quality, Ranges, photo_quality
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
@@ -95,10 +95,6 @@ class PhotoBranch(Branch):
     def training_input(self, pieces: Mapping[str, Tensor], size: int) -> Tensor:
         """Rotated, normalised patches (batch, 3, size, size)."""
         return self.features.rotated(pieces["crop"], pieces["degrees"], size)
-
-    def measure(self, row: Recording, store: Store) -> dict[str, float]:
-        """``brightness`` and ``contrast``."""
-        return photo_measures(store.load(row))
 
     def receive(
         self,

@@ -156,11 +156,6 @@ class SignalBranch(Branch):
         """The sub-samples as they are."""
         return pieces["input"]
 
-    def measure(self, row: Recording, store: Store) -> dict[str, float]:
-        """``level`` and ``rate``."""
-        rate = self.decoder.sampling_rate
-        return trace_measures(store.load(row), store.rate(row).hz, rate)
-
     def receive(
         self,
         given: Any,  # noqa: ANN401

@@ -1,7 +1,8 @@
 """Where configuration files are looked for beside the package's own: folders of the user's parts.
 
 These are the folder of ``--config-dir`` and the ``conf`` of every installed package that has an
-entry point in the group ``tex_lightning.plugins``.
+entry point in the group ``tex_lightning.plugins``. Senses are also found in ``hydra.searchpath``
+and in folders of other plugins of Hydra's.
 """
 
 import sys
@@ -75,9 +76,14 @@ def _folder(entry: str) -> Iterator[Path]:
         yield Path(place)
     elif scheme == "pkg":
         package, *inside = place.replace(".", "/").split("/")
-        spec = find_spec(package)
-        for home in (spec and spec.submodule_search_locations) or ():
-            yield Path(home, *inside)
+        for home in _homes(package):
+            yield home.joinpath(*inside)
+
+
+def _homes(package: str) -> Iterator[Path]:
+    """Folders of a top package, found without importing it."""
+    spec = find_spec(package)
+    yield from map(Path, (spec and spec.submodule_search_locations) or ())
 
 
 def installed_packages() -> list[str]:
@@ -92,12 +98,9 @@ def user_folders() -> list[Path]:
 
 
 def _installed_folders() -> Iterator[Path]:
-    """Their ``conf``, found without importing them."""
-    for package in installed_packages():
-        spec = find_spec(package)
-        for place in (spec and spec.submodule_search_locations) or ():
-            if (folder := Path(place) / "conf").is_dir():
-                yield folder
+    """Their ``conf``."""
+    folders = (home / "conf" for package in installed_packages() for home in _homes(package))
+    yield from (folder for folder in folders if folder.is_dir())
 
 
 def split_config_dir(arguments: Sequence[str]) -> tuple[str | None, list[str]]:

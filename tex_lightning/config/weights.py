@@ -70,10 +70,8 @@ def pick_weights(config: Config) -> Config:
     given, model = config.weights, config.model
     if given is None or isinstance(given, str):
         return config
-    own, senses = (
-        _trunk_name(model.visual.trunk),
-        [name for name in model.known if name != "visual"],
-    )
+    own = _trunk_name(model.visual.trunk)
+    senses = [name for name in model.known if name != "visual"]
     if not isinstance(given, dict) or not set(given) <= {*senses, own, *TRUNKS}:
         raise UserError(
             f"weights={given} is not understood; give one file, address or `imagenet`, or one for "

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.data.decode import Photo, Trace
+from tex_lightning.data.decode import Photo, SignalDecoder, Trace
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
 
 Array = npt.NDArray[Any]
 Ranges = Mapping[str, list[float]]  # smallest and largest value in training, by measure
@@ -127,7 +129,7 @@ def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str,
 
 def photo_quality(photo: Photo, ranges: Ranges, what: str) -> Quality:
     """Say what is wrong with a decoded photo (height, width, 3) that is called ``what``."""
-    measures = photo_measures(photo)
+    measures = _photo_measures(photo)
     if measures["contrast"] < UNIFORM:
         return Quality((f"The {what} is uniform, so it shows nothing; check the camera.",), True)
     return Quality(tuple(_unlike(ranges, what, measures)))
@@ -140,16 +142,23 @@ def together(qualities: Iterable[Quality]) -> Quality:
     return Quality(warnings, all(each.empty for each in found))
 
 
-def training_ranges(measured: Iterable[Mapping[str, float]]) -> dict[str, list[float]]:
-    """Smallest and largest value of each measure of the training recordings, by quantiles."""
+def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[float]]:
+    """Measure training recordings of one modality: each measure's ends, by quantiles."""
     found: dict[str, list[float]] = {}
-    for measures in measured:
-        for name, value in measures.items():
+    for row in rows:
+        for name, value in _measures(row, store).items():
             found.setdefault(name, []).append(value)
     return {name: np.quantile(values, QUANTILES).tolist() for name, values in found.items()}
 
 
-def photo_measures(photo: Photo) -> dict[str, float]:
+def _measures(row: Recording, store: Store) -> dict[str, float]:
+    decoder, recording = store.decoders[row.modality], store.load(row)
+    if isinstance(decoder, SignalDecoder):
+        return trace_measures(recording, store.rate(row).hz, decoder.sampling_rate)
+    return _photo_measures(recording)
+
+
+def _photo_measures(photo: Photo) -> dict[str, float]:
     """Mean and standard deviation of the grey levels, 0 to 255, of some of the pixels."""
     step = max(1, min(photo.shape[:2]) // PHOTO_SIDE)
     grey = photo[::step, ::step].mean(axis=2)

@@ -94,7 +94,10 @@ class SequentialClassifier(SurfaceClassifier):
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
         chosen = self.card.calibration if config.calibrated else {}
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
-        self.streams = {name: signal_stream(classifier, name) for name in self.card.senses}
+        self.streams = {
+            name: None if branch.windowed else signal_stream(classifier, name)
+            for name, branch in classifier.branches.items()
+        }
 
     @property
     def device(self) -> torch.device:

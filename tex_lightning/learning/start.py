@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 from typing import Any, cast
 
-from tex_lightning.branches import make_branch
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.banks import PhotoBank
@@ -42,12 +41,20 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     Raises:
         UserError: If the source cannot be used, or its trunk is another.
     """
+    sense, network = classifier.card.kind, classifier.network
+    trunk: Any = getattr(network, "trunk", None)
+    if trunk is None:
+        raise UserError(f"weights: {type(network).__name__} has no trunk to fill; leave it null.")
     start = starting_classifier(source, classifier.card)
-    trunk: Any = classifier.network.trunk
-    if start is None:
-        return load_trunk_weights(trunk, source)
-    trunk.load_state_dict(start.network.get_submodule("trunk").state_dict())
-    return f"Trunk from {source}, {_describe(start.card)}."
+    if start is not None:
+        trunk.load_state_dict(start.network.get_submodule("trunk").state_dict())
+        return f"Trunk from {source}, {_describe(start.card)}."
+    if not isinstance(trunk, Trunk):
+        raise UserError(
+            f"weights: {type(network).__name__} starts from a checkpoint, and {source} does "
+            f"not end in {SUFFIX}; give that of a run with model.senses=[{sense}]."
+        )
+    return load_trunk_weights(trunk, source)
 
 
 def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
@@ -61,21 +68,11 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
         None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
 
     Raises:
-        UserError: If it is a checkpoint and cannot be used, or none and HapticNet needs one.
+        UserError: If it is a checkpoint and cannot be used.
     """
-    path, own = Path(source), make_branch(card.kind, card.branches[card.kind], 2)
-    trunk = getattr(own.network, "trunk", None)
-    if trunk is None:
-        raise UserError(
-            f"weights: {type(own.network).__name__} has no trunk to fill; leave it null."
-        )
+    path = Path(source)
     if path.suffix != SUFFIX:
-        if isinstance(trunk, Trunk):
-            return None
-        raise UserError(
-            f"weights: {type(own.network).__name__} starts from a checkpoint, and {source} does "
-            f"not end in {SUFFIX}; give that of a run with model.senses=[{card.kind}]."
-        )
+        return None
     start = SurfaceClassifier.from_checkpoint(path, card.kind)
     ours, theirs = _shape(card), _shape(start.card)
     other = {key: value for key, value in theirs.items() if ours.get(key) != value}

@@ -130,8 +130,9 @@ class FusionNet(nn.Module):
     @torch.no_grad()
     def subset(self, places: Sequence[int]) -> "FusionNet":
         """Return a FusionNet of some of the senses, for samples that lack the others."""
-        part, columns = deepcopy(self), torch.split(self.head.weight, self.sizes, dim=1)
-        part.networks = nn.ModuleList(part.networks[place] for place in places)
+        chosen = nn.ModuleList(deepcopy(self.networks[place]) for place in places)
+        part = deepcopy(self, {id(self.networks): chosen})  # without a copy of the other networks
+        columns = torch.split(self.head.weight, self.sizes, dim=1)
         part.levels = [self.levels[place] for place in places]
         part.sizes = [self.sizes[place] for place in places]
         part.head.weight = nn.Parameter(torch.cat([columns[place] for place in places], dim=1))

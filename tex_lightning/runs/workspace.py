@@ -163,10 +163,8 @@ def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, P
     config, parts = workspace.config, workspace.parts()
     card = configured_card(config, senses, workspace.classes)
     ranges = {
-        branch.modality: training_ranges(
-            branch.measure(row, workspace.store) for row in parts.train.of(branch.modality)
-        )
-        for branch in new_classifier(card).branches.values()
+        modality: training_ranges(parts.train.of(modality), workspace.store)
+        for modality in card.modalities
     }
     card = replace(card, input_ranges=ranges)
     if not unimodal:
