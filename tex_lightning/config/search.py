@@ -17,6 +17,7 @@ from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
+from tex_lightning.config.model import PACKAGE_SENSES
 from tex_lightning.errors import UserError
 
 ENTRY_POINTS = "tex_lightning.plugins"
@@ -46,7 +47,8 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
     """
     folders = [*_searched_folders(), *_named_folders(overrides)]
     names = {file.stem for folder in folders for file in folder.glob("branch/*.yaml")}
-    added = [f"+branch@model.{name}={name}" for name in sorted(names)]
+    own = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
+    added = [f"+branch@model.{name}={name}" for name in own]
     return [*overrides, *(each for each in added if each not in overrides)]
 
 
