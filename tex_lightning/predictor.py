@@ -178,7 +178,7 @@ class Predictor:
             branch = self.classifier.branch(name)
             ranges = self.card.input_ranges.get(branch.modality, {})
             if branch.modality not in decoded:
-                recording, quality = branch.receive(given[branch.modality], ranges, **how)
+                recording, quality = branch.decode_input(given[branch.modality], ranges, **how)
                 decoded[branch.modality] = recording
                 found.append(quality)
         return decoded, together(found)

@@ -95,16 +95,16 @@ def test_files_and_pixels_are_received_alike(branch, tmp_path, half):
         (torch.from_numpy(rgb), {"rate": 5.0}),  # which photos do not have
         (rgb[..., ::-1], {"colour": "bgr"}),
     ]
-    first = branch.receive(*given[0][:1], {})[0]
+    first = branch.decode_input(*given[0][:1], {})[0]
     assert first.shape == (side, side, 3)
     for what, how in given:
-        found, quality = branch.receive(what, {}, **how)
+        found, quality = branch.decode_input(what, {}, **how)
         assert torch.equal(found, first)
         assert quality.warnings == ()
-    _, quality = branch.receive(rgb * 0, {})
+    _, quality = branch.decode_input(rgb * 0, {})
     assert quality.empty
     with pytest.raises(UserError, match="give uint8 pixels"):
-        branch.receive(rgb / 255, {})
+        branch.decode_input(rgb / 255, {})
 
 
 class Stripes(nn.Module):

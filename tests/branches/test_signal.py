@@ -59,10 +59,12 @@ def test_own_parts_classify(level, label):
 
 def test_it_tells_no_geometry_and_what_needs_one_says_so():
     branch = own()
-    assert not branch.tells_geometry
+    assert not branch.declares_geometry
     assert branch.piece_size(7) == 7
     assert branch.input_size(signal(1.0)) == (1, 12)
-    with pytest.raises(UserError, match="network that tells its geometry, and Loudness of touch"):
+    with pytest.raises(
+        UserError, match="network that declares its geometry, and Loudness of touch"
+    ):
         branch.grid(signal(1.0))
 
 
@@ -120,18 +122,18 @@ def test_files_and_arrays_are_received_alike(tmp_path):
     soundfile.write(tmp_path / "t.wav", trace, 2000, subtype="FLOAT")
     np.save(tmp_path / "t.npy", trace)
     found = [
-        branch.receive(given, {}, rate=2000.0)[0]
+        branch.decode_input(given, {}, rate=2000.0)[0]
         for given in (tmp_path / "t.wav", str(tmp_path / "t.npy"), trace, torch.from_numpy(trace))
     ]
     for each in found:
         assert each.shape == (1, 2000)
         torch.testing.assert_close(each, found[0])
-    assert branch.receive(trace, {})[0].shape == (1, 4000)  # at the rate of the branch
-    _, quality = branch.receive(np.zeros(900), {})
+    assert branch.decode_input(trace, {})[0].shape == (1, 4000)  # at the rate of the branch
+    _, quality = branch.decode_input(np.zeros(900), {})
     assert quality.empty
     assert quality.warnings[0].startswith("The force recording is silent")
     with pytest.raises(UserError, match="rate is -1"):
-        branch.receive(trace, {}, rate=-1.0)
+        branch.decode_input(trace, {}, rate=-1.0)
 
 
 def test_a_card_makes_it_and_a_classifier_votes():

@@ -239,7 +239,7 @@ def test_a_users_table_names_any_modality(tmp_path):
         f"both: {{force_missing: {{{LEVELS}}}, force_swapped: {{{LEVELS}}}}}\n",
     )
     assert [each.modality for each in found.values()] == ["force", "thermal", "both", "both"]
-    assert found["force_missing"].fate == ("force", "missing")
+    assert found["force_missing"].effect == ("force", "missing")
     weaker = found["weaker"].apply(trace(), 2, scene())
     assert weaker == pytest.approx(trace() / 10**0.1)
     assert weaker.dtype == np.float32

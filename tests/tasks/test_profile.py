@@ -169,7 +169,7 @@ def test_a_network_that_does_not_tell_its_geometry_is_refused(cli, tmp_path, mon
         "task=profile", "model=haptic", own, "debug=tiny", f"hydra.run.dir={tmp_path}/run"
     )
     assert outcome.status == 2
-    assert "needs a network that tells its geometry" in outcome.err
+    assert "needs a network that declares its geometry" in outcome.err
 
 
 @pytest.mark.slow

@@ -104,7 +104,7 @@ class MovementBranch(SignalBranch):
     features: Movement
 
     @property
-    def knows_least(self) -> bool:
+    def knows_min_size(self) -> bool:
         """Yes: of movement."""
         return True
 

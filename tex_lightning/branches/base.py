@@ -19,7 +19,7 @@ from tex_lightning.errors import UserError, shorten
 from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.tiles import in_tiles, layer_windows
 
-GEOMETRY = ("window_size", "min_size", "stride", "output_size")  # that a network may tell of itself
+GEOMETRY = ("window_size", "min_size", "stride", "output_size")  # that a network may declare
 
 
 @dataclass
@@ -29,9 +29,10 @@ class Branch(ABC):
     Features are an ``nn.Module`` that maps a decoded recording to the network's input (1, ...).
     The network is an ``nn.Module`` whose ``features(x, level)`` maps inputs to (batch, D,
     *positions): class scores before softmax at level "fc3", the last hidden layer at level "fc2".
-    A network that also has a ``score_layer``, its last layer, can be fused on FC2. One that tells
-    its geometry as :class:`~tex_lightning.networks.hapticnet.HapticNet` does (``window_size``,
-    ``min_size``, ``stride``, ``output_size``) is taken through large recordings in pieces.
+    A network that also has a ``score_layer``, its last layer, can be fused on FC2. One that
+    declares its geometry as :class:`~tex_lightning.networks.hapticnet.HapticNet` does, by
+    ``window_size``, ``min_size``, ``stride`` and ``output_size``, is taken through large
+    recordings in pieces.
 
     Attributes:
         name: Of the sense.
@@ -61,7 +62,7 @@ class Branch(ABC):
 
     @property
     @abstractmethod
-    def knows_least(self) -> bool:
+    def knows_min_size(self) -> bool:
         """Whether it can be told without computing if a recording is large enough."""
 
     @abstractmethod
@@ -73,7 +74,7 @@ class Branch(ABC):
         """
 
     @abstractmethod
-    def prepared(self, recording: Tensor) -> Tensor:
+    def dense_input(self, recording: Tensor) -> Tensor:
         """What :meth:`dense` takes of a decoded recording."""
 
     @abstractmethod
@@ -112,7 +113,7 @@ class Branch(ABC):
         """Network input (batch, ...) of what the bank has cut."""
 
     @abstractmethod
-    def receive(
+    def decode_input(
         self,
         given: Any,  # noqa: ANN401
         ranges: Ranges,
@@ -131,7 +132,7 @@ class Branch(ABC):
 
     def piece_size(self, size: int) -> int:
         """Length or side of a piece that gives a single position; ``size`` if nothing tells."""
-        return self.window_size[1] if self.tells_geometry else size
+        return self.window_size[1] if self.declares_geometry else size
 
     def adopt(self, other: "Branch") -> None:
         """Take over what the features of another branch of this kind have learnt."""
@@ -148,7 +149,7 @@ class Branch(ABC):
         Raises:
             UserError: Saying what it takes, as far as that is known.
         """
-        if self.knows_least:
+        if self.knows_min_size:
             self.check_size(recording)
         else:
             with torch.inference_mode():
@@ -160,15 +161,15 @@ class Branch(ABC):
         Raises:
             UserError: If the recording is too small, or not finite.
         """
-        if not self.knows_least:
+        if not self.knows_min_size:
             return self._tried(recording, level)
         self.check_size(recording)
-        return self.dense(self.prepared(recording), level)
+        return self.dense(self.dense_input(recording), level)
 
     def _tried(self, recording: Tensor, level: Level) -> Tensor:
         """Features by a network that does not say how much it needs."""
         try:
-            found = self.dense(self.prepared(recording), level)
+            found = self.dense(self.dense_input(recording), level)
         except RuntimeError as error:  # of a kernel that is larger than its input
             raise self._unusable(recording, " ".join(str(error).split())) from error
         if not found.shape[1]:
@@ -194,30 +195,30 @@ class Branch(ABC):
 
     def grid(self, recording: Tensor) -> tuple[int, int]:
         """Rows and columns of positions that a decoded recording gives."""
-        rows, columns = self._tell("output_size")(*self.input_size(recording))
+        rows, columns = self._declared("output_size")(*self.input_size(recording))
         return rows, columns
 
     @property
-    def tells_geometry(self) -> bool:
+    def declares_geometry(self) -> bool:
         """Whether the network says how large inputs and their windows have to be."""
         return all(hasattr(self.network, name) for name in GEOMETRY)
 
     @property
     def window_size(self) -> tuple[int, int]:
         """Height and width of an input that gives exactly one position."""
-        height, width = self._tell("window_size")
+        height, width = self._declared("window_size")
         return height, width
 
     @property
     def min_size(self) -> tuple[int, int]:
         """Height and width of the smallest input that gives a position."""
-        height, width = self._tell("min_size")
+        height, width = self._declared("min_size")
         return height, width
 
     @property
     def stride(self) -> int:
         """Elements of the input between neighbouring positions."""
-        stride: int = self._tell("stride")
+        stride: int = self._declared("stride")
         return stride
 
     @property
@@ -236,18 +237,18 @@ class Branch(ABC):
         yield from chain(*(module.parameters() for module in modules))
         yield torch.empty(0)  # of modules without any
 
-    def _tell(self, name: str) -> Any:  # noqa: ANN401
+    def _declared(self, name: str) -> Any:  # noqa: ANN401
         found = getattr(self.network, name, None)
         if found is None:
             raise UserError(
-                f"This needs a network that tells its geometry, and {type(self.network).__name__} "
-                f"of {self.name} has no {name}."
+                "This needs a network that declares its geometry, and "
+                f"{type(self.network).__name__} of {self.name} has no {name}."
             )
         return found
 
     def dense(self, x: Tensor, level: Level) -> Tensor:
         """Features (D, positions) of a network input, piece by piece if it is large."""
-        if self.tile is None or not self.tells_geometry:
+        if self.tile is None or not self.declares_geometry:
             return self._features(x, level).flatten(2)[0]
 
         def features(part: Tensor) -> Tensor:

@@ -34,7 +34,7 @@ class PhotoBranch(Branch):
         return PhotoDecoder(**decode)
 
     @property
-    def knows_least(self) -> bool:
+    def knows_min_size(self) -> bool:
         """Whether the network says how large a photo has to be."""
         return hasattr(self.network, "min_size")
 
@@ -53,7 +53,7 @@ class PhotoBranch(Branch):
         """Network input (1, 3, height, width) of a decoded photo."""
         return super().__call__(_planes(recording))
 
-    def prepared(self, recording: Tensor) -> Tensor:
+    def dense_input(self, recording: Tensor) -> Tensor:
         """Pixels (1, 3, height, width): a large photo is normalised piece by piece."""
         return _planes(recording)
 
@@ -96,7 +96,7 @@ class PhotoBranch(Branch):
         """Rotated, normalised patches (batch, 3, size, size)."""
         return self.features.rotated(pieces["crop"], pieces["degrees"], size)
 
-    def receive(
+    def decode_input(
         self,
         given: Any,  # noqa: ANN401
         ranges: Ranges,

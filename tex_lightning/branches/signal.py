@@ -44,15 +44,15 @@ class SignalBranch(Branch):
         return self.features if isinstance(self.features, SpectrogramFeatures) else None
 
     @property
-    def knows_least(self) -> bool:
+    def knows_min_size(self) -> bool:
         """Whether the spectrogram's frames can be counted, and the network says how many."""
-        return self.spectrogram is not None and self.tells_geometry
+        return self.spectrogram is not None and self.declares_geometry
 
     def check_size(self, recording: Tensor | Array) -> None:
         """Refuse a signal that is too short for one fragment; see the base class."""
         self.check_frames(self.input_size(as_tensor(recording))[1])
 
-    def prepared(self, recording: Tensor) -> Tensor:
+    def dense_input(self, recording: Tensor) -> Tensor:
         """Network input of the whole signal."""
         return self(recording)
 
@@ -156,7 +156,7 @@ class SignalBranch(Branch):
         """The sub-samples as they are."""
         return pieces["input"]
 
-    def receive(
+    def decode_input(
         self,
         given: Any,  # noqa: ANN401
         ranges: Ranges,

@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config.data import DataConfig, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
-from tex_lightning.config.model import BROUGHT, FUSION, ModelConfig
+from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     OPTIMIZED_METRICS,
@@ -136,9 +136,9 @@ def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
     register_folders()
     node = OmegaConf.structured(Config)
-    sections = [node.model[name] for name in (*BROUGHT, FUSION)]
+    sections = [node.model[name] for name in (*PACKAGE_SENSES, FUSION)]
     nodes = [each.fit[part] for each in sections for part in ("optimizer", "schedule")]
-    nodes += [node.model[name][part] for name in BROUGHT for part in ("features", "network")]
+    nodes += [node.model[name][part] for name in PACKAGE_SENSES for part in ("features", "network")]
     nodes += [node.data.reader, node.model.visual.trunk, node.callbacks, node.logger]
     # whoever they are passed to knows their keys; senses may be a user's
     for opened in (node.model, node.model.fusion, node.trainer, *nodes):

@@ -15,7 +15,7 @@ from tex_lightning.config.fit import (
 from tex_lightning.config.keys import key
 
 FUSION = "fusion"  # what several senses together are called
-BROUGHT = ("haptic", "visual", "sound")  # senses of the package; others are a user's
+PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others are a user's
 
 
 @dataclass

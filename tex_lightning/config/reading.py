@@ -4,7 +4,7 @@ from omegaconf import DictConfig
 
 from tex_lightning.config import Config
 from tex_lightning.config.keys import Key, walk
-from tex_lightning.config.model import BROUGHT, FUSION
+from tex_lightning.config.model import FUSION, PACKAGE_SENSES
 from tex_lightning.config.tasks import READS
 
 
@@ -12,9 +12,9 @@ def keys_read(config: DictConfig) -> dict[str, Key]:
     """Metadata of the keys that ``config.task`` reads for ``config.model``, by dotted name."""
     task, model = config.task, config.model
     every = task == "frontier" or model.name == "auto"
-    used = (*BROUGHT, FUSION) if every else () if model.baseline else (*model.senses,)
+    used = (*PACKAGE_SENSES, FUSION) if every else () if model.baseline else (*model.senses,)
     used += (FUSION,) if len(used) > 1 else ()
-    unused = tuple(f"model.{name}." for name in (*BROUGHT, FUSION) if name not in used)
+    unused = tuple(f"model.{name}." for name in (*PACKAGE_SENSES, FUSION) if name not in used)
     read = tuple(f"{part}." for part in ("task", *READS[task]))
     trains = "trainer" in READS[task]
     return {

@@ -83,7 +83,7 @@ def _compile(branches: Iterable[Branch]) -> None:
         for branch in branches:
             for part in [*branch.network.children()] or [branch.network]:
                 part.compile(dynamic=True)
-            if branch.tells_geometry:
+            if branch.declares_geometry:
                 branch.dense(_few_positions(branch), "fc3")
     except Exception as error:  # of PyTorch's compiler or of the one it calls, in many ways
         raise UserError(

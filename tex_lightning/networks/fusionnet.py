@@ -71,7 +71,7 @@ class FusionNet(nn.Module):
     def join(self, parts: Sequence[Tensor], tuples: Tensor | None = None) -> Tensor:
         """Return class scores (B, classes, P) of ``tuples`` of positions of the :meth:`parts`."""
         if tuples is not None:
-            parts = [part[..., tuples[:, place]] for place, part in enumerate(parts)]
+            parts = [part[..., tuples[:, index]] for index, part in enumerate(parts)]
         elif any(part.shape[-1] != 1 for part in parts):
             counts = " and ".join(str(part.shape[-1]) for part in parts)
             raise ValueError(
@@ -89,21 +89,21 @@ class FusionNet(nn.Module):
             One (B, classes, positions) for each sense, the last with the bias.
         """
         return [
-            self.project(place, self.features(place, x).flatten(2))
-            for place, x in enumerate(inputs)
+            self.project(index, self.features(index, x).flatten(2))
+            for index, x in enumerate(inputs)
         ]
 
-    def features(self, place: int, x: Tensor) -> Tensor:
-        """Return the features (B, D, *positions) of the sense at ``place`` that are fused."""
-        network: Any = self.networks[place]
-        found: Tensor = network.features(x, self.levels[place])
+    def features(self, index: int, x: Tensor) -> Tensor:
+        """Return the features (B, D, *positions) of the sense at ``index`` that are fused."""
+        network: Any = self.networks[index]
+        found: Tensor = network.features(x, self.levels[index])
         return found
 
-    def project(self, place: int, features: Tensor) -> Tensor:
-        """Return the summand (B, classes, L) of features (B, D, L) of the sense at ``place``."""
-        weight = torch.split(self.head.weight, self.sizes, dim=1)[place]
+    def project(self, index: int, features: Tensor) -> Tensor:
+        """Return the summand (B, classes, L) of features (B, D, L) of the sense at ``index``."""
+        weight = torch.split(self.head.weight, self.sizes, dim=1)[index]
         summand = torch.matmul(weight, features)
-        return summand + self.head.bias[:, None] if place == len(self.sizes) - 1 else summand
+        return summand + self.head.bias[:, None] if index == len(self.sizes) - 1 else summand
 
     @torch.no_grad()
     def start_from_scores(self, *networks: nn.Module) -> None:
@@ -128,14 +128,14 @@ class FusionNet(nn.Module):
         self.head.bias.copy_(bias)
 
     @torch.no_grad()
-    def subset(self, places: Sequence[int]) -> "FusionNet":
+    def subset(self, indices: Sequence[int]) -> "FusionNet":
         """Return a FusionNet of some of the senses, for samples that lack the others."""
-        chosen = nn.ModuleList(deepcopy(self.networks[place]) for place in places)
+        chosen = nn.ModuleList(deepcopy(self.networks[index]) for index in indices)
         part = deepcopy(self, {id(self.networks): chosen})  # without a copy of the other networks
         columns = torch.split(self.head.weight, self.sizes, dim=1)
-        part.levels = [self.levels[place] for place in places]
-        part.sizes = [self.sizes[place] for place in places]
-        part.head.weight = nn.Parameter(torch.cat([columns[place] for place in places], dim=1))
+        part.levels = [self.levels[index] for index in indices]
+        part.sizes = [self.sizes[index] for index in indices]
+        part.head.weight = nn.Parameter(torch.cat([columns[index] for index in indices], dim=1))
         return part
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:

@@ -50,7 +50,7 @@ class Perturbation:
     function: str | None = None
 
     @property
-    def fate(self) -> tuple[str, str]:
+    def effect(self) -> tuple[str, str]:
         """Of one of :data:`BOTH`, the modality that it hits and what becomes of that."""
         modality, _, becomes = self.name.rpartition("_")
         return modality, becomes
@@ -132,7 +132,7 @@ def _check(own: Perturbation) -> None:
     if len(own.levels) != 1 + len(SEVERITIES) or not all(map(math.isfinite, own.levels)):
         raise ValueError(f"{own.name} has no six levels")
     if own.modality == BOTH:
-        if own.fate[1] not in (MISSING, SWAPPED):
+        if own.effect[1] not in (MISSING, SWAPPED):
             raise ValueError(f"{own.name} is neither MODALITY_missing nor MODALITY_swapped")
         return
     if own.function is None:

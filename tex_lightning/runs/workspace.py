@@ -145,7 +145,7 @@ def _checked_branch(config: Config, name: str) -> Branch:
     if source is not None:
         start_trunk(start, source)
     branch, fit = start.branch(name), config.model.branch(name).fit
-    if branch.tells_geometry and fit.piece < (least := branch.min_size[1]):
+    if branch.declares_geometry and fit.piece < (least := branch.min_size[1]):
         raise UserError(
             f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least} for "
             f"a prediction; choose {least} or more."

@@ -97,7 +97,7 @@ def conflict_summary(system: System, bench: Bench) -> dict[str, Any]:
     swaps = [
         each
         for each in perturbations().values()
-        if each.modality == BOTH and each.fate[1] == SWAPPED and system.meets(each)
+        if each.modality == BOTH and each.effect[1] == SWAPPED and system.meets(each)
     ]
     if not swaps:
         return {}

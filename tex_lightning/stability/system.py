@@ -74,7 +74,7 @@ class Member:
         value, rows = perturbation.value(severity), dict(sample.recordings)
         if perturbation.name == FEWER:
             return self._decide(rows, self._see, max(1, round(value)))
-        modality, becomes = perturbation.fate
+        modality, becomes = perturbation.effect
         rng = self.dataset.rng(perturbation.name, *rows.values())
         if rng.random() < value:
             row = rows.pop(modality)
@@ -133,7 +133,7 @@ class System:
         """Whether the system reads what the perturbation changes."""
         modality, axes = perturbation.modality, perturbation.axes
         if modality == BOTH:
-            hit = perturbation.name == FEWER or perturbation.fate[0] in self.modalities
+            hit = perturbation.name == FEWER or perturbation.effect[0] in self.modalities
             return hit and len(self.modalities) > 1
         if modality not in self.modalities:
             return False
