@@ -38,6 +38,7 @@ from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
 from tex_lightning.memory import kept_memory
 from tex_lightning.runs.fold import make_training
+from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.workspace import Workspace, make_card, open_workspace
 
 CORE = ("forward", "backward", "optimiser")  # what a training step is for
@@ -218,15 +219,17 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     networks: dict[str, Any] = {}
     unimodal: dict[str, Path] = {}
     with tempfile.TemporaryDirectory() as folder, kept_memory():
-        workspace = open_workspace(_config(overrides), Path(folder))
-        model = workspace.config.model
+        config = _config(overrides)
+        opening = Opening(config.data, trained_networks(config.model), [config.data.test_fold])
+        workspace = open_workspace(config.data, config.recipe, Path(folder), opening)
+        model = workspace.recipe.model
         for kind in dict.fromkeys([*model.senses, model.kind]):
             watch = Turns()
             if kind == FUSION:
                 _train(workspace, model.senses, unimodal, watch)
             else:
                 unimodal[kind] = _train(workspace, [kind], {}, watch)
-            networks[kind] = watch.summary(model.recipe(kind)["steps_per_epoch"])
+            networks[kind] = watch.summary(model.fit_values(kind)["steps_per_epoch"])
     return {"environment": environment(torch.device("cpu")), "networks": networks}
 
 

@@ -4,7 +4,7 @@ import json
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
@@ -16,23 +16,26 @@ from tex_lightning.tasks import frontier
 log = logging.getLogger(__name__)
 
 
-def resolve_auto(config: Config, job: Job) -> Config:
-    """Replace ``model=auto`` by the chosen system of a family.
+def resolve_auto(finished: str | None, test_fold: int | None, job: Job) -> Config:
+    """The configuration of a job whose ``model=auto`` is the chosen system of a family.
 
-    Without ``frontier.run`` the family is measured here, and chosen on the partner of the fold that
-    this run tests, by networks that have seen neither.
+    Args:
+        finished: The run folder of the family (``frontier.run``). Without it the family is measured
+            here, and chosen on the partner of the tested fold, by networks that have seen neither.
+        test_fold: The fold that this run tests.
+        job: What was asked for.
 
     Raises:
         UserError: If ``frontier.run`` holds no finished frontier.
     """
-    if config.frontier.run is not None:
-        overrides = _read(Path(config.frontier.run).expanduser())["overrides"]
+    if finished is not None:
+        overrides = _read(Path(finished).expanduser())["overrides"]
     else:
-        run, tested = job.directory / "frontier", cast(int, config.data.test_fold)
+        run = job.directory / "frontier"
         if not (run / "results.json").is_file():  # a second choice may be another one
-            only = replace(config.crossval, only=[tested])
-            inside = replace(job, directory=run)
-            frontier.run(replace(config, task="frontier", crossval=only), inside)
+            given = [item for item in job.overrides if not item.startswith("task=")]
+            asked = [*given, "task=frontier", f"crossval.only=[{test_fold}]"]
+            frontier.run(read_config(job.compose(asked)), replace(job, directory=run))
         (choice,) = _read(run)["procedure"]["folds"]
         overrides = choice["overrides"]
     given = [item for item in job.overrides if not item.startswith("model=")]

@@ -21,7 +21,6 @@ from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder, find_checkpoint
-from tex_lightning.runs.opening import announced_once
 from tex_lightning.tasks import (
     crossval,
     evaluate,
@@ -75,12 +74,12 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
-    with kept_memory(), announced_once(config), trusting(config.trusted):
+    with kept_memory(), trusting(config.trusted):
         trust(config)
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)
         if config.model.name == AUTO:
-            config = resolve_auto(config, job)
+            config = resolve_auto(config.frontier.run, config.data.test_fold, job)
         results = TASKS[config.task](config, job)
     if config.task in TRAINING and results:  # other ranks have none
         return optimized_value(results, config.optimized_metric)

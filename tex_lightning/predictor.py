@@ -15,6 +15,7 @@ from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.recipe import PredictionRecipe
 from tex_lightning.config.trust import trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.quality import Quality, together
@@ -51,7 +52,7 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
     """
     config = _compose(path, overrides)
     with trusting([*config.trusted, *trusted]):
-        return Predictor(load_classifier(find_checkpoint(path)), config)
+        return Predictor(load_classifier(find_checkpoint(path)), config.prediction)
 
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
@@ -71,7 +72,7 @@ class Predictor:
 
     Args:
         classifier: As loaded.
-        config: What ``task=predict`` or ``task=stream`` reads: engine, decision, device, ``top_k``.
+        how: What ``task=predict`` and ``task=stream`` read.
 
     Attributes:
         card: What the checkpoint says of itself, such as ``card.classes``.
@@ -87,10 +88,10 @@ class Predictor:
         4
     """
 
-    def __init__(self, classifier: SurfaceClassifier, config: Config) -> None:
-        self.config = config
-        self.classifier = classifier.to(pick_device(config.trainer.accelerator))
-        self.card: Card = classifier.card.deciding(config.decision)
+    def __init__(self, classifier: SurfaceClassifier, how: PredictionRecipe) -> None:
+        self.how = how
+        self.classifier = classifier.to(pick_device(how.running.accelerator))
+        self.card: Card = classifier.card.deciding(how.running.decision)
         self._deciders: dict[tuple[str, ...], SurfaceClassifier] = {}
 
     def predict(
@@ -125,7 +126,7 @@ class Predictor:
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         said = decider.card.modalities if fused else ()
-        return describe(vote, decider.card, quality, self.config.top_k, latency, said)
+        return describe(vote, decider.card, quality, self.how.top_k, latency, said)
 
     def stream(self) -> LiveStream:
         """Begin a recording that is classified while it goes on.
@@ -133,9 +134,9 @@ class Predictor:
         Raises:
             UserError: If this is no HapticNet, or its features need the whole recording.
         """
-        engine = accelerate(self.classifier, self.config.engine)
+        engine = accelerate(self.classifier, self.how.running.engine)
         engine.card = self.card
-        return LiveStream(engine, wait=self.config.stream.wait, top_k=self.config.top_k)
+        return LiveStream(engine, wait=self.how.wait, top_k=self.how.top_k)
 
     def check_senses(self, given: Collection[str]) -> None:
         """Refuse to be given nothing, or what this checkpoint does not look at.
@@ -163,7 +164,8 @@ class Predictor:
         """What decides by these senses: of a FusionNet perhaps a part."""
         if senses not in self._deciders:
             part = self.classifier.part(senses)
-            self._deciders[senses] = prepare(part, self.config.engine, self.config.decision)
+            running = self.how.running
+            self._deciders[senses] = prepare(part, running.engine, running.decision)
         return self._deciders[senses]
 
     def _decoded(
@@ -172,8 +174,8 @@ class Predictor:
         """Decoded recordings by modality, and what is wrong with them."""
         decoded: dict[str, Tensor] = {}
         found: list[Quality] = []
-        rate = self.config.data.file_rate if rate is None else rate
-        how = {"rate": rate, "colour": colour, "fast": self.config.predict.fast_decode}
+        rate = self.how.file_rate if rate is None else rate
+        how = {"rate": rate, "colour": colour, "fast": self.how.fast_decode}
         for name in senses:
             branch = self.classifier.branch(name)
             ranges = self.card.input_ranges.get(branch.modality, {})

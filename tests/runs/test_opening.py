@@ -13,7 +13,7 @@ from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.recordings import Note, Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable
-from tex_lightning.runs.opening import announce, announced_once, opening_lines
+from tex_lightning.runs.opening import Opening
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +41,11 @@ def rows(tmp_path):
 
 
 def test_the_block_fits_a_terminal_whatever_it_lists(config, store, rows):
-    deep = replace(config, data=replace(config.data, root="/very/long" * 20 + "/end"))
+    deep = replace(config.data, root="/very/long" * 20 + "/end")
+    systems = list(config.frontier.systems)
+    opening = Opening(deep, f"{len(systems)} systems: {', '.join(systems)}", range(10))
     many = tuple(Note(f"kind {n} of folder", n, "") for n in range(9))
-    lines = opening_lines(deep, replace(rows, notes=many), store, [])
+    lines = opening.lines(replace(rows, notes=many), store, [])
     assert len(lines) <= 12
     assert max(map(len, lines)) <= 80
     assert lines[0].startswith("Data      folder …")
@@ -64,23 +66,20 @@ def test_a_family_announces_each_sense_and_each_left_out_file_once(
     one, other = (
         Unusable(row, f"{row.path} is broken") for row in (traces.rows[0], photos.rows[0])
     )
-    with announced_once(config):
-        announce(config, traces, store, [one])
-        announce(config, traces, store, [one])
-        assert capsys.readouterr().err.count("Data ") == 1
-        announce(config, rows, store, [one, other])
-        announce(config, photos, store, [other])
-        second = capsys.readouterr().err
-        assert second.count("Photos ") == 1
-        assert "Traces " not in second
+    opening = Opening(config.data, "two systems", [0])
+    opening.announce(traces, store, [one])
+    opening.announce(traces, store, [one])
+    assert capsys.readouterr().err.count("Data ") == 1
+    opening.announce(rows, store, [one, other])
+    opening.announce(photos, store, [other])
+    second = capsys.readouterr().err
+    assert second.count("Photos ") == 1
+    assert "Traces " not in second
     assert caplog.text.count("t.npy is broken") == 1
     assert caplog.text.count("p.png is broken") == 1
     assert caplog.text.count("Class folder x is skipped") == 1
-    announce(config, traces, store, [])  # outside of it, every call is a task of its own
-    announce(config, traces, store, [])
-    assert capsys.readouterr().err.count("Data ") == 2
 
 
 def test_nothing_usable_is_announced_as_nothing(config, store):
-    lines = opening_lines(config, Recordings(()), store, [])
+    lines = Opening(config.data, "nothing").lines(Recordings(()), store, [])
     assert lines[1] == "Classes   0:"

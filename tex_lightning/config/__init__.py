@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 from tex_lightning.config.data import DataConfig, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
+from tex_lightning.config.recipe import PredictionRecipe, Recipe, Running
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     OPTIMIZED_METRICS,
@@ -92,6 +93,38 @@ class Config:
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)
     stability: StabilityConfig = field(default_factory=StabilityConfig)
+
+    @property
+    def recipe(self) -> Recipe:
+        """How its networks are trained."""
+        return Recipe(
+            model=self.model,
+            weights={sense: self.weights_of(sense) for sense in self.model.senses},
+            seed=self.seed,
+            trainer=self.trainer,
+            callbacks=self.callbacks,
+            logger=self.logger,
+            num_workers=self.data.num_workers,
+            share=self.crossval.share,
+            running=self.running,
+            settings=plain_values(self),
+        )
+
+    @property
+    def running(self) -> Running:
+        """How trained systems are run."""
+        return Running(self.trainer.accelerator, self.engine, self.decision)
+
+    @property
+    def prediction(self) -> PredictionRecipe:
+        """How files and arrays are classified."""
+        return PredictionRecipe(
+            running=self.running,
+            top_k=self.top_k,
+            file_rate=self.data.file_rate,
+            fast_decode=self.predict.fast_decode,
+            wait=self.stream.wait,
+        )
 
     @property
     def files(self) -> dict[str, Any]:

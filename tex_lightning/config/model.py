@@ -183,7 +183,7 @@ class ModelConfig:
         found: BranchConfig = getattr(self, sense)
         return found
 
-    def recipe(self, kind: str) -> dict[str, Any]:
+    def fit_values(self, kind: str) -> dict[str, Any]:
         """How the network of one sense, or ``fusion``, is trained, as plain values."""
         return asdict(getattr(self, kind).fit)
 

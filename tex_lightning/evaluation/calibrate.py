@@ -10,7 +10,8 @@ from scipy.stats import binomtest
 
 from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import DecisionConfig, EngineConfig
+from tex_lightning.config import DecisionConfig
+from tex_lightning.config.recipe import Running
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
@@ -28,8 +29,7 @@ def calibrate(
     checkpoint: Path,
     samples: Sequence[Sample],
     store: Store,
-    engine: EngineConfig,
-    decision: DecisionConfig,
+    running: Running,
 ) -> None:
     """Fit the temperature, and the threshold of sequential decisions, and keep them in the card.
 
@@ -38,8 +38,7 @@ def calibrate(
         checkpoint: The file, which is rewritten.
         samples: Of the validation fold; without any nothing happens.
         store: Their recordings.
-        engine: How it runs.
-        decision: How it decides.
+        running: How it runs and decides.
     """
     card = classifier.card
     if not samples or card.calibration:
@@ -49,9 +48,9 @@ def calibrate(
     labels = [card.classes.index(sample.label) for sample in samples]
     found = {"temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)
-    if decision.name == SEQUENTIAL and needs_threshold(classifier):
-        fast = accelerate(classifier, engine)
-        found |= choose_confidence_threshold(fast, decision, samples, store)
+    if running.decision.name == SEQUENTIAL and needs_threshold(classifier):
+        fast = accelerate(classifier, running.engine)
+        found |= choose_confidence_threshold(fast, running.decision, samples, store)
         classifier.card = replace(card, calibration=found)
     _keep(classifier.card, checkpoint)
 

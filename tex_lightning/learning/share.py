@@ -33,12 +33,12 @@ def train_shared(training: Training, folder: Path) -> Path:
     recipe = {
         "card": training.card.to_dict(),
         "fit": training.fit_values,
-        "seed": training.seed,
+        "seed": training.recipe.seed,
         "weights": training.weights,
-        "trainer": training.trainer.flags,
+        "trainer": training.recipe.trainer.flags,
     }
     if training.unimodal:
-        recipe["model"] = asdict(training.model)
+        recipe["model"] = asdict(training.recipe.model)
         recipe["starts"] = [_digest(path) for path in training.unimodal.values()]
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
     place = folder / f"{training.card.kind}-{digest}"

@@ -129,7 +129,7 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
     network = module.network
     if not isinstance(network, VisualNet):
         return
-    module.to(pick_device(training.trainer.accelerator))
+    module.to(pick_device(training.recipe.trainer.accelerator))
     if not network.has_hidden_layers:
         if weights is None:
             warn_of_random_weights(network.trunk)

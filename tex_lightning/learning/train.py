@@ -54,10 +54,10 @@ def train_network(training: Training, *watchers: Callback) -> Path:
 
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
-    torch.manual_seed(training.seed)
+    torch.manual_seed(training.recipe.seed)
     make = FusionModule if training.card.kind == FUSION else SurfaceModule
-    pieces = {name: training.model.branch(name).fit.piece for name in training.card.senses}
-    module = make(training.card.to_dict(), training.fit_values, training.seed, pieces)
+    pieces = {name: training.recipe.model.branch(name).fit.piece for name in training.card.senses}
+    module = make(training.card.to_dict(), training.fit_values, training.recipe.seed, pieces)
     batches = _make_batches(training, module)
     _check_resumable(last)
     if not last.is_file():
@@ -91,16 +91,16 @@ def _make_batches(training: Training, module: SurfaceModule) -> TrainingBatches:
     for name, path in training.unimodal.items():
         start = SurfaceClassifier.from_checkpoint(path, name)
         classifier.branch(name).adopt(start.branch(name))
-    classifier.features.to(pick_device(training.trainer.accelerator))
+    classifier.features.to(pick_device(training.recipe.trainer.accelerator))
     for name, branch in classifier.branches.items():
         rows = training.parts.train.of(branch.modality).rows
         labels = np.array([card.classes.index(row.label) for row in rows])
         bank = branch.bank(
-            rows, training.store, {**training.model.recipe(name), **training.fit_values},
-            size=module.pieces[name], seed=training.seed, learn=not training.unimodal,
+            rows, training.store, {**training.recipe.model.fit_values(name), **training.fit_values},
+            size=module.pieces[name], seed=training.recipe.seed, learn=not training.unimodal,
         )  # fmt: skip
         banks[name] = bank, labels
-    return TrainingBatches(banks, training.fit_values["batch_size"], training.seed)
+    return TrainingBatches(banks, training.fit_values["batch_size"], training.recipe.seed)
 
 
 def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
@@ -111,7 +111,7 @@ def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
         for part in (parts.val, parts.test)
     )
     steps = training.fit_values["steps_per_epoch"]
-    return SurfaceData(batches, steps, validation, test, training.num_workers)
+    return SurfaceData(batches, steps, validation, test, training.recipe.num_workers)
 
 
 def _finish(

@@ -102,17 +102,19 @@ def make_trainer(
     # not Lightning's save_last, which leaves out the epochs that are not the best
     keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
     callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
-    callbacks += [build(f"callbacks.{name}", node) for name, node in training.callbacks.items()]
+    callbacks += [
+        build(f"callbacks.{name}", node) for name, node in training.recipe.callbacks.items()
+    ]
     if kind == FUSION:
-        start = training.model.fusion.head_start
+        start = training.recipe.model.fusion.head_start
         callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
         "enable_model_summary": False,
-        "sync_batchnorm": _synchronises(training.trainer, kind),
-        **training.trainer.flags,
+        "sync_batchnorm": _synchronises(training.recipe.trainer, kind),
+        **training.recipe.trainer.flags,
     }
     if isinstance(flags["strategy"], dict):
         flags["strategy"] = build("trainer.strategy", flags["strategy"])
@@ -122,7 +124,7 @@ def make_trainer(
             plugins=[CheckpointFiles()],
             max_epochs=fit["epochs"],
             callbacks=callbacks,
-            logger=open_loggers(training.logger, training.directory, kind),
+            logger=open_loggers(training.recipe.logger, training.directory, kind),
             use_distributed_sampler=False,  # every process knows its share of a batch
             default_root_dir=training.directory,
         )

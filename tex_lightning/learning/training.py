@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.card import Card
-from tex_lightning.config import ModelConfig, TrainerConfig
+from tex_lightning.config.recipe import Recipe
 from tex_lightning.data.folds import Split
 from tex_lightning.data.store import Store
 
@@ -20,13 +20,7 @@ class Training:
         store: Decoded files.
         directory: The run folder.
         unimodal: By sense the checkpoints that FusionNet starts from; empty for the others.
-        seed: Of everything random.
-        weights: Where the trunk starts; None is at random. FusionNet's parts have started already.
-        model: The networks and their recipes.
-        trainer: Device and flags of Lightning's Trainer.
-        callbacks: Nodes of the configuration, by name.
-        logger: Likewise.
-        num_workers: Processes that make batches.
+        recipe: How the networks of this model are trained.
     """
 
     card: Card
@@ -34,13 +28,7 @@ class Training:
     store: Store
     directory: Path
     unimodal: dict[str, Path]
-    seed: int
-    weights: str | None
-    model: ModelConfig
-    trainer: TrainerConfig
-    callbacks: dict[str, Any]
-    logger: dict[str, Any]
-    num_workers: int
+    recipe: Recipe
 
     @property
     def final(self) -> Path:
@@ -53,6 +41,12 @@ class Training:
         return self.directory / "checkpoints" / self.card.kind
 
     @property
+    def weights(self) -> str | None:
+        """Where the trunk starts; None is at random."""
+        recipe = self.recipe
+        return recipe.baseline_weights if self.card.baseline else recipe.start_of(self.card.kind)
+
+    @property
     def fit_values(self) -> dict[str, Any]:
         """The training recipe as plain values."""
-        return self.model.recipe(self.card.kind)
+        return self.recipe.model.fit_values(self.card.kind)

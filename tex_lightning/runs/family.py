@@ -8,10 +8,11 @@ from statistics import fmean
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config, FrontierConfig
+from tex_lightning.config import DataConfig, FrontierConfig
 from tex_lightning.config.check import check_config
 from tex_lightning.config.instantiation import INSTALL, missing_library
 from tex_lightning.config.job import Job
+from tex_lightning.config.recipe import Recipe
 from tex_lightning.config.trust import trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.folds import make_samples
@@ -23,6 +24,7 @@ from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outc
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.runs.fold import fit_fold
+from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.remaining import Remaining
 from tex_lightning.runs.workspace import Workspace, open_workspace
 
@@ -39,7 +41,8 @@ class Member:
 
     name: str
     overrides: tuple[str, ...]
-    config: Config
+    data: DataConfig
+    recipe: Recipe
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def compose_family(
         member = replace(member, task="crossval", crossval=crossval)
         check_config(member)
         trust(member)
-        yield Member(name, overrides, member)
+        yield Member(name, overrides, member.data, member.recipe)
 
 
 def check_libraries(members: Sequence[Member]) -> None:
@@ -104,7 +107,7 @@ def check_libraries(members: Sequence[Member]) -> None:
     Raises:
         UserError: Naming those whose libraries are missing and what does without them.
     """
-    needed = {member.name: member.config.model.baseline for member in members}
+    needed = {member.name: member.recipe.model.baseline for member in members}
     missing = {
         name: library
         for name, baseline in needed.items()
@@ -121,7 +124,7 @@ def check_libraries(members: Sequence[Member]) -> None:
 
 
 def measure_family(
-    members: Sequence[Member], folds: Sequence[int], directory: Path
+    members: Sequence[Member], folds: Sequence[int], directory: Path, opening: Opening
 ) -> list[Measured]:
     """Train every member without each of ``folds`` and its partner, and test it on both.
 
@@ -131,6 +134,7 @@ def measure_family(
         members: The systems.
         folds: That are tested.
         directory: Holds a folder for each system.
+        opening: Says what was found.
     """
     pairs = {member.name: _pairs(member, folds) for member in members}
     missing = {
@@ -143,14 +147,15 @@ def measure_family(
         workspace: Workspace | None = None
         for pair in missing[member.name]:
             with remaining.measuring(member.name, pair):
-                workspace = workspace or open_workspace(member.config, directory / member.name)
-                _measure_pair(workspace, pair, _place(directory / member.name, pair))
+                home = directory / member.name
+                workspace = workspace or open_workspace(member.data, member.recipe, home, opening)
+                _measure_pair(workspace, pair, _place(home, pair))
     return [_read(member, pairs[member.name], directory / member.name) for member in members]
 
 
 def _pairs(member: Member, folds: Sequence[int]) -> dict[int, Pair]:
     """Of each tested fold itself and its partner, in one order for both unless networks differ."""
-    data = member.config.data
+    data = member.data
     both = {fold: (fold, partner(fold, data.folds)) for fold in folds}
     if data.inverted:  # a fold is then what is trained on
         return both
@@ -171,14 +176,15 @@ def _predictions(place: Path, kind: str, fold: int, pair: Pair) -> Path:
 
 
 def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
-    rows, folds = workspace.recordings, workspace.config.data.folds
+    rows, folds = workspace.recordings, workspace.data.folds
     apart = Recordings(tuple(row for row in rows if row.group % folds == pair[1]))
     kept = Recordings(tuple(row for row in rows if row.group % folds != pair[1]))
     networks = fit_fold(replace(workspace, recordings=kept).on_fold(pair[0], directory))
     entry = networks[workspace.kind]
-    trained, config = load_classifier(entry["checkpoint"]), workspace.config
-    samples = make_samples(apart, config.model.modalities)
-    classifier = prepare(trained, config.engine, config.decision)
+    recipe = workspace.recipe
+    samples = make_samples(apart, recipe.model.modalities)
+    trained = load_classifier(entry["checkpoint"])
+    classifier = prepare(trained, recipe.running.engine, recipe.running.decision)
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
     seconds = sum(network["fit_seconds"] for network in networks.values())
@@ -187,7 +193,7 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
 
 
 def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measured:
-    kind = member.config.model.kind
+    kind = member.recipe.model.kind
     entries = [
         json.loads((_place(directory, pair) / DONE).read_text(encoding="utf-8"))
         for pair in dict.fromkeys(pairs.values())

@@ -3,13 +3,11 @@
 import logging
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tex_lightning.config import Config
+from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings, plural
@@ -25,74 +23,88 @@ log = logging.getLogger(__name__)
 
 
 @dataclass
-class _Run:
-    """A running task, and the senses and left-out files that it has announced."""
+class Opening:
+    """What a task works on; no sense is announced twice, whatever systems it opens.
 
-    config: Config
+    Attributes:
+        data: Where the recordings come from.
+        what: The systems that are trained or tested.
+        folds: Those that networks are trained without; None where nothing is trained.
+        announced: Senses that have been.
+        skipped: Left-out files that have been.
+    """
+
+    data: DataConfig
+    what: str
+    folds: Sequence[int | None] | None = None
     announced: set[str] = field(default_factory=set)
     skipped: set[Recording] = field(default_factory=set)
 
+    def announce(self, recordings: Recordings, store: Store, skipped: Sequence[Unusable]) -> None:
+        """Warn of what was passed over or looks wrong, and print the opening block.
 
-_running: ContextVar[_Run | None] = ContextVar("running", default=None)
+        Args:
+            recordings: All that will be trained or tested on, decoded.
+            store: Where they are decoded.
+            skipped: Files that are left out.
+        """
+        skipped = [each for each in skipped if each.recording not in self.skipped]
+        self.skipped |= {each.recording for each in skipped}
+        fresh = recordings.without(row for row in recordings if row.modality in self.announced)
+        if not self.announced:
+            for note in recordings.notes:
+                log.warning("%s", note.text)
+        if skipped:
+            log.warning("Going on without %d files:\n%s", len(skipped), list_files(skipped))
+        if self.announced and not len(fresh):
+            return
+        self.announced |= {row.modality for row in recordings}
+        for modality in {row.modality: None for row in fresh}:
+            if odd := unlike_the_others(fresh.of(modality), store):
+                log.warning("%s", odd)
+        for line in self.lines(fresh, store, skipped):
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    def lines(self, recordings: Recordings, store: Store, skipped: Sequence[Unusable]) -> list[str]:
+        """The block as lines of at most 80 columns."""
+        entries = [("Data", _source(self.data), 1), ("Classes", _classes(recordings), 2)]
+        modalities = {row.modality: None for row in recordings}
+        for modality in modalities:
+            title = plural(modality).partition(" ")[0].capitalize()
+            entries.append((title, _sense(recordings.of(modality), store), 1))
+        for modality in modalities:
+            if described := describe_rates(recordings.of(modality), store):
+                entries.append(("Rates", described, 2))
+        entries.append(("Folds", self._folds(recordings), 1))
+        if left_out := _left_out(recordings, skipped):
+            entries.append(("Skipped", left_out, 2))
+        entries.append(("Tests" if self.folds is None else "Trains", self.what, 2))
+        return [line for entry in entries for line in _wrapped(*entry)]
+
+    def _folds(self, recordings: Recordings) -> str:
+        data = self.data
+        if self.folds is None:
+            return f"{len(recordings)} recordings are tested"
+        known = recordings.without(row for row in recordings if row.label in (data.hold_out or ()))
+        parts = [
+            split(known, data.folds, fold, data.val_fold, data.inverted) for fold in self.folds
+        ]
+        train, val, test = (
+            spread([len(getattr(part, name)) for part in parts], "", "d")
+            for name in ("train", "val", "test")
+        )
+        several = len(self.folds) > 1
+        which = f"each of {len(self.folds)} folds" if several else f"fold {self.folds[0]}"
+        watched = f", {val} validate (fold {data.val_fold})" if data.val_fold is not None else ""
+        return f"{train} recordings train{watched}, {test} test ({which} of {data.folds})"
 
 
-@contextmanager
-def announced_once(config: Config) -> Iterator[None]:
-    """Within, no sense is announced twice, whatever systems the task of ``config`` opens."""
-    token = _running.set(_Run(config))
-    try:
-        yield
-    finally:
-        _running.reset(token)
-
-
-def announce(
-    config: Config, recordings: Recordings, store: Store, skipped: Sequence[Unusable]
-) -> None:
-    """Warn of what was passed over or looks wrong, and print the opening block.
-
-    Args:
-        config: Of the task, or of one system of a family.
-        recordings: All that will be trained or tested on, decoded.
-        store: Where they are decoded.
-        skipped: Files that are left out.
-    """
-    run = _running.get() or _Run(config)
-    skipped = [each for each in skipped if each.recording not in run.skipped]
-    run.skipped |= {each.recording for each in skipped}
-    fresh = recordings.without(row for row in recordings if row.modality in run.announced)
-    if not run.announced:
-        for note in recordings.notes:
-            log.warning("%s", note.text)
-    if skipped:
-        log.warning("Going on without %d files:\n%s", len(skipped), list_files(skipped))
-    if run.announced and not len(fresh):
-        return
-    run.announced |= {row.modality for row in recordings}
-    for modality in {row.modality: None for row in fresh}:
-        if odd := unlike_the_others(fresh.of(modality), store):
-            log.warning("%s", odd)
-    for line in opening_lines(run.config, fresh, store, skipped):
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
-
-
-def opening_lines(
-    config: Config, recordings: Recordings, store: Store, skipped: Sequence[Unusable]
-) -> list[str]:
-    """The block as lines of at most 80 columns."""
-    entries = [("Data", _source(config), 1), ("Classes", _classes(recordings), 2)]
-    modalities = {row.modality: None for row in recordings}
-    for modality in modalities:
-        title = plural(modality).partition(" ")[0].capitalize()
-        entries.append((title, _sense(recordings.of(modality), store), 1))
-    for modality in modalities:
-        if described := describe_rates(recordings.of(modality), store):
-            entries.append(("Rates", described, 2))
-    entries.append(("Folds", _folds(config, recordings), 1))
-    if left_out := _left_out(recordings, skipped):
-        entries.append(("Skipped", left_out, 2))
-    entries.append(_work(config))
-    return [line for entry in entries for line in _wrapped(*entry)]
+def trained_networks(model: ModelConfig) -> str:
+    """What training a model trains, for :attr:`Opening.what`."""
+    if model.baseline is not None or model.kind != FUSION:
+        return model.name
+    networks = [name for name in model.senses if name not in model.checkpoints]
+    return f"{model.name}: {', '.join([*networks, FUSION])}"
 
 
 def _wrapped(title: str, text: str, lines: int) -> list[str]:
@@ -101,8 +113,7 @@ def _wrapped(title: str, text: str, lines: int) -> list[str]:
     return [f"{name:<{INDENT}}{line}" for name, line in zip(titles, wrapped, strict=True)]
 
 
-def _source(config: Config) -> str:
-    data = config.data
+def _source(data: DataConfig) -> str:
     where = data.manifest or data.root
     if where is None:
         return data.name
@@ -126,24 +137,6 @@ def _sense(rows: Recordings, store: Store) -> str:
     return f"{each} (fewest: {min(counts, key=lambda label: counts[label])})"
 
 
-def _folds(config: Config, recordings: Recordings) -> str:
-    data = config.data
-    if config.task not in ("fit", "crossval", "frontier"):
-        return f"{len(recordings)} recordings are tested"
-    known = recordings.without(row for row in recordings if row.label in (data.hold_out or ()))
-    tested = [data.test_fold]
-    if config.task != "fit":
-        tested = list(config.crossval.only or range(data.folds))
-    parts = [split(known, data.folds, fold, data.val_fold, data.inverted) for fold in tested]
-    train, val, test = (
-        spread([len(getattr(part, name)) for part in parts], "", "d")
-        for name in ("train", "val", "test")
-    )
-    which = f"fold {tested[0]}" if len(tested) == 1 else f"each of {len(tested)} folds"
-    watched = f", {val} validate (fold {data.val_fold})" if data.val_fold is not None else ""
-    return f"{train} recordings train{watched}, {test} test ({which} of {data.folds})"
-
-
 def _left_out(recordings: Recordings, skipped: Sequence[Unusable]) -> str:
     counts = Counter[str]()
     for note in recordings.notes:
@@ -152,19 +145,3 @@ def _left_out(recordings: Recordings, skipped: Sequence[Unusable]) -> str:
         counts["unusable file"] = len(skipped)
     listed = ", ".join(f"{count} x {what}" for what, count in counts.items())
     return f"{listed} (why: see above)" if counts else ""
-
-
-def _work(config: Config) -> tuple[str, str, int]:
-    """What is trained or tested."""
-    model = config.model
-    if config.task == "frontier":
-        names = config.frontier.only or list(config.frontier.systems)
-        return "Trains", f"{len(names)} systems: {', '.join(names)}", 2
-    if config.task == "evaluate":
-        return "Tests", str(config.checkpoint), 1
-    if config.task == "stability":
-        return "Tests", ", ".join(config.stability.systems or []), 2
-    if model.baseline is not None or model.kind != FUSION:
-        return "Trains", model.name, 1
-    networks = [name for name in model.senses if name not in model.checkpoints]
-    return "Trains", f"{model.name}: {', '.join([*networks, FUSION])}", 1

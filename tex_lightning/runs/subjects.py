@@ -1,5 +1,6 @@
 """What ``task=profile`` measures: unimodal networks, each with one recording to classify."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,8 @@ import torch
 
 from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config
+from tex_lightning.config import DataConfig, ProfileConfig
+from tex_lightning.config.recipe import Recipe
 from tex_lightning.data.decode import Array, SignalDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.profiling.subject import Subject, only_branch
@@ -19,64 +21,69 @@ from tex_lightning.synthetic.specimen import Specimen
 from tex_lightning.synthetic.tool import slide_tool
 
 
-def make_subjects(config: Config, device: torch.device) -> list[Subject]:
-    """Load or build the networks, and read or render a recording for each.
+def load_networks(checkpoint: str) -> list[SurfaceClassifier]:
+    """The unimodal networks of a checkpoint."""
+    whole = SurfaceClassifier.from_checkpoint(checkpoint)
+    return [whole.part([name]) for name in whole.card.senses]
 
-    Without a checkpoint the weights are random, drawn from ``seed``: no time depends on them.
+
+def random_networks(recipe: Recipe, classes: int) -> list[SurfaceClassifier]:
+    """The unimodal networks of a model with random weights: no time depends on them."""
+    names = [f"class{number}" for number in range(classes)]
+    torch.manual_seed(recipe.seed)
+    cards = [configured_card(recipe, [sense], names) for sense in recipe.model.senses]
+    return [SurfaceClassifier(card) for card in cards]
+
+
+def refuse_unused(files: Mapping[str, Any], networks: Sequence[SurfaceClassifier]) -> None:
+    """Refuse recordings that no network looks at.
 
     Raises:
-        UserError: If the checkpoint or a recording cannot be used, or is for a network that is
-            not there.
+        UserError: Naming one.
     """
-    parts = _networks(config)
-    _refuse_unused(config, [only_branch(part).modality for part in parts])
-    return [_subject(config, part.eval().to(device)) for part in parts]
-
-
-def _networks(config: Config) -> list[SurfaceClassifier]:
-    if config.checkpoint is not None:
-        whole = SurfaceClassifier.from_checkpoint(config.checkpoint)
-        return [whole.part([name]) for name in whole.card.senses]
-    classes = [f"class{number}" for number in range(config.profile.classes)]
-    torch.manual_seed(config.seed)
-    return [
-        SurfaceClassifier(configured_card(config, [name], classes)) for name in config.model.senses
-    ]
-
-
-def _refuse_unused(config: Config, needed: list[str]) -> None:
-    for key, value in config.files.items():
+    needed = [only_branch(network).modality for network in networks]
+    for key, value in files.items():
         if key not in needed:
             raise UserError(f"{key}={value} is for a network that is not profiled; leave it out.")
         if isinstance(value, list | dict):
             raise UserError(f"task=profile takes one file, not {key}={value}; give {key}=FILE.")
 
 
-def _subject(config: Config, classifier: SurfaceClassifier) -> Subject:
-    branch = only_branch(classifier)
-    least = branch.window_size
-    recording = torch.from_numpy(_recording(config, branch).copy())
-    given = branch.input_size(recording)
+def make_subject(classifier: SurfaceClassifier, recording: Array) -> Subject:
+    """A network with a recording to classify.
+
+    Raises:
+        UserError: If the recording is too small for a window.
+    """
+    branch, tensor = only_branch(classifier), torch.from_numpy(recording.copy())
+    least, given = branch.window_size, branch.input_size(tensor)
     if given[0] < least[0] or given[1] < least[1]:
         raise UserError(
             f"The {branch.what} gives an input of {given[0]}x{given[1]}, height first, and one "
             f"window of the {branch.name} network takes {least[0]}x{least[1]}; give a larger "
             "recording."
         )
+    return Subject(classifier, tensor)
+
+
+def learn_statistics(subject: Subject) -> None:
+    """Let features that nobody has trained take their statistics from the recording."""
+    branch = only_branch(subject.classifier)
     features: Any = branch.features
-    if config.checkpoint is None and hasattr(features, "fit"):
-        features.fit([features.magnitudes(recording.to(branch.device))])
-    return Subject(classifier, recording)
+    if hasattr(features, "fit"):
+        features.fit([features.magnitudes(subject.recording.to(branch.device))])
 
 
-def _recording(config: Config, branch: Branch) -> Array:
-    """The file that is given, or what the synthetic tool or camera records."""
-    file = config.files.get(branch.modality)
-    if file is not None:
-        decoder = branch.decoder.assuming(config.data.file_rate)
-        return decoder.decode(Path(str(file)).expanduser())[0]
-    profile, rng = config.profile, np.random.default_rng(config.seed)
-    specimen = Specimen(make_materials(2, config.seed)[0])
+def read_recording(branch: Branch, file: str, data: DataConfig) -> Array:
+    """Decode the file that was given."""
+    decoder = branch.decoder.assuming(data.file_rate)
+    return decoder.decode(Path(file).expanduser())[0]
+
+
+def render_recording(branch: Branch, profile: ProfileConfig, seed: int) -> Array:
+    """What the synthetic tool or camera records."""
+    rng = np.random.default_rng(seed)
+    specimen = Specimen(make_materials(2, seed)[0])
     if isinstance(branch.decoder, SignalDecoder):
         return slide_tool(specimen, rng, profile.seconds, round(branch.decoder.sampling_rate))
     return render_photo(specimen, rng, size=(profile.width, profile.height))

@@ -8,8 +8,9 @@ from pathlib import Path
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.card import SUFFIX
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config, DataConfig
+from tex_lightning.config import DataConfig, StabilityConfig
 from tex_lightning.config.model import FUSION, kind_of
+from tex_lightning.config.recipe import Running
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
@@ -19,7 +20,7 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.runfolder import SETTINGS
-from tex_lightning.runs.opening import announce
+from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import open_store, recordings_to_test
 from tex_lightning.runs.usable import find_unusable
 from tex_lightning.stability.evaluator import Evaluator
@@ -29,8 +30,16 @@ from tex_lightning.stability.system import Member, System
 Found = tuple[Path, int | None]  # a checkpoint and its test fold, None for the configured one
 
 
-def load_systems(config: Config) -> list[System]:
+def load_systems(
+    wanted: StabilityConfig, data: DataConfig, running: Running, seed: int
+) -> list[System]:
     """Load every system with the test samples of each of its folds.
+
+    Args:
+        wanted: Names the systems.
+        data: What they are tested on.
+        running: How they run.
+        seed: Of the perturbations.
 
     Raises:
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
@@ -38,17 +47,24 @@ def load_systems(config: Config) -> list[System]:
     """
     datasets: list[PerturbedDataset] = []
     systems: list[System] = []
-    for given in config.stability.systems or []:
+    for given in wanted.systems or []:
         path = Path(given).expanduser()
-        for kind, found in _checkpoints(path, config).items():
-            members = [_member(config, *each, datasets) for each in found]
+        for kind, found in _checkpoints(path, wanted).items():
+            members = []
+            for checkpoint, fold in found:
+                tested = data if fold is None else replace(data, test_fold=fold)
+                loaded = load_classifier(checkpoint)
+                dataset = _dataset(data, seed, loaded, datasets)
+                engine = accelerate(loaded.to(pick_device(running.accelerator)), running.engine)
+                members.append(_member(checkpoint, engine.eval(), tested, dataset, wanted.limit))
             classifier = members[0].evaluator.classifier
             name = _name(path, kind, classifier)
             systems.append(System(name, classifier.card.kind, members))
+    opening = Opening(data, ", ".join(wanted.systems or []))
     for each in datasets:
-        notes = read_recordings(config.data, list(each.store.decoders)).notes
-        tested = Recordings(tuple(each.rows.values()), notes)
-        announce(config, tested, each.store, skipped_files(systems))
+        notes = read_recordings(data, list(each.store.decoders)).notes
+        rows = Recordings(tuple(each.rows.values()), notes)
+        opening.announce(rows, each.store, skipped_files(systems))
     return _named_apart(systems)
 
 
@@ -58,15 +74,15 @@ def skipped_files(systems: list[System]) -> list[Unusable]:
     return list(dict.fromkeys(found))
 
 
-def _checkpoints(path: Path, config: Config) -> dict[str, list[Found]]:
+def _checkpoints(path: Path, wanted: StabilityConfig) -> dict[str, list[Found]]:
     """Checkpoints of each kind in a run folder, fold by fold; or the file itself."""
     if path.is_file():
         return {"": [(path, None)]}
     if not path.is_dir():
         raise UserError(f"{path} does not exist; give a run folder or a checkpoint.")
     folds = {int(each.name): each for each in path.glob("folds/[0-9]*") if each.name.isdecimal()}
-    if config.stability.folds is not None:
-        folds = {fold: each for fold, each in folds.items() if fold in config.stability.folds}
+    if wanted.folds is not None:
+        folds = {fold: each for fold, each in folds.items() if fold in wanted.folds}
     homes: list[tuple[Path, int | None]] = [(folds[fold], fold) for fold in sorted(folds)]
     found: dict[str, list[Found]] = {}
     for home, fold in homes or [(path, None)]:
@@ -78,38 +94,38 @@ def _checkpoints(path: Path, config: Config) -> dict[str, list[Found]]:
             "folds/N/checkpoints/KIND.ckpt); give the folder of a finished run."
         )
     kinds = sorted(found, key=lambda kind: (kind != FUSION, kind))
-    return {kind: found[kind] for kind in (kinds if config.stability.parts else kinds[:1])}
+    return {kind: found[kind] for kind in (kinds if wanted.parts else kinds[:1])}
 
 
 def _member(
-    config: Config, path: Path, fold: int | None, datasets: list[PerturbedDataset]
+    path: Path,
+    classifier: SurfaceClassifier,
+    data: DataConfig,
+    dataset: PerturbedDataset,
+    limit: int | None,
 ) -> Member:
-    classifier = load_classifier(path)
-    data = config.data if fold is None else replace(config.data, test_fold=fold)
     rows = recordings_to_test(data, classifier, f"Checkpoint {path}")
-    dataset = _dataset(config, classifier, datasets)
     branches = classifier.branches.values()
-    skipped = find_unusable(rows, dataset.store, branches, skip_bad=config.data.skip_bad)
+    skipped = find_unusable(rows, dataset.store, branches, skip_bad=data.skip_bad)
     rows = rows.without(each.recording for each in skipped)
-    samples = _limited(make_samples(rows, classifier.card.modalities), config.stability.limit)
+    samples = _limited(make_samples(rows, classifier.card.modalities), limit)
     if not samples:
         raise UserError(f"There is nothing to test {path} on in {_place(data)}; choose another.")
     dataset.add(row for each in samples for row in each.recordings.values())
-    engine = accelerate(classifier.to(pick_device(config.trainer.accelerator)), config.engine)
-    return Member(path, Evaluator(engine.eval()), samples, dataset, skipped)
+    return Member(path, Evaluator(classifier), samples, dataset, skipped)
 
 
 def _dataset(
-    config: Config, classifier: SurfaceClassifier, datasets: list[PerturbedDataset]
+    data: DataConfig, seed: int, classifier: SurfaceClassifier, datasets: list[PerturbedDataset]
 ) -> PerturbedDataset:
     """The one of those met before that decodes alike, or another."""
-    store = open_store(config, classifier)
+    store = open_store(data, classifier)
     for each in datasets:
         decoders = {**store.decoders, **each.store.decoders}
         if decoders == {**decoders, **store.decoders}:
-            each.store = Store(cache_root(config.data.cache_dir), decoders)
+            each.store = Store(cache_root(data.cache_dir), decoders)
             return each
-    datasets.append(PerturbedDataset(store, config.seed, config.data.folds))
+    datasets.append(PerturbedDataset(store, seed, data.folds))
     return datasets[-1]
 
 

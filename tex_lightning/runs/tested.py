@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config, DataConfig
+from tex_lightning.config import DataConfig
 from tex_lightning.data.folds import split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
@@ -36,16 +36,16 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
     return _tested(rows, data, card, who)
 
 
-def open_store(config: Config, classifier: SurfaceClassifier) -> Store:
+def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:
     """Where recordings are decoded as a checkpoint says.
 
     Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
     """
     decoders = {
-        branch.modality: branch.decoder.assuming(config.data.file_rate)
+        branch.modality: branch.decoder.assuming(data.file_rate)
         for branch in classifier.branches.values()
     }
-    return Store(cache_root(config.data.cache_dir), decoders)
+    return Store(cache_root(data.cache_dir), decoders)
 
 
 def held_out_to_test(data: DataConfig, classifier: SurfaceClassifier) -> Recordings:

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import Config
+from tex_lightning.config.recipe import Running
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
@@ -36,7 +36,7 @@ def report_network(
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
-    config: Config,
+    running: Running,
     unknown: Sequence[Sample] = (),
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
@@ -47,14 +47,14 @@ def report_network(
         samples: What is tested, at least one.
         store: Their recordings.
         directory: The run folder.
-        config: Of the run.
+        running: How it runs and decides.
         unknown: Samples of classes that were held out.
 
     Returns:
         Its entry of ``results.json``, and what became of each sample.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
-    decider = prepare(classifier, config.engine, config.decision)
+    decider = prepare(classifier, running.engine, running.decision)
     outcomes = run_test(decider, samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
@@ -67,7 +67,9 @@ def report_network(
         "checkpoint": str(checkpoint.resolve()),
     }
     if isinstance(decider, SequentialClassifier):
-        entry["sequential"] = report_sequential(decider, config.decision, samples, store, directory)
+        entry["sequential"] = report_sequential(
+            decider, running.decision, samples, store, directory
+        )
     entry |= report_unknown(decider, unknown, store, directory)
     return entry, outcomes
 

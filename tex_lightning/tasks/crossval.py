@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.config import Config, plain_values
+from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.novelty import pool_unknown
@@ -26,6 +26,7 @@ from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.document import write_report
 from tex_lightning.report.table import print_results, python_command, run_overrides
 from tex_lightning.runs.fold import fit_fold, results_frame
+from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.sequential import pool_sequential
 from tex_lightning.runs.testing import calibration_metrics, draw_figures
 from tex_lightning.runs.workspace import Workspace, open_workspace
@@ -37,7 +38,8 @@ log = logging.getLogger(__name__)
 def run(config: Config, job: Job) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
     chosen, directory = chosen_folds(config), job.directory
-    workspace = open_workspace(config, directory)
+    opening = Opening(config.data, trained_networks(config.model), chosen)
+    workspace = open_workspace(config.data, config.recipe, directory, opening)
     for fold in chosen:  # before time is spent on the first
         workspace.on_fold(fold, directory).parts()
     folds = {fold: _run_fold(workspace, fold) for fold in chosen}
@@ -46,7 +48,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     names = next(iter(folds.values()))["networks"]
     networks = {name: _pool(workspace, folds, name) for name in names}
     seconds = sum(results["wall_seconds"] for results in folds.values())
-    results = results_frame(workspace, networks, seconds)
+    results = results_frame(config.task, workspace, networks, seconds)
     if config.model.name in config.crossval.profile:
         _profile(config, networks[workspace.kind]["checkpoint"], job)
     write_results(directory / "results.json", results)
@@ -92,12 +94,12 @@ def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:
         results: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
         return results
     begin = time.perf_counter()
-    log.info("Fold %d of %d.", fold, workspace.config.data.folds)
+    log.info("Fold %d of %d.", fold, workspace.data.folds)
     on_fold = workspace.on_fold(fold, directory)
     networks = fit_fold(on_fold)
     if not is_rank_zero():
         return {}
-    results = results_frame(on_fold, networks, time.perf_counter() - begin)
+    results = results_frame("crossval", on_fold, networks, time.perf_counter() - begin)
     write_results(done, results)
     return results
 
@@ -105,6 +107,7 @@ def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:
 def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> dict[str, Any]:
     """One network over all folds: counts pooled, sizes and checkpoint of the first fold."""
     entries = {fold: results["networks"][name] for fold, results in folds.items()}
+    recipe, decision = workspace.recipe, workspace.recipe.running.decision
     outcomes = [
         outcome
         for fold in folds
@@ -119,8 +122,8 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     pooled = {
         **summarise(outcomes),
-        **calibration_metrics(outcomes, workspace.classes, workspace.config.decision.reject_below),
-        **pool_sequential(directories, name, workspace.directory, workspace.config.decision),
+        **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
+        **pool_sequential(directories, name, workspace.directory, decision),
         **pool_unknown(directories, name, outcomes, workspace.directory),
         "parameters": first["parameters"],
         "macs_per_sample": first["macs_per_sample"],
@@ -130,6 +133,5 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
             {"fold": fold, **{key: entry[key] for key in kept}} for fold, entry in entries.items()
         ],
     }
-    config = workspace.config
-    log_test(config.logger, workspace.directory, name, plain_values(config), pooled, figures)
+    log_test(recipe.logger, workspace.directory, name, recipe.settings, pooled, figures)
     return pooled

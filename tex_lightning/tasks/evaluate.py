@@ -14,7 +14,7 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.report.table import print_results
-from tex_lightning.runs.opening import announce
+from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import held_out_to_test, open_store, recordings_to_test
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.usable import find_unusable
@@ -34,12 +34,12 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     kind, classes = classifier.card.kind, classifier.card.classes
     test = recordings_to_test(config.data, classifier, "The checkpoint")
     unknown = held_out_to_test(config.data, classifier)
-    store = open_store(config, classifier)
+    store = open_store(config.data, classifier)
     both = replace(test, rows=test.rows + unknown.rows)
     branches = classifier.branches.values()
     skipped = find_unusable(both, store, branches, skip_bad=config.data.skip_bad)
     bad = [each.recording for each in skipped]
-    announce(config, both.without(bad), store, skipped)
+    Opening(config.data, str(config.checkpoint)).announce(both.without(bad), store, skipped)
     modalities = classifier.card.modalities
     samples = make_samples(test.without(bad), modalities)
     unknown_samples = make_samples(unknown.without(bad), modalities)
@@ -49,7 +49,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             "data.test_fold=null for everything."
         )
     network, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, unknown_samples
+        classifier, checkpoint, samples, store, directory, config.running, unknown_samples
     )
     draw_figures(outcomes, classes, kind, directory)
     results = {

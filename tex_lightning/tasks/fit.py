@@ -12,6 +12,7 @@ from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.fold import fit_fold, results_frame
+from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.workspace import open_workspace
 
 log = logging.getLogger(__name__)
@@ -22,11 +23,12 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     begin, directory = time.perf_counter(), job.directory
     if (done := _finished(directory)) is not None:
         return done
-    workspace = open_workspace(config, directory)
-    networks = fit_fold(workspace)
+    opening = Opening(config.data, trained_networks(config.model), [config.data.test_fold])
+    workspace = open_workspace(config.data, config.recipe, directory, opening)
+    networks = fit_fold(workspace, draw=True)
     if not is_rank_zero():
         return {}
-    results = results_frame(workspace, networks, time.perf_counter() - begin)
+    results = results_frame(config.task, workspace, networks, time.perf_counter() - begin)
     write_results(directory / "results.json", results)
     print_results(results, directory)
     return results

@@ -51,6 +51,7 @@ from tex_lightning.runs.family import (
     measure_family,
     with_system,
 )
+from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.workspace import open_workspace
 from tex_lightning.tasks.crossval import chosen_folds
 
@@ -81,8 +82,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     members = list(compose_family(config.frontier, job, held))
     check_libraries(members)
     folds = sorted({*chosen_folds(config), *tested})
-    measured = measure_family(members, folds, directory / "systems")
-    timings = _latencies(measured, config)
+    opening = Opening(config.data, _described(members), folds)
+    measured = measure_family(members, folds, directory / "systems", opening)
+    timings = _latencies(measured, config.frontier.rounds, opening)
     candidates = [_candidate(system, timings, system.tests) for system in measured]
     procedure = _procedure(measured, timings)
     chosen = one_standard_error(candidates).name
@@ -119,24 +121,29 @@ def _earlier(directory: Path) -> tuple[list[str], list[int]]:
     return list(results["systems"]), list(results["folds"])
 
 
-def _latencies(measured: list[Measured], config: Config) -> Timings:
+def _described(members: list[Member]) -> str:
+    return f"{len(members)} systems: {', '.join(member.name for member in members)}"
+
+
+def _latencies(measured: list[Measured], rounds: int, opening: Opening) -> Timings:
     """Median and 95th percentile in ms of one sample, all systems interleaved in one run."""
     functions: dict[str, Callable[[], object]] = {}
     recordings: dict[tuple[tuple[str, Decoder], ...], list[dict[str, Tensor]]] = {}
     for system in measured:
-        member = system.member.config
-        device = pick_device(member.trainer.accelerator)
+        member, running = system.member, system.member.recipe.running
+        device = pick_device(running.accelerator)
         trained = load_classifier(system.entry["checkpoint"]).to(device)
-        classifier = prepare(trained, member.engine, member.decision)
+        classifier = prepare(trained, running.engine, running.decision)
         decoded = tuple((each.modality, each.decoder) for each in trained.branches.values())
         if decoded not in recordings:  # such systems classify the same samples
-            workspace = open_workspace(member, Path(system.entry["checkpoint"]).parent)
-            samples = make_samples(workspace.recordings, member.model.modalities)
+            home = Path(system.entry["checkpoint"]).parent
+            workspace = open_workspace(member.data, member.recipe, home, opening)
+            samples = make_samples(workspace.recordings, member.recipe.model.modalities)
             timed = samples[:: max(1, len(samples) // TIMED)][:TIMED]
             recordings[decoded] = [load_sample(sample, workspace.store) for sample in timed]
         call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
         functions[system.member.name] = waiting(call, device)
-    timings = interleaved(functions, config.frontier.rounds, WARM_UP)
+    timings = interleaved(functions, rounds, WARM_UP)
     return {name: (timing.median, timing.p95) for name, timing in timings.items()}
 
 
@@ -207,7 +214,7 @@ def _points(
     return [
         Point(
             system=name,
-            kind=system.member.config.model.kind,
+            kind=system.member.recipe.model.kind,
             parameters=system.entry["parameters"],
             macs=_macs(system),
             latency_ms_median=timings[name][0],

@@ -6,6 +6,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from tex_lightning.card import Card
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
@@ -14,11 +16,19 @@ from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.loggers import log_profile
 from tex_lightning.profiling.comparison import compare
 from tex_lightning.profiling.growth import growth
-from tex_lightning.profiling.subject import Subject
+from tex_lightning.profiling.subject import Subject, only_branch
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
 from tex_lightning.report.profile_table import left_out, print_profile, write_growth
-from tex_lightning.runs.subjects import make_subjects
+from tex_lightning.runs.subjects import (
+    learn_statistics,
+    load_networks,
+    make_subject,
+    random_networks,
+    read_recording,
+    refuse_unused,
+    render_recording,
+)
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +40,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """
     begin, directory = time.perf_counter(), job.directory
     device = pick_device(config.trainer.accelerator)
-    subjects = make_subjects(config, device)
+    subjects = _subjects(config, device)
     networks: dict[str, Any] = {}
     for subject in subjects:
         name = subject.classifier.card.kind
@@ -58,6 +68,28 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     write_results(directory / "results.json", results)
     print_profile(results, directory)
     return results
+
+
+def _subjects(config: Config, device: torch.device) -> list[Subject]:
+    """Load or build the networks, and read or render a recording for each."""
+    fresh = config.checkpoint is None
+    networks = (
+        random_networks(config.recipe, config.profile.classes)
+        if config.checkpoint is None
+        else load_networks(config.checkpoint)
+    )
+    refuse_unused(config.files, networks)
+    subjects = []
+    for network in networks:
+        branch = only_branch(network.eval().to(device))
+        if (file := config.files.get(branch.modality)) is None:
+            recording = render_recording(branch, config.profile, config.seed)
+        else:
+            recording = read_recording(branch, str(file), config.data)
+        subjects.append(make_subject(network, recording))
+        if fresh:
+            learn_statistics(subjects[-1])
+    return subjects
 
 
 def _measure_growth(config: Config, subjects: list[Subject], directory: Path) -> None:

@@ -36,7 +36,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """
     begin, directory = time.perf_counter(), job.directory
     device = pick_device(config.trainer.accelerator)
-    systems = load_systems(config)
+    systems = load_systems(config.stability, config.data, config.running, config.seed)
     chosen = _chosen(config, systems)
     bench = Bench(systems, Record(directory / RECORD))
     trials = list(bench.grid(chosen))

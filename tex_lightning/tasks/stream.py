@@ -33,7 +33,7 @@ def run(config: Config, job: Job) -> None:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
             before there is one fragment.
     """
-    predictor = Predictor(load_classifier(str(config.checkpoint)), config)
+    predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
     stream = predictor.stream()
     samples = 0
 

@@ -1,0 +1,80 @@
+"""What training, testing and prediction take of the configuration: no more, and named."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tex_lightning.config.model import FUSION, ModelConfig
+from tex_lightning.config.tasks import DecisionConfig, EngineConfig, TrainerConfig
+
+
+@dataclass(frozen=True)
+class Running:
+    """How a trained system is run.
+
+    Attributes:
+        accelerator: Kind of device.
+        engine: Fast paths.
+        decision: How fragments become a label.
+    """
+
+    accelerator: str
+    engine: EngineConfig
+    decision: DecisionConfig
+
+
+@dataclass(frozen=True)
+class PredictionRecipe:
+    """How files and arrays are classified.
+
+    Attributes:
+        running: How the system runs and decides.
+        top_k: Candidates that are listed.
+        file_rate: Rate in Hz of traces that carry none; None takes the checkpoint's.
+        fast_decode: Whether the JPEG decoder halves photos.
+        wait: Seconds of a stream that may stay uncomputed.
+    """
+
+    running: Running
+    top_k: int
+    file_rate: float | None
+    fast_decode: bool
+    wait: float
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How the networks of a model are trained and recorded.
+
+    Attributes:
+        model: The networks.
+        weights: By sense where its trunk starts; None is at random.
+        seed: Of everything random.
+        trainer: Device and flags of Lightning's Trainer.
+        callbacks: Nodes by name, each with its ``_target_``.
+        logger: Likewise.
+        num_workers: Processes that make batches.
+        share: Folder of networks that systems of a family share.
+        running: How they are tested.
+        settings: The whole configuration as plain values, which loggers write down.
+    """
+
+    model: ModelConfig
+    weights: Mapping[str, str | None]
+    seed: int
+    trainer: TrainerConfig
+    callbacks: dict[str, Any]
+    logger: dict[str, Any]
+    num_workers: int
+    share: str | None
+    running: Running
+    settings: dict[str, Any]
+
+    def start_of(self, kind: str) -> str | None:
+        """Where a network's trunk starts; FusionNet's branches have started already."""
+        return None if kind == FUSION else self.weights[kind]
+
+    @property
+    def baseline_weights(self) -> str | None:
+        """Where the trunk of a baseline comes from."""
+        return next(filter(None, self.weights.values()), None)
