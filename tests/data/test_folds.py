@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tex_lightning.config import Folding
 from tex_lightning.data.folds import Split, check_split, make_samples, split
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
@@ -18,12 +19,22 @@ def table(**counts: tuple[int, int]) -> Recordings:
     return Recordings(tuple(rows))
 
 
+def by(
+    folds: int,
+    test_fold: int | None,
+    val_fold: int | None = None,
+    inverted: bool = False,
+    per_class: int | None = None,
+) -> Folding:
+    return Folding(folds, test_fold, val_fold, inverted, per_class)
+
+
 @given(folds=st.integers(2, 12), groups=st.lists(st.integers(0, 99), min_size=1, max_size=40))
 def test_every_recording_is_tested_once_and_never_with_its_group_in_training(folds, groups):
     rows = Recordings(tuple(Recording("a", "haptic", Path(), group) for group in groups))
     tested = 0
     for fold in range(folds):
-        parts = split(rows, folds, fold, (fold + 1) % folds)
+        parts = split(rows, by(folds, fold, (fold + 1) % folds))
         assert len(parts.train) + len(parts.val) + len(parts.test) == len(rows)
         tested += len(parts.test)
         groups_of = [
@@ -39,15 +50,34 @@ def test_every_recording_is_tested_once_and_never_with_its_group_in_training(fol
 
 def test_inverted_swaps_training_and_test_and_leaves_validation_out_of_both():
     rows = table(a=(8, 0), b=(8, 0))
-    plain, turned = (split(rows, 4, 2, 1, inverted) for inverted in (False, True))
+    plain, turned = (split(rows, by(4, 2, 1, inverted)) for inverted in (False, True))
     assert (turned.train, turned.val, turned.test) == (plain.test, plain.val, plain.train)
     assert {row.group % 4 for row in turned.train} == {2}
-    assert {row.group % 4 for row in split(rows, 4, 2, None, True).test} == {0, 1, 3}
+    assert {row.group % 4 for row in split(rows, by(4, 2, None, True)).test} == {0, 1, 3}
+
+
+@given(folds=st.integers(2, 10), fold=st.integers(0, 9), count=st.integers(1, 12))
+def test_few_of_each_class_and_sense_are_trained_on_whatever_is_tested(folds, fold, count):
+    rows = table(a=(20, 7), b=(3, 40))
+    whole, few = (split(rows, by(folds, fold % folds, None, False, k)) for k in (None, count))
+    assert few.test == whole.test
+    for label, modality in [(x, y) for x in "ab" for y in ("haptic", "image")]:
+        there = len(whole.train.in_classes([label]).of(modality))
+        assert len(few.train.in_classes([label]).of(modality)) == min(count, there)
+    assert set(few.train) <= set(whole.train)
+
+
+def test_every_fold_draws_other_recordings():
+    rows = table(a=(10, 0))
+    drawn = [[row.group for row in split(rows, by(10, n, None, False, 2)).train] for n in range(10)]
+    assert sorted(group for groups in drawn for group in groups) == sorted([*range(10)] * 2)
+    assert drawn[0] == [1, 2]
+    assert drawn[9] == [0, 1]
 
 
 def test_without_a_test_fold_everything_is_test():
     rows = table(a=(3, 0))
-    assert split(rows, 10, None, None).test == rows
+    assert split(rows, by(10, None, None)).test == rows
 
 
 def test_pairs_go_through_the_longer_list():
@@ -72,7 +102,7 @@ def test_samples_of_three_modalities_have_a_recording_of_each():
     found = [[row.path.name for row in sample.recordings.values()] for sample in samples]
     assert found == [[f"s{i}.wav", f"a{i % 3}.jpg", f"a{i % 2}.wav"] for i in range(5)]
     with pytest.raises(UserError, match="no sound recordings to train on for b"):
-        check_split(split(rows, 2, None, None), ["b"], ["sound"], 0)
+        check_split(split(rows, by(2, None, None)), ["b"], ["sound"], 0)
 
 
 def test_unimodal_samples_leave_the_other_modality_out():
@@ -84,14 +114,14 @@ def test_unimodal_samples_leave_the_other_modality_out():
 def test_classes_that_cannot_be_trained_are_named():
     rows = table(a=(10, 10), b=(1, 10))
     with pytest.raises(UserError, match="no traces to train on for b"):
-        check_split(split(rows, 10, 0, None), rows.classes, ["haptic"], 0)
-    check_split(split(rows, 10, 0, None), rows.classes, ["image"], 0)
+        check_split(split(rows, by(10, 0, None)), rows.classes, ["haptic"], 0)
+    check_split(split(rows, by(10, 0, None)), rows.classes, ["image"], 0)
 
 
 def test_an_empty_test_fold_is_said():
     rows = table(a=(3, 0), b=(3, 0))
     with pytest.raises(UserError, match="Fold 7 holds nothing"):
-        check_split(split(rows, 10, 7, None), rows.classes, ["haptic"], 7)
+        check_split(split(rows, by(10, 7, None)), rows.classes, ["haptic"], 7)
 
 
 def test_a_message_shortens_the_names_of_classes():

@@ -10,6 +10,7 @@ from lightning import Trainer
 from own_parts import MemoryLogger
 from sklearn.metrics import accuracy_score, confusion_matrix, roc_auc_score
 
+from tex_lightning.config import Folding
 from tex_lightning.data.datamodule import SampleSet, SurfaceData
 from tex_lightning.data.folds import make_samples, split
 from tex_lightning.data.readers.folder import read_folder
@@ -80,7 +81,9 @@ def test_lightning_tests_and_predicts_a_checkpoint_as_the_package_does(run, surf
     module = SurfaceModule.load_from_checkpoint(checkpoint, weights_only=True)
     card = module.classifier.card
     store = Store(cache, {"haptic": module.classifier.branch("haptic").decoder})
-    samples = make_samples(split(read_folder(surfaces), 10, 0, None).test, ["haptic"])
+    samples = make_samples(
+        split(read_folder(surfaces), Folding(10, 0, None, False, None)).test, ["haptic"]
+    )
     none, test = (SampleSet(each, store, card.classes) for each in ([], samples))
     data = SurfaceData(None, 0, none, test, 0)
     logger = MemoryLogger("lightning")

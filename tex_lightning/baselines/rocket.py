@@ -42,16 +42,18 @@ def same_threads() -> Iterator[None]:
 
 @dataclass
 class Rocket(Baseline):
-    """A pipeline on standardised traces (cases, 1, samples) as long as the longest of the training.
+    """A pipeline on traces (cases, 1, samples) of mean 0, as long as the longest of the training.
 
     Shorter traces are repeated from their start, so that all of their movement counts; longer ones
     are cut.
 
     Attributes:
         threads: For fitting. aeon's loops run over traces, so one trace never uses more than one.
+        keep_level: Whether its level counts; else each trace's deviation is made 1, as published.
     """
 
     threads: int
+    keep_level: bool
 
     kind: ClassVar = "haptic"
 
@@ -63,6 +65,7 @@ class Rocket(Baseline):
         """Draw the kernels' biases from the traces and fit the ridge classifier."""
         traces = list(recordings)
         self.length = max(map(len, traces))
+        self.scale = float(np.mean([np.var(trace) for trace in traces]) ** 0.5) or 1.0
         self.estimator = self.make_estimator(seed)
         series = np.stack([self._series(trace) for trace in traces])
         with same_threads():
@@ -77,23 +80,24 @@ class Rocket(Baseline):
         return torch.from_numpy(np.asarray(scores, dtype=np.float64).T.copy())
 
     def _series(self, trace: Array) -> Array:
-        """(1, length) with mean 0 and deviation 1."""
+        """(1, length) with mean 0, and deviation 1 of itself or of the training traces."""
         piece = np.resize(trace, self.length).astype(np.float32)
-        deviation = piece.std()
+        deviation = self.scale if self.keep_level else piece.std()
         centred: Array = piece - piece.mean()
-        return (centred / deviation if deviation > 0 else centred)[None]
+        return (centred / np.float32(deviation) if deviation > 0 else centred)[None]
 
     def state(self) -> State:
-        """The pipeline as bytes, and the length it was fitted to."""
+        """The pipeline as bytes, and the length and level it was fitted to."""
         return {
             "estimator": dump_estimator(self.estimator),
             "length": torch.tensor(self.length),
+            "scale": torch.tensor(self.scale, dtype=torch.float64),
         }
 
     def load_state(self, state: State) -> None:
         """Read the pipeline back."""
         self.estimator = load_estimator(state["estimator"])
-        self.length = int(state["length"])
+        self.length, self.scale = int(state["length"]), float(state["scale"])
 
     def count_parameters(self) -> int:
         """Biases of the kernels, scales and the planes."""

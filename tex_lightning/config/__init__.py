@@ -11,7 +11,7 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from tex_lightning.config.data import DataConfig, SyntheticConfig
+from tex_lightning.config.data import DataConfig, Folding, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
 from tex_lightning.config.recipe import PredictionRecipe, Recipe, Running
@@ -34,7 +34,7 @@ from tex_lightning.config.tasks import (
 
 __all__ = [
     "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
-    "FrontierConfig", "GenerateConfig", "ModelConfig", "PredictConfig", "ProfileConfig",
+    "Folding", "FrontierConfig", "GenerateConfig", "ModelConfig", "PredictConfig", "ProfileConfig",
     "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten",
     "plain_values", "register",
 ]  # fmt: skip

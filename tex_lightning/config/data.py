@@ -20,7 +20,26 @@ class SyntheticConfig:
 
 
 @dataclass
-class DataConfig:
+class Folding:
+    """How recordings are divided into folds, and which of them are trained on."""
+
+    folds: int = key(
+        "number of folds; the fold of a recording is its group modulo this", least=2, most=100_000
+    )
+    test_fold: int | None = key(
+        "fold that is tested, never trained or chosen on; null tests everything, of task=evaluate"
+    )
+    val_fold: int | None = key("fold that is watched while training; null for none", default=None)
+    inverted: bool = key("train on test_fold alone and test on all the others")
+    per_class: int | None = key(
+        "recordings of each class and sense that are trained on, the next ones after test_fold in "
+        "the order of groups; null takes all of the training folds",
+        least=1, most=1_000_000, default=None,
+    )  # fmt: skip
+
+
+@dataclass
+class DataConfig(Folding):
     """Where recordings come from, how they are decoded and divided into folds."""
 
     name: str = key("data set, set by data=NAME")
@@ -49,14 +68,6 @@ class DataConfig:
         "side of the square that photos are brought to instead; null leaves them",
         unit="pixels", least=1, most=8192, default=None,
     )  # fmt: skip
-    folds: int = key(
-        "number of folds; the fold of a recording is its group modulo this", least=2, most=100_000
-    )
-    test_fold: int | None = key(
-        "fold that is tested, never trained or chosen on; null tests everything, of task=evaluate"
-    )
-    val_fold: int | None = key("fold that is watched while training; null for none", default=None)
-    inverted: bool = key("train on test_fold alone and test on all the others")
     hold_out: list[str] | None = key(
         "classes never trained on; how far their confidence lies below the others' is tested",
         default=None,

@@ -5,9 +5,11 @@ is tested together. The paper (section IV) trains on nine recordings of each cla
 the tenth, ten times.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from tex_lightning.config import Folding
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.errors import UserError, listed
 
@@ -34,30 +36,36 @@ class Sample:
     recordings: Mapping[str, Recording]
 
 
-def split(
-    recordings: Recordings,
-    folds: int,
-    test_fold: int | None,
-    val_fold: int | None,
-    inverted: bool = False,
-) -> Split:
+def split(recordings: Recordings, by: Folding) -> Split:
     """Divide by fold.
 
-    Args:
-        recordings: What is divided.
-        folds: Number of folds.
-        test_fold: The fold that is tested; with None everything is test.
-        val_fold: The fold that is validation and neither trained nor tested; None for none.
-        inverted: ``test_fold`` alone is trained on and the others are tested.
+    Where few recordings of a class are trained on, they are the next ones after the tested fold,
+    so that ten folds are ten draws of them and any two systems see the same.
     """
-    if test_fold is None:
+    if by.test_fold is None:
         return Split(Recordings(()), Recordings(()), recordings)
     parts: dict[str, list[Recording]] = {"train": [], "val": [], "test": []}
     for row in recordings:
-        fold = row.group % folds
-        alone, others = ("train", "test") if inverted else ("test", "train")
-        parts[alone if fold == test_fold else "val" if fold == val_fold else others].append(row)
+        fold = row.group % by.folds
+        alone, others = ("train", "test") if by.inverted else ("test", "train")
+        parts[alone if fold == by.test_fold else "val" if fold == by.val_fold else others].append(
+            row
+        )
+    if by.per_class is not None:
+        parts["train"] = _next_of_each(parts["train"], by.per_class, by.test_fold, by.folds)
     return Split(*(Recordings(tuple(parts[name])) for name in ("train", "val", "test")))
+
+
+def _next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
+    """The first ``count`` of each class and sense after a fold, round the circle of folds."""
+    following = sorted(rows, key=lambda row: ((row.group - fold) % folds, row.group))
+    taken: Counter[tuple[str, str]] = Counter()
+    kept = set()
+    for row in following:
+        taken[row.label, row.modality] += 1
+        if taken[row.label, row.modality] <= count:
+            kept.add(row)
+    return [row for row in rows if row in kept]
 
 
 def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
@@ -79,7 +87,7 @@ def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
 
 
 def check_split(
-    parts: Split, classes: list[str], modalities: Sequence[str], test_fold: int
+    parts: Split, classes: list[str], modalities: Sequence[str], test_fold: int | None
 ) -> None:
     """Make sure that every class can be trained and that there is something to test.
 

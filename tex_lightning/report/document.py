@@ -12,6 +12,7 @@ from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
 from tex_lightning.files import write_text
 from tex_lightning.report.confused_pairs import pairs_figure
 from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure
+from tex_lightning.report.learning_curve import learning_curves, learning_figure, write_curves
 from tex_lightning.report.systems import System, read_systems, run_data
 from tex_lightning.report.table import TINY, is_tiny, run_overrides
 from tex_lightning.report.tables import accuracy_tables, profiling_table, seeds_table
@@ -56,6 +57,7 @@ def write_report(directory: Path, runs: Sequence[Path], command: str) -> None:
     profiles = _profiles(runs)
     if profiles:
         parts.append(profiling_table(profiles))
+    parts.append(_learning_curve(directory, systems))
     parts += [_confusions(directory, systems), _pairs(directory, systems)]
     parts += ["### Where the paper leaves a choice", CHOICES]
     write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
@@ -97,6 +99,21 @@ def _folds(system: System) -> str:
     often = {_times(number) for number in tested.values()}
     runs = "" if often == {"once"} else f" ({' or '.join(sorted(often))})"
     return f"fold{'s' * (len(tested) > 1)} {names}{total}{runs}"
+
+
+def _learning_curve(directory: Path, systems: Sequence[System]) -> str:
+    """Accuracy over the recordings of a class, where runs differ in that."""
+    curves = learning_curves(systems)
+    if not curves:
+        return ""
+    save_figure(learning_figure(curves), directory / "figures" / "learning_curve.png")
+    write_curves(curves, directory / "learning_curve.csv")
+    return (
+        "### Few recordings of a class\n\n"
+        "Votes over the recordings of each class that were trained on, with Wilson's intervals; "
+        "the numbers are in `learning_curve.csv`.\n\n"
+        "![learning curves](figures/learning_curve.png)"
+    )
 
 
 def _profiles(runs: Sequence[Path]) -> dict[str, dict[str, Any]]:

@@ -14,6 +14,7 @@ from tex_lightning.report.table import run_overrides
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")
 SEED_KEYS = ("seed=",)
+PER_CLASS = "data.per_class="
 SHARED_KEYS = (
     "model=", "data=", "data.", "hydra", "experiment=", "task=", "debug=", "crossval.", "weights=",
 )  # fmt: skip
@@ -138,7 +139,8 @@ def run_data(run: Path) -> dict[str, Any]:
 def _asked(run: Path) -> list[str]:
     """Overrides that change the system, not the data, the folds or where the run lands."""
     kept = (*SHARED_KEYS, *FOLD_KEYS)
-    return [item for item in run_overrides(run) if not item.startswith(kept)]
+    asked = [item for item in run_overrides(run) if not item.startswith(kept)]
+    return asked + [item for item in run_overrides(run) if item.startswith(PER_CLASS)]
 
 
 def _pool(key: tuple[str, ...], members: list[tuple[Path, dict[str, Any]]]) -> System:

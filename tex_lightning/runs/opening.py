@@ -4,7 +4,7 @@ import logging
 import textwrap
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tex_lightning.config import DataConfig, ModelConfig
@@ -86,9 +86,7 @@ class Opening:
         if self.folds is None:
             return f"{len(recordings)} recordings are tested"
         known = recordings.without(row for row in recordings if row.label in (data.hold_out or ()))
-        parts = [
-            split(known, data.folds, fold, data.val_fold, data.inverted) for fold in self.folds
-        ]
+        parts = [split(known, replace(data, test_fold=fold)) for fold in self.folds]
         train, val, test = (
             spread([len(getattr(part, name)) for part in parts], "", "d")
             for name in ("train", "val", "test")

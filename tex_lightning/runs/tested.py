@@ -61,6 +61,6 @@ def held_out_to_test(data: DataConfig, classifier: SurfaceClassifier) -> Recordi
 
 def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
     wanted = rows.without(row for row in rows if row.modality not in card.modalities)
-    test = split(wanted, data.folds, data.test_fold, data.val_fold, data.inverted).test
+    test = split(wanted, data).test
     refuse_leak(test, card, who)
     return replace(test, notes=rows.notes)

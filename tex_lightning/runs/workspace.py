@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
 
 from tex_lightning.baselines.classifier import new_classifier
 from tex_lightning.baselines.making import make_baseline
@@ -60,16 +59,13 @@ class Workspace:
 
     def parts(self) -> Split:
         """Training, validation and test recordings, checked."""
-        data = self.data
-        parts = split(self.recordings, data.folds, data.test_fold, data.val_fold, data.inverted)
-        check_split(parts, self.classes, self.recipe.model.modalities, cast(int, data.test_fold))
+        parts = split(self.recordings, self.data)
+        check_split(parts, self.classes, self.recipe.model.modalities, self.data.test_fold)
         return parts
 
     def unknown_samples(self, modalities: Sequence[str]) -> list[Sample]:
         """Samples of the held-out classes in the test fold."""
-        data = self.data
-        parts = split(self.unknown, data.folds, data.test_fold, data.val_fold, data.inverted)
-        return make_samples(parts.test, modalities)
+        return make_samples(split(self.unknown, self.data).test, modalities)
 
 
 def open_workspace(

@@ -1,0 +1,36 @@
+"""How MiniRocket takes traces: what their level, offset and length do to its scores."""
+
+import numpy as np
+import pytest
+import torch
+from conftest import make_trace
+
+LABELS = np.repeat(np.arange(3), 4)
+TRACES = [make_trace(kind, index, seconds=0.9) for kind in range(3) for index in range(4)]
+
+
+@pytest.mark.parametrize("keep_level", [False, True])
+def test_the_level_counts_where_it_is_kept_and_the_offset_never(configured, keep_level):
+    baseline = configured("minirocket", kernels=168, keep_level=keep_level)
+    baseline.fit(TRACES, LABELS, seed=0)
+    trace = TRACES[0]
+    same = torch.allclose(baseline.logits(trace), baseline.logits(4 * trace), atol=1e-4)
+    assert same is not keep_level
+    torch.testing.assert_close(
+        baseline.logits(trace + 0.5), baseline.logits(trace), rtol=1e-3, atol=1e-2
+    )
+
+
+def test_surfaces_that_differ_in_level_alone_are_told_apart_only_where_it_is_kept(configured):
+    rng = np.random.default_rng(0)
+    levels = np.array([0.01, 0.1, 1.0])[LABELS]
+    noises = [level * rng.standard_normal(5000).astype(np.float32) for level in levels]
+    unseen = [level * rng.standard_normal(5000).astype(np.float32) for level in levels]
+    correct = {}
+    for keep_level in (False, True):
+        baseline = configured("minirocket", kernels=840, keep_level=keep_level)
+        baseline.fit(noises, LABELS, seed=0)
+        found = [int(baseline.logits(noise).argmax()) for noise in unseen]
+        correct[keep_level] = int(np.sum(found == LABELS))
+    assert correct[True] == len(LABELS)
+    assert correct[False] < len(LABELS) - 2

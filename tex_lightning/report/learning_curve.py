@@ -1,0 +1,80 @@
+"""How accuracy grows with the recordings of a class that a system is trained on."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import matplotlib.ticker
+from matplotlib.figure import Figure
+
+from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.report.systems import PER_CLASS, System
+
+COLUMNS = ("system", "per_class", "correct", "test_samples", "vote_accuracy", "ci_low", "ci_high")
+
+
+class Point(NamedTuple):
+    """Votes of a system that was trained on so many recordings of each class."""
+
+    per_class: int
+    correct: int
+    test_samples: int
+
+    @property
+    def accuracy(self) -> float:
+        """Share of correct votes."""
+        return self.correct / self.test_samples
+
+    @property
+    def interval(self) -> list[float]:
+        """Wilson's 95 % interval of the share."""
+        return wilson_interval(self.correct, self.test_samples)
+
+
+def learning_curves(systems: Sequence[System]) -> dict[str, list[Point]]:
+    """Points by system, in the order of their recordings; of systems with two or more."""
+    curves: dict[str, list[Point]] = {}
+    for system in systems:
+        items = system.variant.split(", ")
+        given = [item for item in items if item.startswith(PER_CLASS)]
+        if system.inside or not given or not given[-1].removeprefix(PER_CLASS).isdecimal():
+            continue
+        others = [item for item in items if item and item not in given]
+        hits = [outcome.label == outcome.predicted for outcome in system.outcomes]
+        point = Point(int(given[-1].removeprefix(PER_CLASS)), sum(hits), len(hits))
+        curves.setdefault(" ".join([system.model, *others]), []).append(point)
+    return {name: sorted(points) for name, points in curves.items() if len(points) > 1}
+
+
+def learning_figure(curves: Mapping[str, Sequence[Point]]) -> Figure:
+    """Draw a line with intervals for every system, over a logarithmic axis of recordings."""
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    axes = figure.subplots()
+    for place, (name, points) in enumerate(curves.items()):
+        shift = 1.02 ** (place - (len(curves) - 1) / 2)  # so that intervals do not hide each other
+        bounds = [
+            [point.accuracy - point.interval[0] for point in points],
+            [point.interval[1] - point.accuracy for point in points],
+        ]
+        counts = [point.per_class * shift for point in points]
+        accuracies = [point.accuracy for point in points]
+        axes.errorbar(counts, accuracies, bounds, marker="o", capsize=3, label=name)
+    ticks = sorted({point.per_class for points in curves.values() for point in points})
+    axes.set_xscale("log")
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
+    axes.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
+    axes.yaxis.set_major_formatter(matplotlib.ticker.PercentFormatter(1))
+    axes.set(xlabel="recordings of each class trained on", ylabel="correct votes")
+    axes.grid(axis="y", alpha=0.3)
+    axes.legend()
+    return figure
+
+
+def write_curves(curves: Mapping[str, Sequence[Point]], path: Path) -> None:
+    """Write the points as CSV with the columns ``COLUMNS``."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for name, points in curves.items():
+            writer.writerows([name, *point, point.accuracy, *point.interval] for point in points)
