@@ -68,21 +68,32 @@ def test_blocks_equal_scipys(axes, scale):
 
 @pytest.mark.parametrize("fast", [False, True])
 @pytest.mark.parametrize("scale", ["linear", "mel"])
-def test_windows_of_a_microphone_equal_scipys(scale, fast):
+@pytest.mark.parametrize(
+    ("rate", "seconds", "window", "hop"), [(44_100, 0.04, 1764, 441), (2_200, 0.05, 110, 22)]
+)
+def test_windows_of_a_microphone_and_of_a_fingertip_equal_scipys(
+    scale, fast, rate, seconds, window, hop
+):
     sound = noise(2.0) + 0.3
     features = SpectrogramFeatures(
-        sampling_rate=44_100.0, skip_impact=False, scale=scale, window_length=1764, hop_length=441
+        sampling_rate=rate, skip_impact=False, scale=scale, window_seconds=seconds
     )
     features.fast_spectrogram = fast
-    theirs = scipys(sound, 1764, 441)
+    theirs = scipys(sound, window, hop)
     if scale == "mel":
-        theirs = np.sqrt(mel_filters(44_100, 1764, 50).double().numpy() @ theirs**2)
+        theirs = np.sqrt(mel_filters(rate, window, 50).double().numpy() @ theirs**2)
     ours = features.magnitudes(sound).numpy()
-    assert ours.shape == (50, features.count_frames(sound)) == (50, (20_000 - 1764) // 441 + 1)
+    assert ours.shape == (50, features.count_frames(sound)) == (50, (20_000 - window) // hop + 1)
     assert features.samples(ours.shape[1]) <= 20_000 < features.samples(ours.shape[1] + 1)
     np.testing.assert_allclose(ours, theirs[:50], atol=1e-5 * theirs.max())
     if scale == "linear":
-        torch.testing.assert_close(features.frequencies, torch.arange(50) * 25.0)
+        torch.testing.assert_close(features.frequencies, torch.arange(50) * rate / window)
+
+
+def test_a_window_with_too_few_frequencies_for_the_papers_channels_is_refused():
+    assert SpectrogramFeatures(sampling_rate=500.0, scale="mel").window_length == 25
+    with pytest.raises(UserError, match="set scale=mel"):
+        SpectrogramFeatures(sampling_rate=500.0, scale="linear")
 
 
 @pytest.mark.parametrize("axes", [1, 3])

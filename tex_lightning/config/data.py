@@ -56,7 +56,7 @@ class DataConfig(Folding):
     )  # fmt: skip
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float = key(
-        "rate that every trace is brought to", unit="Hz", least=2000, most=1_000_000
+        "rate that every trace is brought to", unit="Hz", least=500, most=1_000_000
     )
     file_rate: float | None = key(
         "rate assumed of traces of which neither file, manifest, sidecar nor rates.csv says it; "

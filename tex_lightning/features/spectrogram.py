@@ -47,10 +47,15 @@ class SpectrogramFeatures(nn.Module):
         skip_impact: Leave out what comes before steady movement.
         axes: ``frame`` or ``trace``.
         scale: ``mel`` or ``linear``.
-        window_length: Samples of a frame; the paper's are 500.
-        hop_length: Samples between the beginnings of frames; the paper's are 100.
+        window_seconds: Length of a frame; the paper's 500 samples at 10 kHz.
+        hop_seconds: Between the beginnings of frames; the paper's 100 samples.
+
+    Raises:
+        UserError: If a window at this rate has too few samples for 50 bands of scale ``linear``.
 
     Attributes:
+        window_length: Samples of a frame.
+        hop_length: Samples between the beginnings of frames.
         fast_spectrogram: Whether magnitudes are computed a block of frames after the other, whose
             spectra then never leave the CPU's cache, and not by ``torch.stft``. As near to the
             exact values.
@@ -72,11 +77,18 @@ class SpectrogramFeatures(nn.Module):
         skip_impact: bool = True,
         axes: Axes = "frame",
         scale: Scale = "linear",
-        window_length: int = 500,
-        hop_length: int = 100,
+        window_seconds: float = 0.05,
+        hop_seconds: float = 0.01,
     ) -> None:
         super().__init__()
-        self.window_length, self.hop_length = window_length, hop_length
+        self.window_length = max(2, round(window_seconds * sampling_rate))
+        self.hop_length = max(1, round(hop_seconds * sampling_rate))
+        if scale == "linear" and self.window_length // 2 + 1 < self.bands:
+            raise UserError(
+                f"A window of {window_seconds:g} s at {sampling_rate:g} Hz has "
+                f"{self.window_length // 2 + 1} frequencies, and scale=linear takes {self.bands}; "
+                "set scale=mel, a higher data.sampling_rate or longer windows."
+            )
         self.sampling_rate = sampling_rate
         self.normalisation = normalisation
         self.skip_impact = skip_impact
