@@ -11,8 +11,7 @@ from tex_lightning.errors import UserError, shorten
 
 __all__ = ["Branch", "make_branch"]
 
-PARTS = ("features", "network")
-OWN = (TARGET, "modality", "decode", *PARTS)
+OWN = (TARGET, "modality", "decode", "features", "network")
 
 
 def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
@@ -23,7 +22,8 @@ def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
         node: ``_target_``, a subclass of :class:`Branch`; ``modality``; ``decode``, arguments of
             its decoder; ``features`` and ``network``, each a ``_target_`` with arguments. All
             other values are offered to these two, which take what they have parameters for,
-            beside ``classes`` and the settings of the decoder; nodes with a ``_target_`` are built
+            beside ``classes``, the settings of the decoder and, for the network, the ``bands`` that
+            the features say they have; nodes with a ``_target_`` are built
             before.
         classes: Number of materials.
 
@@ -43,7 +43,10 @@ def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
     for key, value in list(offered.items()):
         if isinstance(value, Mapping) and TARGET in value:
             offered[key] = build(f"{where}.{key}", value, **offered)
-    features, network = (_make_part(f"{where}.{key}", node[key], offered) for key in PARTS)
+    features = _make_part(f"{where}.features", node["features"], offered)
+    if (bands := getattr(features, "bands", None)) is not None:
+        offered["bands"] = bands
+    network = _make_part(f"{where}.network", node["network"], offered)
     return cls(name, node["modality"], cls.make_decoder(node["decode"]), features, network)
 
 

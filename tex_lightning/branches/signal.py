@@ -25,8 +25,8 @@ from tex_lightning.progress import track
 class SignalBranch(Branch):
     """Signals (axes, samples) float32; features map one to (1, ..., frames), time last.
 
-    Features that have ``magnitudes``, ``fit`` and ``normalise``, as those of this package, learn
-    their normalisation from the training set.
+    Features that have ``magnitudes``, ``fit`` and ``normalise``, as spectrograms, learn their
+    normalisation from the training set; those that have ``learn`` see the training signals first.
     """
 
     medium: ClassVar[str] = "signal"
@@ -111,6 +111,9 @@ class SignalBranch(Branch):
 
         The normalisation is that of the clean ones.
         """
+        if learn and hasattr(self.features, "learn"):
+            signals = (load_recording(row, store).to(self.device) for row in rows)
+            self.features.learn(signals)  # type: ignore[operator]  # of features that have one
         raw = [self._raw(load_recording(row, store)) for row in self._tracked(rows)]
         if learn and hasattr(self.features, "fit"):
             self.features.fit(raw)  # type: ignore[operator]  # of features that have one

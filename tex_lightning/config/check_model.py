@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from tex_lightning.config import ModelConfig
 from tex_lightning.config.check_ranges import choice, least
+from tex_lightning.config.instantiation import find_class
 from tex_lightning.errors import shorten
 from tex_lightning.perturbations.augment import trainable
 
@@ -29,9 +30,11 @@ def check_model(model: ModelConfig) -> Iterator[str]:
         branch = model.branch(sense)
         for name in branch.fit.perturb:
             yield from choice(f"model.{sense}.fit.perturb", name, trainable(branch.modality))
-        # without an epoch, VisualNet's fitted head is all there is
-        fewest = 0 if sense == "visual" and not head else 1
-        yield from least(f"model.{sense}.fit.epochs", branch.fit.epochs, fewest)
+        if branch.fit.epochs == 0 and not (sense == "visual" and not head):
+            # what is fitted to all recordings at once is all there is
+            network = find_class(f"model.{sense}.network", branch.network)
+            fewest = 0 if hasattr(network, "fit") else 1
+            yield from least(f"model.{sense}.fit.epochs", branch.fit.epochs, fewest)
     # and FusionNet's sum
     fewest = 0 if model.fusion.head_start == "scores" else 1
     yield from least("model.fusion.fit.epochs", model.fusion.fit.epochs, fewest)

@@ -63,6 +63,10 @@ class SignalConfig(BranchConfig):
         "50 mel bands up to half the sampling rate, or the paper's 50 channels up to 1 kHz",
         choices=("mel", "linear"),
     )
+    window_seconds: float = key(
+        "length of a frame of the spectrogram", unit="s", least=0.001, most=10
+    )
+    hop_seconds: float = key("from frame to frame", unit="s", least=0.0001, most=10)
     fit: SignalFitConfig = field(default_factory=SignalFitConfig)
 
 

@@ -48,6 +48,12 @@ class InputBank(Bank):
         self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
         self.flat = torch.cat(whole, dim=-1)
 
+    @property
+    def inputs(self) -> list[Tensor]:
+        """The inputs (..., frames), in the order in which they were given."""
+        starts = zip(self.starts.tolist(), self.lengths.tolist(), strict=True)
+        return [self.flat[..., start : start + length] for start, length in starts]
+
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
     ) -> dict[str, Tensor]:

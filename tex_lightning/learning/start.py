@@ -6,9 +6,12 @@ import math
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+import torch
+
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.banks import PhotoBank
+from tex_lightning.data.banks import InputBank, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -113,7 +116,10 @@ def _describe(card: Card) -> str:
 
 
 def start_network(training: Training, module: SurfaceModule, batches: TrainingBatches) -> None:
-    """Fill the trunk with the given weights and teach VisualNet's head what they see.
+    """Fill the trunk with the given weights, and fit what is fitted to all recordings at once.
+
+    That is VisualNet's head on pretrained features, and a network of signals that has a method
+    ``fit(inputs, labels)``, as :class:`~tex_lightning.networks.linear.LinearNet`.
 
     Args:
         training: Says what to start from.
@@ -126,7 +132,11 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
     weights = training.weights
     if weights is not None:
         log.info(start_trunk(module.classifier, weights))
-    network = module.network
+    network: Any = module.network
+    if hasattr(network, "fit"):
+        bank, labels = batches.banks[training.card.kind]
+        inputs = cast(InputBank, bank).inputs
+        network.fit(inputs, torch.from_numpy(np.resize(labels, len(inputs))))
     if not isinstance(network, VisualNet):
         return
     module.to(pick_device(training.recipe.trainer.accelerator))
