@@ -14,6 +14,7 @@ from tex_lightning.config.check import AUTO, check_config, check_known, check_mi
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import trust, trusting
 from tex_lightning.config.weights import read_config
+from tex_lightning.defaults import with_defaults
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
@@ -63,6 +64,10 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     check_missing(composed)
     config = read_config(composed)
     check_config(config)
+    if (settled := with_defaults(config, job)) is not job:
+        job, composed = settled, settled.compose(settled.overrides)
+        config = read_config(composed)
+        check_config(config)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     set_threads(config.task, config.trainer.threads)

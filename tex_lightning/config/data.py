@@ -55,12 +55,14 @@ class DataConfig(Folding):
         least=2, default=None,
     )  # fmt: skip
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
-    sampling_rate: float = key(
-        "rate that every trace is brought to", unit="Hz", least=500, most=1_000_000
-    )
+    sampling_rate: float | None = key(
+        "rate that every trace is brought to; null is their own while training, at most the "
+        "paper's 10 kHz",
+        unit="Hz", least=500, most=1_000_000,
+    )  # fmt: skip
     file_rate: float | None = key(
         "rate assumed of traces of which neither file, manifest, sidecar nor rates.csv says it; "
-        "null is sampling_rate",
+        "null is sampling_rate, or 10 kHz where that is null",
         unit="Hz", least=1, most=10_000_000, default=None,
     )  # fmt: skip
     half_scale: bool = key("halve photos; false for photos under a megapixel")

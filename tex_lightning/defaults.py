@@ -1,0 +1,73 @@
+"""What a training takes from the user's own recordings where nobody has said it.
+
+The synthetic surfaces and the paper's data have what their files in ``conf`` say. Recordings of a
+user's own come from any sensor, and their photos are of the world that ImageNet shows: their rate
+is kept, and VisualNet starts from weights that know images where those are installed.
+"""
+
+import logging
+from collections import Counter
+from dataclasses import replace
+
+from tex_lightning.config import Config
+from tex_lightning.config.job import Job
+from tex_lightning.data.decode import SignalDecoder, read_trace
+from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.recordings import Recording
+from tex_lightning.errors import UserError
+
+log = logging.getLogger(__name__)
+
+TRAINING = ("fit", "crossval", "frontier")
+PAPERS_RATE = 10_000.0  # Hz; more is not kept unless asked for
+LOOKED_AT = 20  # recordings that the rate is taken from
+RATE = "data.sampling_rate"
+
+
+def with_defaults(config: Config, job: Job) -> Job:
+    """The job with what its own recordings decide, as if it had been asked for.
+
+    Args:
+        config: Checked.
+        job: That composed it.
+
+    Raises:
+        UserError: If the data set cannot be read.
+    """
+    if config.data.sampling_rate is None:
+        rate = _own_rate(config) if config.task in TRAINING else PAPERS_RATE
+        job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
+    return job
+
+
+def _own_rate(config: Config) -> float:
+    """The most common rate in Hz of the traces that are brought to one, at most the paper's."""
+    branches = [config.model.branch(sense) for sense in config.model.senses]
+    modalities = {each.modality for each in branches if None in each.decode.values()}
+    rows = [
+        row
+        for row in read_recordings(config.data, config.model.modalities)
+        if row.modality in modalities
+    ]
+    rates = Counter(_rate(row, config) for row in rows[:: max(1, len(rows) // LOOKED_AT)])
+    rates.pop(None, None)
+    if not rates:
+        return PAPERS_RATE
+    ((rate, _),) = rates.most_common(1)
+    if rate is None or rate >= PAPERS_RATE:
+        return PAPERS_RATE
+    log.info(
+        "Traces keep their own rate, %s Hz (%s=%g brings them to the paper's).",
+        f"{rate:,.6g}", RATE, PAPERS_RATE,
+    )  # fmt: skip
+    return rate
+
+
+def _rate(row: Recording, config: Config) -> float | None:
+    """Of one trace; None if it cannot be read, which is said later of all together."""
+    decoder = SignalDecoder(PAPERS_RATE, config.data.file_rate or PAPERS_RATE)
+    try:
+        _, source = read_trace(row.path, decoder, row.sampling_rate)
+    except UserError:
+        return None
+    return round(source.hz, 3)
