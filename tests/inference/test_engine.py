@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from conftest import make_card
+from conftest import make_card, trunk_node
 from torch import nn
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.trunks import TRUNKS
 
 OFF = EngineConfig(
     fold_batch_norm=False,
@@ -53,6 +54,22 @@ def classifier(kind: str, norm: str = "batch", level: str = "fc2") -> SurfaceCla
         if isinstance(module, nn.Conv2d) and module.out_channels == 4:
             nn.init.normal_(module.weight, std=0.5)
     # torch.matmul takes another way for weights that ask for gradients
+    return model.eval().requires_grad_(False)
+
+
+def textured(trunk: str, norm: str) -> SurfaceClassifier:
+    """A classifier that scores the texture features of a trunk as they are."""
+    torch.manual_seed(0)
+    node = trunk_node(trunk)
+    names = ["a", "b", "c", "d"]
+    card = make_card("visual", classes=names, trunk=node, width=0.1, norm=norm, head=[])
+    model = SurfaceClassifier(card)
+    for module in model.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            nn.init.uniform_(module.weight, -0.5, 1.5)
+            nn.init.normal_(module.bias, std=0.5)
+            nn.init.uniform_(module.running_var, 0.3, 3.0)
+    nn.init.normal_(model.network.score_layer.weight, std=0.3)
     return model.eval().requires_grad_(False)
 
 
@@ -119,6 +136,19 @@ def test_bf16_gives_float32_scores_near_those_of_fp32(kind, level):
     assert not torch.equal(found, found.bfloat16().float())  # the last layer is not rounded
     torch.testing.assert_close(found, expected, rtol=0.1, atol=0.1)
     assert (found.argmax(0) == expected.argmax(0)).float().mean() > 0.9
+
+
+@pytest.mark.parametrize("norm", ["batch", "none"])
+@pytest.mark.parametrize("trunk", [name for name, cls in TRUNKS.items() if cls.textures])
+def test_texture_features_keep_class_scores_under_every_switch(trunk, norm):
+    model, photo = textured(trunk, norm), {"image": inputs()["image"]}
+    expected = model.logits(**photo)
+    assert expected.std() > 0.1
+    found = accelerate(model, replace(DEFAULT, tile=60_000)).logits(**photo)
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
+    rounded = accelerate(model, replace(DEFAULT, precision="bf16")).logits(**photo)
+    assert rounded.dtype == torch.float32
+    torch.testing.assert_close(rounded, expected, rtol=0.1, atol=0.1 * expected.abs().max().item())
 
 
 @pytest.mark.parametrize(

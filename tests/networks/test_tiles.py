@@ -17,7 +17,7 @@ NARROW = 0.03
 
 def network(name: str) -> nn.Module:
     torch.manual_seed(0)
-    norm = "none" if name in ("squeezenet", "alexnet_torchvision") else "lrn"
+    norm = "lrn" if name == "haptic" or "lrn" in TRUNKS[name].norms else "none"
     net = (
         HapticNet(3, width=NARROW, norm="lrn")
         if name == "haptic"
@@ -56,6 +56,23 @@ def test_a_photo_in_pieces_has_the_class_scores_of_the_whole(trunk, height, widt
     assert len(seen) > 1 or height * width <= most or expected.numel() == 3
 
 
+@pytest.mark.parametrize("trunk", [name for name in TRUNKS if "efficientnet" in name])
+@pytest.mark.parametrize(("height", "width"), [(2401, 300), (310, 2500), (1750, 1801)])
+def test_pieces_of_a_large_photo_where_a_prediction_sees_much(trunk, height, width):
+    net = network(trunk)
+    x = torch.randn(1, 3, height, width, generator=torch.Generator().manual_seed(0))
+    sizes = []
+
+    def noted(piece):
+        sizes.append(piece.shape[2] * piece.shape[3])
+        return run(net, piece)
+
+    found = in_tiles(noted, x, windows(net), 9 * height * width // 10)
+    torch.testing.assert_close(found, run(net, x), rtol=1e-4, atol=1e-5)
+    assert len(sizes) > 1
+    assert max(sizes) < height * width
+
+
 @examples(max_examples=40)
 @given(st.integers(177, 1500), st.integers(12_000, 40_000))
 def test_a_trace_in_pieces_has_the_class_scores_of_the_whole(frames, most):
@@ -71,6 +88,8 @@ def test_no_piece_is_larger_than_asked_where_that_is_possible(name):
     x = torch.zeros(1, 1 if name == "haptic" else 3, 50 if name == "haptic" else 2000, 2600)
     seen = []
     most = 40_000 if name == "haptic" else 500_000
+    if name.startswith("efficientnet"):  # whose predictions see 1307 pixels along each axis
+        most = 2_500_000
 
     def noted(piece):
         seen.append(piece.shape[2] * piece.shape[3])

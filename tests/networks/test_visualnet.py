@@ -15,6 +15,9 @@ RECEPTIVE_FIELDS = {
     "tcnn": (-32, 291),
     "squeezenet": (-60, 347),
     "vgg_m": (-52, 331),
+    "efficientnet_lite0": (-394, 1043),
+    "efficientnet_lite1": (-526, 1307),
+    "efficientnet_lite2": (-526, 1307),
 }
 SINGLE_OUTPUT = {
     "alexnet_caffe": (199, 230),
@@ -22,6 +25,9 @@ SINGLE_OUTPUT = {
     "tcnn": (215, 230),
     "squeezenet": (213, 244),
     "vgg_m": (201, 232),
+    "efficientnet_lite0": (224, 255),
+    "efficientnet_lite1": (224, 255),
+    "efficientnet_lite2": (224, 255),
 }
 
 
@@ -84,6 +90,7 @@ def test_one_prediction_for_a_patch(trunk):
         ("tcnn", 256, 256, (3, 3)),
         ("alexnet_caffe", 256, 256, (2, 2)),
         ("squeezenet", 384, 384, (6, 6)),
+        ("efficientnet_lite0", 300, 400, (3, 6)),
     ],
 )
 def test_output_size(trunk, height, width, expected):
@@ -131,8 +138,9 @@ def test_dense_predictions_equal_those_of_crops(trunk):
     torch.manual_seed(0)
     net = visualnet(3, trunk=trunk, width=0.1).double().eval()
     offset, field = RECEPTIVE_FIELDS[trunk]
-    x = torch.rand(1, 3, 560, 540, dtype=torch.float64)
-    rows, columns, side = 2 * net.stride, net.stride, 448
+    rows, columns = 2 * net.stride, net.stride
+    side = -(-max(448, field + 2 * net.stride) // net.stride) * net.stride
+    x = torch.rand(1, 3, side + 112, side + 92, dtype=torch.float64)
     dense = net.features(x, "fc2")
     crop = net.features(x[..., rows : rows + side, columns : columns + side], "fc2")
     inner = [
@@ -213,12 +221,13 @@ def test_features():
 @pytest.mark.parametrize("trunk", TRUNKS)
 def test_every_parameter_learns(trunk):
     torch.manual_seed(0)
-    net = visualnet(3, trunk=trunk, width=0.1)
+    head = [] if TRUNKS[trunk].textures else (300, 250)  # as they are used
+    net = visualnet(3, trunk=trunk, width=0.1, head=head)
     net(torch.randn(2, 3, 224, 224)).square().sum().backward()
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
 
 
-@pytest.mark.parametrize("trunk", ["alexnet_torchvision", "squeezenet"])
+@pytest.mark.parametrize("trunk", ["alexnet_torchvision", "squeezenet", "efficientnet_lite0"])
 def test_lrn_is_only_for_caffe_trunks(trunk):
     with pytest.raises(UserError, match=r"model\.visual\.norm=lrn .*batch, none\."):
         visualnet(3, trunk=trunk, norm="lrn")

@@ -13,7 +13,11 @@ from tex_lightning.config import CONF, Config, register
 from tex_lightning.config.weights import pick_weights
 from tex_lightning.errors import UserError
 
-GIVEN = {"alexnet_caffe": "a.caffemodel", "squeezenet": "s.npz"}
+GIVEN = {
+    "alexnet_caffe": "a.caffemodel",
+    "squeezenet": "s.npz",
+    "efficientnet_lite0": "imagenet",
+}
 
 
 def config(model: str) -> Config:
@@ -29,6 +33,7 @@ def config(model: str) -> Config:
         ("alexnet_fv", "a.caffemodel"),
         ("fusion_squeezenet", "s.npz"),
         ("squeezenet_linear", "s.npz"),
+        ("fusion_efficientnet", "imagenet"),
         ("visual_tcnn", None),
         ("haptic", None),
         ("lbp", None),

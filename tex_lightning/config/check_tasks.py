@@ -7,7 +7,15 @@ from tex_lightning.config.check_ranges import choice, within
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
-PROFILED = ("haptic", "visual", "visual_tcnn", "visual_squeezenet", "visual_vgg_m", "tcnn")
+PROFILED = (
+    "haptic",
+    "visual",
+    "visual_tcnn",
+    "visual_squeezenet",
+    "visual_efficientnet",
+    "visual_vgg_m",
+    "tcnn",
+)
 NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
 READ_RECORDINGS = ("fit", "crossval", "evaluate", "stability", "frontier")

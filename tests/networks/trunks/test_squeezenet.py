@@ -5,12 +5,7 @@ import torch
 from conftest import visualnet
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import Window
-from tex_lightning.networks.trunks.squeezenet import (
-    TEXTURES,
-    SqueezeNetTrunk,
-    TextureFeatures,
-)
+from tex_lightning.networks.trunks.squeezenet import TEXTURES, SqueezeNetTrunk
 from tex_lightning.networks.visualnet import VisualNet
 
 
@@ -44,21 +39,6 @@ def test_every_feature_is_a_mean_root_over_its_window(patch, window, step, size)
                 for name, k in TEXTURES.items()
             ])  # fmt: skip
             torch.testing.assert_close(features[:, row, column], expected, rtol=1e-4, atol=1e-5)
-
-
-def test_standardised_features_have_mean_zero_and_unit_length():
-    torch.manual_seed(0)
-    features = TextureFeatures(Window(13, 2), 50)
-    rows = 3 + 5 * torch.rand(400, 50)
-    standardised = features.standardise(rows)
-    torch.testing.assert_close(standardised.mean(dim=0), torch.zeros(50), atol=1e-5, rtol=0)
-    assert standardised.square().sum(dim=1).mean() == pytest.approx(1, abs=0.02)
-
-
-def test_a_feature_that_hardly_varies_is_not_blown_up():
-    features = TextureFeatures(Window(13, 2), 1)
-    rows = torch.tensor([[1.0], [1.0], [1.001]])
-    assert features.standardise(rows).abs().max() < 0.01
 
 
 def test_only_texture_features_are_scored_as_they_are():

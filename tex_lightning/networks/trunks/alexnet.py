@@ -83,7 +83,7 @@ class TorchvisionAlexNet(Trunk):
     def build(self) -> nn.Sequential:
         """Return conv1 to conv5 with their poolings."""
         one, two, three, four, five = (scaled(c, self.width) for c in (64, 192, 384, 256, 256))
-        kernel, stride, padding, _ = TORCHVISION_CONV1
+        kernel, stride, padding, *_ = TORCHVISION_CONV1
         norm = self.norm
         self.out_channels = five
         return nn.Sequential(

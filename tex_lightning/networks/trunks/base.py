@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise
 
-Layout = Literal["caffe", "torchvision"]
+Layout = Literal["caffe", "torchvision", "efficientnet"]
 
 
 class Trunk(nn.Module):
@@ -26,9 +26,11 @@ class Trunk(nn.Module):
         final: Names of the convolutions of the last map before the features, for weight files.
         textures: Whether the features are statistics of textures, one vector for a ``patch``,
             which FC3 can score as they are.
-        layouts: For each layout of weight files, the file's name of every convolution here; empty
-            where there are none.
+        layouts: For each layout of weight files, the file's name of every convolution here, that
+            on pixels first; empty where there are none.
         imagenet_url: Official ImageNet weights in the torchvision layout, if there are any.
+        imagenet_package: Package of Python that holds ImageNet weights as its only file
+            ``models/*.pth``, if there is one.
         out_channels: Channel count of the features.
 
     Args:
@@ -47,6 +49,7 @@ class Trunk(nn.Module):
     textures: ClassVar[bool] = False
     layouts: ClassVar[Mapping[Layout, Mapping[str, str]]] = {}
     imagenet_url: ClassVar[str | None] = None
+    imagenet_package: ClassVar[str | None] = None
     out_channels: int
 
     def __init__(self, *, width: float, norm: Norm) -> None:

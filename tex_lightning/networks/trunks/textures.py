@@ -1,0 +1,81 @@
+"""Texture features: means of the maps of several layers over the same windows of an image."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import avg_pool2d
+
+from tex_lightning.networks.blocks import Window
+
+MIN_DEVIATION = 0.1  # most are 0.2 to 7
+LEAST = 1e-4  # below it a root has hardly a use and too steep a slope
+
+
+class TextureFeatures(nn.Module):
+    """Mean of every channel of several layers over the same windows of the image.
+
+    What a texture is shows at every depth, from fine grain to whole motifs. The mean over a window
+    forgets where.
+
+    Args:
+        window: Of positions of the coarsest maps, of which a fragment consists.
+        channels: Of all layers together, D.
+
+    Attributes:
+        mean: (D,) of the features over photos of surfaces, 0 until :meth:`standardise`.
+        scale: (D,) that they are divided by, 1 until then.
+    """
+
+    mean: Tensor
+    scale: Tensor
+
+    def __init__(self, window: Window, channels: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(channels))
+        self.register_buffer("scale", torch.ones(channels))
+        # Rows, then columns: a quarter of the additions.
+        self.average = nn.Sequential(
+            nn.AvgPool2d((window.kernel, 1), (window.stride, 1)),
+            nn.AvgPool2d((1, window.kernel), (1, window.stride)),
+        )
+
+    def pooled(self, maps: Tensor, positions: int) -> Tensor:
+        """Average one layer's maps over every window.
+
+        Args:
+            maps: (B, D, M, N).
+            positions: Those along each axis that one of the coarsest maps stands for.
+
+        Returns:
+            (B, D, M', N').
+        """
+        averages: Tensor = self.average(avg_pool2d(maps, positions))
+        return averages
+
+    def forward(self, pooled: Sequence[Tensor]) -> Tensor:
+        """Put what :meth:`pooled` gave for each layer side by side, standardised."""
+        features = torch.cat(list(pooled), dim=1)
+        return (features - self.mean[:, None, None]) / self.scale[:, None, None]
+
+    def standardise(self, features: Tensor) -> Tensor:
+        """Let features (rows, D) as they come have mean 0 and unit length from now on; return them.
+
+        Every feature counts alike, but for one that hardly varies, which would be all noise.
+        """
+        self.mean.copy_(features.mean(dim=0))
+        variance = features.var(dim=0, correction=0)
+        self.scale.copy_(((variance + MIN_DEVIATION**2) * features.shape[1]).sqrt())
+        return (features - self.mean) / self.scale
+
+
+class RootFeatures(TextureFeatures):
+    """The same of the roots of maps that are not negative.
+
+    The root, taken first, keeps a few strong responses from outweighing all others (Perronnin et
+    al. 2010, for Fisher vectors).
+    """
+
+    def pooled(self, maps: Tensor, positions: int) -> Tensor:
+        """Average the roots of one layer's maps; see the base class."""
+        return super().pooled(maps.clamp(min=LEAST).sqrt_(), positions)
