@@ -1,0 +1,93 @@
+"""LinearNet against scikit-learn: the ridge, what is left out, the probabilities."""
+
+import numpy as np
+import pytest
+import torch
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+
+from tex_lightning.networks.linear import LinearNet, _ridge
+
+CLASSES, BANDS = 3, 12
+
+
+def recordings(each: int, seed: int = 0) -> tuple[list[torch.Tensor], torch.Tensor]:
+    """Features (1, D, L) of recordings of unequal length, and their labels."""
+    rng = np.random.default_rng(seed)
+    centres = 3 * rng.standard_normal((CLASSES, BANDS))
+    labels = torch.arange(CLASSES).repeat(each)
+    inputs = []
+    for number, label in enumerate(labels.tolist()):
+        noise = rng.standard_normal((BANDS, 3 + number % 4))
+        inputs.append(torch.from_numpy(centres[label][:, None] + noise).float()[None])
+    return inputs, labels
+
+
+def standardised(inputs: list[torch.Tensor]) -> np.ndarray:
+    rows = torch.cat([each[0].T for each in inputs]).double().numpy()
+    return (rows - rows.mean(axis=0)) / rows.std(axis=0)
+
+
+def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_learns():
+    inputs, labels = recordings(4)
+    counts = [each.shape[-1] for each in inputs]
+    rows = standardised(inputs)
+    targets = np.eye(CLASSES)[np.repeat(labels.numpy(), counts)]
+    targets -= targets.mean(axis=0)
+    strength = 0.05
+    theirs = Ridge(alpha=strength * (rows**2).sum() / len(rows), fit_intercept=False)
+    groups = np.repeat(np.arange(len(counts)), counts)
+    left_out = cross_val_predict(theirs, rows, targets, groups=groups, cv=LeaveOneGroupOut())
+    weight, ours = _ridge(torch.from_numpy(rows), torch.from_numpy(targets), strength, counts)
+    np.testing.assert_allclose(weight.T, theirs.fit(rows, targets).coef_, atol=1e-10)
+    np.testing.assert_allclose(ours, left_out, atol=1e-10)
+
+
+@pytest.mark.parametrize("each", [1, 5])
+def test_unseen_recordings_are_told_apart_and_the_order_of_fragments_is_kept(each):
+    network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
+    network.fit(*recordings(each))
+    unseen, labels = recordings(20)  # the same centres, and the first of them the same noise
+    for one, label in zip(unseen[3 * each :], labels[3 * each :].tolist(), strict=True):
+        scores = network(one[None])
+        assert scores.shape == (1, CLASSES, one.shape[-1])
+        assert int(scores.mean(dim=2).argmax()) == label
+        torch.testing.assert_close(scores[..., :1], network(one[None, ..., :1]))
+
+
+def test_a_feature_that_never_varies_says_nothing():
+    inputs, labels = recordings(3)
+    for one in inputs:
+        one[:, 0] = 7.0
+    network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
+    network.fit(inputs, labels)
+    changed = inputs[0].clone()
+    changed[:, 0] = -100
+    torch.testing.assert_close(network(changed[None]), network(inputs[0][None]))
+
+
+def test_probabilities_are_as_sure_as_they_are_right():
+    rng = np.random.default_rng(1)
+    labels = torch.arange(CLASSES).repeat(100)
+    inputs = [
+        torch.from_numpy(np.eye(BANDS)[label][:, None] + rng.standard_normal((BANDS, 1))).float()[
+            None
+        ]
+        for label in labels.tolist()
+    ]
+    network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
+    network.fit(inputs[:150], labels[:150])
+    probabilities = torch.stack(
+        [network(one[None])[0, :, 0].softmax(dim=0) for one in inputs[150:]]
+    )
+    sure, found = probabilities.max(dim=1)
+    accuracy = (found == labels[150:]).double().mean()
+    assert 0.4 < accuracy < 0.95  # hard enough to be wrong at times
+    assert abs(sure.double().mean() - accuracy) < 0.08
+
+
+def test_features_of_fusion_are_the_proportions_or_the_scores():
+    network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
+    x = torch.rand(2, 1, BANDS, 5)
+    torch.testing.assert_close(network.features(x, "fc2"), x[:, 0])
+    torch.testing.assert_close(network.features(x, "fc3"), network(x))
