@@ -46,7 +46,7 @@ def test_responses_are_logarithms_of_scipys_spectrum_against_mean_and_band_below
     features = make(windows=(0.064,))
     trace = noise(1.0)
     (ours,) = features.responses(trace)
-    length, hop = 128, 16
+    length, hop = 128, 32
     transform = ShortTimeFFT(hann(length), hop, fs=2000.0)
     signal = trace[0].double().numpy()
     frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]

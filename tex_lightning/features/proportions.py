@@ -9,12 +9,13 @@ import math
 from collections.abc import Iterable, Sequence
 
 import torch
+from scipy.fft import next_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import movement_start
 
-OVERLAP = 8  # frames that every sample is in
+OVERLAP = 4  # frames that every sample is in
 KEPT = 2000  # frames of a recording, at most, that thresholds are learnt from
 FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
 
@@ -29,8 +30,9 @@ class BandProportions(nn.Module):
 
     Args:
         sampling_rate: Rate of the signals in Hz.
-        windows: Lengths of the Hann windows in seconds; a short one hears the order of events, a
-            long one low bands.
+        windows: Lengths of the Hann windows in seconds, of which at least so many samples are
+            taken as a quick transform has; a short one hears the order of events, a long one low
+            bands.
         bands_per_octave: How finely frequency is divided.
         thresholds: For each band.
         fragment_seconds: Length of a fragment; a movement is cut into equal ones of about it.
@@ -58,7 +60,7 @@ class BandProportions(nn.Module):
         super().__init__()
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.gap = fragment_seconds, max(1, bands_per_octave // 3)
-        self.lengths = [max(2, round(seconds * sampling_rate)) for seconds in windows]
+        self.lengths = [next_fast_len(max(2, round(each * sampling_rate))) for each in windows]
         self.bands = 0
         self.register_buffer("level", torch.ones(()))
         for index, length in enumerate(self.lengths):
