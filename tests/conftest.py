@@ -3,7 +3,7 @@
 import copy
 import functools
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -179,6 +179,14 @@ def make_card(
         decision={"pairs": pairs, "seed": 0, "rule": "vote", "reject_below": None},
         fusion={"level": level} if len(senses) > 1 else {},
     )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_pretrained_default() -> Iterator[None]:
+    """Let VisualNet on folders begin with random weights, whatever is installed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tex_lightning.defaults.weights_are_installed", lambda: False)
+        yield
 
 
 @pytest.fixture(scope="session")

