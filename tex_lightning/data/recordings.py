@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from tex_lightning.config.check_ranges import nearest
 from tex_lightning.data.rates import names_rate, positive_number
 from tex_lightning.data.tables import read_table
 from tex_lightning.errors import UserError
@@ -217,10 +218,9 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
         raise UserError(f"{where}: label or path is empty; fill both in.")
     near = difflib.get_close_matches(modality, MODALITIES, n=1)
     if not modality.isidentifier() or (near and modality not in MODALITIES):
-        hint = f" (did you mean {near[0]}?)" if near else ""
         raise UserError(
-            f"{where}: modality is {modality!r}{hint}; write {', '.join(MODALITIES)} or one word "
-            "of your own."
+            f"{where}: modality is {modality!r}{nearest(modality, MODALITIES)}; write "
+            f"{', '.join(MODALITIES)} or one word of your own."
         )
     try:
         group = int(line["group"])

@@ -45,14 +45,19 @@ class FolderReader:
         return read_folder(Path(self.root).expanduser())
 
 
-def own_folder(root: str, name: str) -> Path:
-    """``root``, or the folder in it that is called like the data set.
+def class_folders(root: str, name: str) -> list[Path]:
+    """Folders in ``root``, or in the folder in it that is called like the data set.
 
     So one ``data.root`` serves a sweep over several data sets.
+
+    Raises:
+        UserError: If there is no such folder.
     """
     folder = Path(root).expanduser()
+    if not folder.is_dir():
+        raise UserError(f"Folder {root} does not exist; data.root must hold one folder per class.")
     inner = folder / name
-    return inner if inner.is_dir() else folder
+    return _folders(inner if inner.is_dir() else folder)
 
 
 def read_folder(root: Path) -> Recordings:

@@ -6,11 +6,12 @@ four folds are the four samples. The paper trains on one sample and tests on the
 (``data.inverted=true``), newer work the other way round: their figures do not compare.
 """
 
-import difflib
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
-from tex_lightning.data.readers.folder import own_folder
+from tex_lightning.config.check_ranges import nearest
+from tex_lightning.data.readers.folder import class_folders
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 
@@ -42,36 +43,29 @@ class KthTips2bReader:
     root: str
 
     def read(self) -> Recordings:
-        """Read the data set."""
-        return read_kth_tips2b(own_folder(self.root, "kth_tips2b"))
+        """Read the classes that have a folder.
 
-
-def read_kth_tips2b(root: Path) -> Recordings:
-    """Read the classes that have a folder.
-
-    Raises:
-        UserError: If there is none, a folder is no class, or photos are missing or too many.
-    """
-    if not root.is_dir():
-        raise UserError(f"Folder {root} does not exist; data.root must hold one folder per class.")
-    rows: list[Recording] = []
-    for folder in sorted(path for path in root.iterdir() if path.is_dir()):
-        if folder.name not in NUMBERS:
-            near = difflib.get_close_matches(folder.name, NUMBERS, n=1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
+        Raises:
+            UserError: If there is none, a folder is no class, or photos are missing or too many.
+        """
+        folders = class_folders(self.root, "kth_tips2b")
+        for folder in folders:
+            if folder.name not in NUMBERS:
+                raise UserError(
+                    f"Folder {folder} is no class of KTH-TIPS-2b{nearest(folder.name, NUMBERS)}; "
+                    f"they are {', '.join(NUMBERS)}."
+                )
+        if not folders:
             raise UserError(
-                f"Folder {folder} is no class of KTH-TIPS-2b{hint}; they are {', '.join(NUMBERS)}."
+                f"Folder {self.root} holds none of the classes {', '.join(NUMBERS)}; check "
+                "data.root."
             )
-        for group, sample in enumerate(SAMPLES):
-            rows += _read_sample(folder, sample, group)
-    if not rows:
-        raise UserError(
-            f"Folder {root} holds none of the classes {', '.join(NUMBERS)}; check data.root."
-        )
-    return Recordings(tuple(rows))
+        parts = product(folders, enumerate(SAMPLES))
+        rows = [row for folder, sample in parts for row in _read_sample(folder, *sample)]
+        return Recordings(tuple(rows))
 
 
-def _read_sample(folder: Path, sample: str, group: int) -> list[Recording]:
+def _read_sample(folder: Path, group: int, sample: str) -> list[Recording]:
     directory = folder / f"sample_{sample}"
     start = f"{NUMBERS[folder.name]}{sample}"
     expected = [f"{start}-scale_{s}_im_{i}_col.png" for s in SCALES for i in IMAGES]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tex_lightning.config.check_ranges import choice
-from tex_lightning.data.readers.folder import own_folder
+from tex_lightning.data.readers.folder import class_folders
 from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
 
@@ -50,25 +50,18 @@ class KylbergReader:
             )
 
     def read(self) -> Recordings:
-        """Read the data set."""
-        folder = own_folder(self.root, "kylberg")
-        return read_kylberg(folder, by_surface=self.group_by == "surface")
+        """Read all classes, one folder each.
 
-
-def read_kylberg(root: Path, *, by_surface: bool) -> Recordings:
-    """Read all classes, one folder each.
-
-    Raises:
-        UserError: If there are none, a file's name does not fit its folder, or a count is wrong.
-    """
-    if not root.is_dir():
-        raise UserError(f"Folder {root} does not exist; data.root must hold one folder per class.")
-    rows: list[Recording] = []
-    for folder in sorted(path for path in root.iterdir() if path.is_dir()):
-        rows += _read_class(folder, by_surface)
-    if not rows:
-        raise UserError(f"Folder {root} holds no CLASS/CLASS-a-p001.png; check data.root.")
-    return Recordings(tuple(rows))
+        Raises:
+            UserError: If there are none, a file's name does not fit its folder, or a count is
+                wrong.
+        """
+        folders = class_folders(self.root, "kylberg")
+        by_surface = self.group_by == "surface"
+        rows = tuple(row for folder in folders for row in _read_class(folder, by_surface))
+        if not rows:
+            raise UserError(f"Folder {self.root} holds no CLASS/CLASS-a-p001.png; check data.root.")
+        return Recordings(rows)
 
 
 def _read_class(folder: Path, by_surface: bool) -> list[Recording]:

@@ -45,23 +45,18 @@ class Lmt108Reader:
             raise UserError(f"{complaint}.")
 
     def read(self) -> Recordings:
-        """Read one half."""
-        return read_lmt108(Path(self.root).expanduser(), self.split)
+        """Read traces and photos of one half; without any photos, traces alone.
 
-
-def read_lmt108(root: Path, split: str) -> Recordings:
-    """Read traces and photos of one split; without any photos, traces alone.
-
-    Raises:
-        UserError: If traces are missing, an axis is, counts differ from ten per class, or photos
-            and traces do not have the same classes.
-    """
-    mark = MARKS[split]
-    traces = _read_traces(root / FOLDERS["haptic"], mark)
-    photos = _read_photos(root / FOLDERS["image"], mark)
-    if photos:
-        _check_same(root, {row.label for row in traces}, {row.label for row in photos})
-    return Recordings((*traces, *photos))
+        Raises:
+            UserError: If traces are missing, an axis is, counts differ from ten per class, or
+                photos and traces do not have the same classes.
+        """
+        root, mark = Path(self.root).expanduser(), MARKS[self.split]
+        traces = _read_traces(root / FOLDERS["haptic"], mark)
+        photos = _read_photos(root / FOLDERS["image"], mark)
+        if photos:
+            _check_same(root, {row.label for row in traces}, {row.label for row in photos})
+        return Recordings((*traces, *photos))
 
 
 def _read_traces(folder: Path, mark: str) -> list[Recording]:
