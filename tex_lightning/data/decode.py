@@ -154,13 +154,8 @@ def read_trace(
     Arguments and errors are those of :func:`decode_trace`.
     """
     raw = read_axes(path)
-    trace = raw.samples
-    if not (usable := usable_samples(trace)).all():
-        first = int(np.flatnonzero(~usable)[0])
-        raise UserError(
-            f"Trace {path} holds NaN, infinity or a huge number at sample {first}; repair the file."
-        )
-    return trace, source_rate(path, raw, rate, settings.file_rate)
+    check_samples(raw.samples, f"Trace {path}")
+    return raw.samples, source_rate(path, raw, rate, settings.file_rate)
 
 
 def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
@@ -269,6 +264,20 @@ def halve(photo: Photo) -> Photo:
         small = kornia.geometry.transform.rescale(pixels, 0.5, antialias=False)
         half[top // 2 : top // 2 + small.shape[2]] = small[0].add_(0.5).byte().permute(1, 2, 0)
     return half
+
+
+def check_samples(trace: npt.NDArray[np.floating], name: str) -> None:
+    """Refuse a trace (axes, samples) with a number that no sensor gives.
+
+    Raises:
+        UserError: Beginning with ``name``.
+    """
+    usable = usable_samples(trace)
+    if not usable.all():
+        raise UserError(
+            f"{name} holds NaN, infinity or a number beyond {LARGEST:g} at sample "
+            f"{usable.argmin()}; repair the recording."
+        )
 
 
 def usable_samples(trace: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:

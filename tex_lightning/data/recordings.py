@@ -202,13 +202,12 @@ def _unknown_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
 def _check_distinct(path: Path, rows: list[Recording]) -> None:
     """Refuse a file that is listed twice: in two groups it would be trained and tested on."""
     first: dict[Path, int] = {}
-    for number, row in enumerate(rows, start=2):
-        if row.path in first:
+    for number, row in enumerate(rows, start=1):
+        if first.setdefault(row.path, number) != number:
             raise UserError(
-                f"Manifest {path} lists {row.path} in record {first[row.path] - 1} and in record "
-                f"{number - 1}; keep one of them."
+                f"Manifest {path} lists {row.path} in record {first[row.path]} and in record "
+                f"{number}; keep one of them."
             )
-        first[row.path] = number
 
 
 def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:

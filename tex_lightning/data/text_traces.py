@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tex_lightning.data.time_column import Timed, separate_time
+from tex_lightning.data.time_column import RawTrace, separate_time
 
 MARKS = ("#", "%")
 MAX_HEADER = 2  # names and units
 
 
-def read_text_trace(path: Path) -> Timed:
+def read_text_trace(path: Path) -> RawTrace:
     """Read the columns of a text file and take its column of time out of them.
 
     Raises:
