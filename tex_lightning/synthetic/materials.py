@@ -165,7 +165,7 @@ def _spread(
 
 
 def _between(low: float, high: float, position: float) -> float:
-    """Interpolate geometrically, as most senses evaluator ratios."""
+    """Interpolate geometrically, as most senses judge ratios."""
     return float(low * (high / low) ** position)
 
 
