@@ -35,8 +35,3 @@ def least(name: str, value: float, least: float) -> Iterator[str]:
     """A value below ``least``."""
     if not value >= least:
         yield f"{name} is {plain(value)}: choose {plain(least)} or more"
-
-
-def within(name: str, value: float, least: float, most: float) -> Iterator[str]:
-    """A value outside ``least`` to ``most``."""
-    yield from beyond(name, value, Key("", least=least, most=most))

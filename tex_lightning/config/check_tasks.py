@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from operator import attrgetter
 
 from tex_lightning.config import Config
-from tex_lightning.config.check_ranges import choice, within
+from tex_lightning.config.check_ranges import beyond, choice
+from tex_lightning.config.keys import Key
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
@@ -151,5 +152,5 @@ def _stability(config: Config) -> Iterator[str]:
         yield from choice("stability.only", name, (*perturbations(), *own))
     if stability.only is not None and not stability.only:
         yield "stability.only names nothing: leave it null for all perturbations"
-    for fold in stability.folds or []:
-        yield from within("stability.folds", fold, 0, config.data.folds - 1)
+    known = Key("fold", least=0, most=config.data.folds - 1)
+    yield from beyond("stability.folds", stability.folds, known)

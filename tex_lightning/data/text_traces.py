@@ -64,12 +64,8 @@ def _divide(text: str) -> tuple[list[str], list[str], list[str]]:
 
 
 def _is_numbers(line: str) -> bool:
-    return all(_is_number(field) for field in re.split(r"[;,\s]+", line) if field)
-
-
-def _is_number(field: str) -> bool:
     try:
-        float(field)
+        [float(field) for field in re.split(r"[;,\s]+", line) if field]
     except ValueError:
         return False
     return True

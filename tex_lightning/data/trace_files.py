@@ -93,7 +93,7 @@ def _read_file(path: Path) -> RawTrace:
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
             return RawTrace(_as_axes(path, samples), float(rate))
         if suffix == ".npy":
-            return RawTrace(_as_axes(path, _numeric(_read_array(path))))
+            return RawTrace(_as_axes(path, _read_array(path)))
         if suffix in (".txt", ".csv"):
             text = read_text_trace(path)
             return replace(text, samples=_as_axes(path, text.samples))
@@ -102,14 +102,16 @@ def _read_file(path: Path) -> RawTrace:
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
 
 
-def _read_array(path: Path) -> npt.NDArray[np.generic]:
+def _read_array(path: Path) -> npt.NDArray[np.float64]:
     try:
         array = np.load(path, allow_pickle=False)
     except ValueError as error:  # whose own words propose to load it unsafely
         raise ValueError("it is no whole array of numbers as np.save writes it") from error
     if not isinstance(array, np.ndarray):
         raise ValueError("it is an .npz archive; save one array with np.save")
-    return array
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"it holds {array.dtype} instead of numbers")
+    return array.astype(np.float64)
 
 
 def _check_wav_length(path: Path) -> None:
@@ -127,12 +129,6 @@ def _check_wav_length(path: Path) -> None:
                     raise ValueError(f"truncated: {missing} of {length} bytes are missing")
                 return
             stream.seek(length + length % 2, 1)
-
-
-def _numeric(array: npt.NDArray[np.generic]) -> npt.NDArray[np.floating]:
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"it holds {array.dtype} instead of numbers")
-    return array.astype(np.float64)
 
 
 def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 
-from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, fingerprint
@@ -52,9 +51,8 @@ class PerturbedDataset:
             self._now, self._perturbed = (perturbation, severity), {}
         if row not in self._perturbed:
             rng = self.rng(perturbation.name, row)
-            scene = Scene(
-                rng, self._rate(row), lambda: np.array(self.clean(self.partner(row, rng)))
-            )
+            rate = getattr(self.store.decoders[row.modality], "sampling_rate", 0.0)
+            scene = Scene(rng, rate, lambda: np.array(self.clean(self.partner(row, rng))))
             self._perturbed[row] = perturbation.apply(np.array(self.clean(row)), severity, scene)
         return self._perturbed[row]
 
@@ -77,7 +75,3 @@ class PerturbedDataset:
     def axes(self, samples: Iterable[Sample], modality: str) -> set[int]:
         """Numbers of axes that the signals of some samples have."""
         return {len(self.clean(each.recordings[modality])) for each in samples}
-
-    def _rate(self, row: Recording) -> float:
-        decoder = self.store.decoders[row.modality]
-        return decoder.sampling_rate if isinstance(decoder, SignalDecoder) else 0.0
