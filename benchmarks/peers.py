@@ -17,7 +17,7 @@ import torch
 
 from benchmarks._classifiers import configured
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import SignalDecoder, Trace, decode_trace
+from tex_lightning.data.decode import SignalDecoder, Trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.profiling.timing import interleaved
@@ -66,7 +66,7 @@ def _traces() -> tuple[list[str], list[Trace]]:
             if folder.is_dir()
             for path in sorted((folder / "haptic").iterdir())[:RECORDINGS]
         ]
-        decoded = [decode_trace(path, SignalDecoder()) for path in files]
+        decoded = [SignalDecoder().decode(path)[0] for path in files]
         return [path.parts[-3] for path in files], [trace[:, :samples] for trace in decoded]
     labels, traces = [], []
     for material in make_materials(CLASSES, seed=0):

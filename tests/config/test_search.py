@@ -57,7 +57,10 @@ def test_the_network_that_was_asked_for_counts():
     [
         (["optimized_metric=val_loss", "data.val_fold=null"], "give data.val_fold"),
         (["optimized_metric=val_loss", "model=mfcc_nb"], "choose optimized_metric=vote_error"),
-        (["optimized_metric=vote_error", "task=frontier"], "by task=fit and task=crossval, not"),
+        (
+            ["optimized_metric=vote_error", "task=frontier"],
+            "by task=fit and task=crossval alone, not",
+        ),
         (["optimized_metric=loss"], "val_loss, vote_error"),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 import soundfile
 
 from tex_lightning.config import DataConfig
-from tex_lightning.data.decode import SignalDecoder, decode_trace
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.data.store import Store
@@ -92,7 +92,7 @@ def test_a_sidecar_is_found_by_readers_and_for_a_single_file(root, name):
 def test_what_is_wrong_with_a_sidecar_is_said(root, content, message):
     path = root / "a" / "haptic" / "1.npy"
     path.with_name("1.npy.json").write_text(content)
-    for use in (lambda: rates(root), lambda: decode_trace(path, SETTINGS)):
+    for use in (lambda: rates(root), lambda: SETTINGS.decode(path)):
         with pytest.raises(UserError, match=message):
             use()
 
@@ -123,18 +123,18 @@ def test_the_file_goes_before_what_is_said_of_it_and_that_before_the_assumption(
 def test_contradictions_are_refused(root, tmp_path):
     timed, bare = root / "b" / "haptic" / "2.csv", root / "b" / "haptic" / "1.npy"
     with pytest.raises(UserError, match="2,500 Hz by its time column, but 10,000 Hz are stated"):
-        decode_trace(timed, SETTINGS, 10_000)
+        SETTINGS.decode(timed, 10_000)
     wav = tmp_path / "1.wav"
     soundfile.write(wav, SAMPLES, 4000)
     with pytest.raises(UserError, match="4,000 Hz by its header, but 10,000 Hz are stated"):
-        decode_trace(wav, SETTINGS, 10_000)
+        SETTINGS.decode(wav, 10_000)
     bare.with_name("1.json").write_text('{"rate": 2500}')
     (root / "rates.csv").write_text("path,rate\nb/haptic/1.npy,10000\n")
     with pytest.raises(UserError, match=r"1\.json gives 1\.npy 2,500 Hz, but .*rates\.csv 10,000"):
         rates(root)
     (root / "rates.csv").unlink()
     with pytest.raises(UserError, match=r"manifest or reader gives 1\.npy 10,000 Hz, but"):
-        decode_trace(bare, SETTINGS, 10_000)
+        SETTINGS.decode(bare, 10_000)
 
 
 def test_another_rate_is_decoded_anew(root, tmp_path):
@@ -171,8 +171,8 @@ def test_whoever_tells_the_rate_the_decoded_trace_is_that_of_the_wav(tmp_path):
     (tmp_path / "c.json").write_text(json.dumps({"rate": rate}))
     np.savetxt(tmp_path / "d.txt", SAMPLES)
     (tmp_path / "rates.csv").write_text(f"path,rate\nd.txt,{rate}\n")
-    expected = decode_trace(tmp_path / "a.wav", SETTINGS)
+    expected = SETTINGS.decode(tmp_path / "a.wav")[0]
     assert expected.shape == (1, 1819)  # 400 samples / 2200 Hz * 10 kHz, rounded up
     for name in ("b.csv", "c.npy", "d.txt"):
-        trace = decode_trace(tmp_path / name, SETTINGS)
+        trace = SETTINGS.decode(tmp_path / name)[0]
         np.testing.assert_allclose(trace, expected, atol=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tex_lightning.data.decode import SignalDecoder, decode_trace
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
 
 RATE = 2500
@@ -76,7 +76,7 @@ def test_a_column_of_time_gives_the_rate_and_is_no_axis(tmp_path, name, scale):
     assert source.hz == pytest.approx(RATE, rel=1e-9)
     assert not source.interpolated
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
-    assert decode_trace(path, SignalDecoder(4 * RATE)).shape == (3, 800)
+    assert SignalDecoder(4 * RATE).decode(path)[0].shape == (3, 800)
 
 
 def test_time_may_stand_behind_a_single_axis_or_before_it(tmp_path):
@@ -87,18 +87,17 @@ def test_time_may_stand_behind_a_single_axis_or_before_it(tmp_path):
         assert source.source == "time column"
 
 
-def test_uneven_times_are_interpolated_to_an_even_rate(tmp_path, caplog):
-    caplog.set_level("INFO")
+def test_uneven_times_are_interpolated_to_an_even_rate(tmp_path):
     times = np.arange(5000) / 5000 + RNG.uniform(-0.2, 0.2, 5000) / 5000
     wave = np.sin(2 * np.pi * 100 * times)
     path = write(tmp_path, "t,x\n" + lines(np.stack([times, wave]), form="%.9g"))
-    trace = decode_trace(path, SignalDecoder(5000))[0]
-    hz = SignalDecoder(5000).decode(path)[1].hz
+    (trace,), source = SignalDecoder(5000).decode(path)
+    hz = source.hz
+    assert source.interpolated
     assert hz == pytest.approx(5000, rel=1e-3)
     even = np.sin(2 * np.pi * 100 * (times[0] + np.arange(5000) / hz))
     assert np.abs(trace - even).max() < 0.012
     assert np.abs(wave - even).max() > 0.03  # what it would be without
-    assert f"{path} has uneven times; it is interpolated to" in caplog.text
 
 
 def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
@@ -137,7 +136,7 @@ def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
 )
 def test_what_is_in_doubt_is_refused(tmp_path, text, message):
     with pytest.raises(UserError, match=message):
-        decode_trace(write(tmp_path, text), SAME)
+        SAME.decode(write(tmp_path, text))
 
 
 def test_axes_in_three_files_with_times_must_agree(tmp_path):
@@ -145,4 +144,4 @@ def test_axes_in_three_files_with_times_must_agree(tmp_path):
         columns = np.stack([np.arange(50) / rate, AXES[0, :50]])
         (tmp_path / f"a_{axis}_1.txt").write_text("t,x\n" + lines(columns))
     with pytest.raises(UserError, match="have the rates 2,500 Hz, 2,500 Hz, 5,000 Hz"):
-        decode_trace(tmp_path / "a_X_1.txt", SAME)
+        SAME.decode(tmp_path / "a_X_1.txt")

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import ShortTimeFFT, spectrogram
 
-from tex_lightning.data.decode import SignalDecoder, decode_trace
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.features.mel import mel_filters
 from tex_lightning.features.spectrogram import SpectrogramFeatures, movement_start
@@ -192,7 +192,7 @@ def test_channels_are_exact_on_real_traces(shared):
     """Channel 0 is what remains of large numbers, and the logarithm shows its rounding."""
     features = SpectrogramFeatures()
     files = sorted((shared / "data" / "lmt16").glob("*/haptic/*.wav"))[::20]
-    traces = [torch.from_numpy(decode_trace(file, SignalDecoder())) for file in files]
+    traces = [torch.from_numpy(SignalDecoder().decode(file)[0]) for file in files]
     features.fit([features.magnitudes(trace) for trace in traces])
     for trace in traces:
         exact = scipys(trace[:, movement_start(trace, 10_000) :])[:50].astype(np.float32)

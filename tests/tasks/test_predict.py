@@ -11,7 +11,7 @@ from conftest import make_trace
 from PIL import Image
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.decode import decode_image, decode_trace
+from tex_lightning.data.decode import decode_image
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.evaluation.outcomes import read_outcomes
 
@@ -212,7 +212,7 @@ def test_a_fusion_network_does_with_one_modality_and_says_so(cli, surfaces, trai
         ["image"],
         ["haptic", "image"],
     ]
-    trace = torch.from_numpy(decode_trace(wav, fusion.branch("haptic").decoder))
+    trace = torch.from_numpy(fusion.branch("haptic").decoder.decode(wav)[0])
     photo = torch.from_numpy(decode_image(png, fusion.branch("visual").decoder))
     with torch.no_grad():
         haptic = max_vote(fusion.summand("haptic", trace))

@@ -86,10 +86,10 @@ class Baseline(ABC):
 
 @dataclass
 class EstimatorBaseline(Baseline):
-    """A baseline whose fitted part is a scikit-learn estimator on one feature vector a recording.
+    """A baseline whose fitted part is a scikit-learn estimator on the features of each recording.
 
     Attributes:
-        estimator: Fitted by :meth:`fit`; it has ``predict_log_proba``.
+        estimator: Fitted by :meth:`fit`; :meth:`logits` asks it for ``predict_log_proba``.
     """
 
     def __post_init__(self) -> None:
@@ -97,7 +97,7 @@ class EstimatorBaseline(Baseline):
 
     @abstractmethod
     def features(self, recording: Array) -> Array:
-        """Feature vector of one recording."""
+        """Features of one recording, of the same shape for all."""
 
     @abstractmethod
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401  (scikit-learn has no types)

@@ -3,7 +3,6 @@
 Dempster, Schmidt and Webb (2021), as aeon has it; the strongest quick classifier of time series.
 """
 
-from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,13 +17,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
-from tex_lightning.baselines.base import (
-    Array,
-    Baseline,
-    State,
-    count_fitted,
-)
-from tex_lightning.baselines.estimators import dump_estimator, load_estimator
+from tex_lightning.baselines.base import Array, EstimatorBaseline, State
 
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
 ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
@@ -41,7 +34,7 @@ def same_threads() -> Iterator[None]:
 
 
 @dataclass
-class Rocket(Baseline):
+class Rocket(EstimatorBaseline):
     """A pipeline on traces (cases, 1, samples) of mean 0, as long as the longest of the training.
 
     Shorter traces are repeated from their start, so that all of their movement counts; longer ones
@@ -57,51 +50,38 @@ class Rocket(Baseline):
 
     kind: ClassVar = "haptic"
 
-    @abstractmethod
-    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
-        """A pipeline that is not fitted yet and ends in a ridge classifier."""
-
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
         """Draw the kernels' biases from the traces and fit the ridge classifier."""
         traces = list(recordings)
         self.length = max(map(len, traces))
         self.scale = float(np.mean([np.var(trace) for trace in traces]) ** 0.5) or 1.0
-        self.estimator = self.make_estimator(seed)
-        series = np.stack([self._series(trace) for trace in traces])
         with same_threads():
-            self.estimator.fit(series, labels)
+            super().fit(traces, labels, seed)
 
     def logits(self, recording: Array) -> Tensor:
         """Distances from the ridge classifier's planes, one fragment."""
         with same_threads():
-            scores = self.estimator.decision_function(self._series(recording)[None])
+            scores = self.estimator.decision_function(self.features(recording)[None])
         if scores.ndim == 1:  # two classes share one plane
             scores = np.stack([-scores, scores], axis=1)
         return torch.from_numpy(np.asarray(scores, dtype=np.float64).T.copy())
 
-    def _series(self, trace: Array) -> Array:
-        """(1, length) with mean 0, and deviation 1 of itself or of the training traces."""
-        piece = np.resize(trace, self.length).astype(np.float32)
+    def features(self, recording: Array) -> Array:
+        """The trace (1, length) with mean 0, and deviation 1 of itself or of the training set."""
+        piece = np.resize(recording, self.length).astype(np.float32)
         deviation = self.scale if self.keep_level else piece.std()
         centred: Array = piece - piece.mean()
         return (centred / np.float32(deviation) if deviation > 0 else centred)[None]
 
     def state(self) -> State:
         """The pipeline as bytes, and the length and level it was fitted to."""
-        return {
-            "estimator": dump_estimator(self.estimator),
-            "length": torch.tensor(self.length),
-            "scale": torch.tensor(self.scale, dtype=torch.float64),
-        }
+        scale = torch.tensor(self.scale, dtype=torch.float64)
+        return {**super().state(), "length": torch.tensor(self.length), "scale": scale}
 
     def load_state(self, state: State) -> None:
         """Read the pipeline back."""
-        self.estimator = load_estimator(state["estimator"])
+        super().load_state(state)
         self.length, self.scale = int(state["length"]), float(state["scale"])
-
-    def count_parameters(self) -> int:
-        """Biases of the kernels, scales and the planes."""
-        return count_fitted(self.estimator)
 
 
 @dataclass

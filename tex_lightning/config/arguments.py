@@ -1,7 +1,7 @@
 """Names of files on the command line that Hydra would read as something else."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -9,14 +9,8 @@ from hydra.errors import HydraException
 
 from tex_lightning.files import matches
 
-KEYS = (
-    "haptic",
-    "image",
-    "sound",
-    "checkpoint",
-    "data.root",
-    "data.manifest",
-)  # whose values name files
+# whose values name files
+KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
 
 
 def quote_files(arguments: Sequence[str]) -> list[str]:
@@ -25,17 +19,14 @@ def quote_files(arguments: Sequence[str]) -> list[str]:
     ``haptic=my file [1].wav`` then means that file, if there is one; so does a pattern that
     matches some. Everything else stays as it is.
     """
-    return list(_quoted(arguments))
-
-
-def _quoted(arguments: Sequence[str]) -> Iterator[str]:
-    parser = OverridesParser.create()
+    parser, quoted = OverridesParser.create(), []
     for argument in arguments:
         key, _, value = argument.partition("=")
         if key in KEYS and _names_files(value) and _misread(parser, argument):
             escaped = re.sub(r'(\\*)("|$)', _escaped, value)
             argument = f'{key}="{escaped}"'
-        yield argument
+        quoted.append(argument)
+    return quoted
 
 
 def _escaped(match: re.Match[str]) -> str:

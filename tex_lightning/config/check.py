@@ -11,11 +11,9 @@ from typing import Any
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from tex_lightning.config import Config, flatten
-from tex_lightning.config.check_data import check_data
-from tex_lightning.config.check_model import check_model
 from tex_lightning.config.check_ranges import beyond
+from tex_lightning.config.check_sections import check_data, check_flags, check_model
 from tex_lightning.config.check_tasks import AUTO, check_decision, check_task
-from tex_lightning.config.check_trainer import check_flags
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.keys import walk
 from tex_lightning.config.mistakes import unknown_key

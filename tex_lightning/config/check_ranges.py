@@ -1,7 +1,7 @@
 """Complaints about single values, as parts of one sentence."""
 
 import difflib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from tex_lightning.config.keys import Key, plain
 from tex_lightning.errors import shorten
@@ -22,17 +22,16 @@ def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]
     """A value outside ``allowed``, with the nearest one that is in it."""
     if value not in allowed:
         known = list(map(str, allowed))
-        near = difflib.get_close_matches(str(value), known, n=1)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        yield f"{name} is {shorten(value)}{hint}: choose {', '.join(known)}"
+        yield f"{name} is {shorten(value)}{nearest(str(value), known)}: choose {', '.join(known)}"
+
+
+def nearest(given: str, known: Iterable[str], prefix: str = "") -> str:
+    """The likeliest of the known names in brackets, with a ``prefix``; empty if none is near."""
+    near = difflib.get_close_matches(given, list(known), n=1)
+    return f" (did you mean {prefix}{near[0]}?)" if near else ""
 
 
 def least(name: str, value: float, least: float) -> Iterator[str]:
     """A value below ``least``."""
     if not value >= least:
         yield f"{name} is {plain(value)}: choose {plain(least)} or more"
-
-
-def within(name: str, value: float, least: float, most: float) -> Iterator[str]:
-    """A value outside ``least`` to ``most``."""
-    yield from beyond(name, value, Key("", least=least, most=most))

@@ -1,9 +1,11 @@
 """What is asked of each task, and of the keys that only one task reads."""
 
 from collections.abc import Iterator
+from operator import attrgetter
 
 from tex_lightning.config import Config
-from tex_lightning.config.check_ranges import choice, within
+from tex_lightning.config.check_ranges import beyond, choice
+from tex_lightning.config.keys import Key
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
@@ -18,7 +20,20 @@ PROFILED = (
 )
 NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
-READ_RECORDINGS = ("fit", "crossval", "evaluate", "stability", "frontier")
+# Keys that the other tasks would pass over in silence, and the tasks that read them.
+READ_BY = {
+    "data.hold_out": ("fit", "crossval", "evaluate"),
+    "data.skip_bad": ("fit", "crossval", "evaluate", "stability", "frontier"),
+    "frontier.max_latency_ms": ("frontier",),
+    "frontier.min_accuracy": ("frontier",),
+    "frontier.only": ("frontier",),
+    "optimized_metric": ("fit", "crossval"),
+    "predict.fast_decode": ("predict",),
+    "profile.growth": ("profile",),
+    "stability.severities": ("stability",),
+    "stability.systems": ("stability",),
+    "weights": ("fit", "crossval", "frontier"),
+}
 
 
 def check_task(config: Config) -> Iterator[str]:
@@ -26,7 +41,6 @@ def check_task(config: Config) -> Iterator[str]:
     data = config.data
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
-    on_recordings = config.task in ("fit", "crossval", "frontier")
     several = (config.trainer.devices, config.trainer.num_nodes) != (1, 1)
     if several and config.task not in ("fit", "crossval"):
         yield (
@@ -47,17 +61,17 @@ def check_task(config: Config) -> Iterator[str]:
             f"{' and '.join(config.files)}: files are read by task=predict and task=profile, not "
             f"by task={config.task}"
         )
-    if config.predict.fast_decode and config.task != "predict":
-        yield f"predict.fast_decode is read by task=predict alone, not by task={config.task}"
     if config.checkpoint is None and config.task in NEED_CHECKPOINTS:
         yield f"checkpoint is null, but task={config.task} classifies with one: give its file"
+    yield from _unread(config)
     yield from _optimized_metric(config)
     yield from _frontier(config)
-    yield from _profile(config)
+    if config.task == "profile" and config.checkpoint is None and config.model.baseline is not None:
+        yield (
+            f"task=profile measures networks, and model={config.model.name} is none: time it by "
+            "task=frontier"
+        )
     yield from _stability(config)
-    yield from _skip_bad(config)
-    if config.weights is not None and not on_recordings:
-        yield f"weights are read by task=fit and task=crossval, not by task={config.task}"
     starts = config.model.checkpoints
     if config.task == "crossval" and starts:
         yield (
@@ -84,11 +98,17 @@ def check_task(config: Config) -> Iterator[str]:
             yield f"weights and model.fusion.{name}_checkpoint both fill the {name} trunk: give one"
 
 
+def _unread(config: Config) -> Iterator[str]:
+    for key, tasks in READ_BY.items():
+        given = attrgetter(key)(config)
+        if given not in (None, []) and given is not False and config.task not in tasks:
+            readers = " and ".join(f"task={task}" for task in tasks)
+            yield f"{key} is read by {readers} alone, not by task={config.task}: leave it out"
+
+
 def _optimized_metric(config: Config) -> Iterator[str]:
     metric = config.optimized_metric
-    if metric is not None and config.task not in ("fit", "crossval"):
-        yield f"optimized_metric is read by task=fit and task=crossval, not by task={config.task}"
-    elif metric == "val_loss" and config.data.val_fold is None:
+    if metric == "val_loss" and config.data.val_fold is None:
         yield "optimized_metric=val_loss needs a fold to validate on: give data.val_fold"
     elif metric == "val_loss" and config.model.baseline is not None:
         yield (
@@ -112,9 +132,6 @@ def _frontier(config: Config) -> Iterator[str]:
             "data.inverted trains on one fold alone, which leaves model=auto none to choose on: "
             "give frontier.run"
         )
-    for key in ("only", "max_latency_ms", "min_accuracy"):
-        if getattr(frontier, key) is not None and config.task != "frontier":
-            yield f"frontier.{key} is read by task=frontier alone, not by task={config.task}"
 
 
 def check_decision(config: Config) -> Iterator[str]:
@@ -132,38 +149,16 @@ def check_decision(config: Config) -> Iterator[str]:
         )
     if decision.name == "sequential" and config.task in ("profile", "stability", "stream"):
         yield f"decision=sequential is not read by task={config.task}: leave it out"
-    if config.data.hold_out and config.task not in ("fit", "crossval", "evaluate"):
-        yield f"data.hold_out is not read by task={config.task}: leave it out"
-
-
-def _skip_bad(config: Config) -> Iterator[str]:
-    if config.data.skip_bad and config.task not in READ_RECORDINGS:
-        yield f"data.skip_bad is not read by task={config.task}: leave it out"
-
-
-def _profile(config: Config) -> Iterator[str]:
-    profile = config.profile
-    if config.task == "profile" and config.checkpoint is None and config.model.baseline is not None:
-        yield (
-            f"task=profile measures networks, and model={config.model.name} is none: time it by "
-            "task=frontier"
-        )
-    if profile.growth and config.task != "profile":
-        yield f"profile.growth is read by task=profile alone, not by task={config.task}"
 
 
 def _stability(config: Config) -> Iterator[str]:
-    stability, testing = config.stability, config.task == "stability"
-    if testing and not stability.systems:
+    stability = config.stability
+    if config.task == "stability" and not stability.systems:
         yield "stability.systems names nothing: give run folders or checkpoints, e.g. [RUN]"
-    if stability.systems and not testing:
-        yield f"stability.systems is read by task=stability alone, not by task={config.task}"
-    if stability.severities and not testing:
-        yield f"stability.severities is read by task=stability alone, not by task={config.task}"
     own = [name for path in stability.severities for name in read_severities(path)]
     for name in stability.only or []:
         yield from choice("stability.only", name, (*perturbations(), *own))
     if stability.only is not None and not stability.only:
         yield "stability.only names nothing: leave it null for all perturbations"
-    for fold in stability.folds or []:
-        yield from within("stability.folds", fold, 0, config.data.folds - 1)
+    known = Key("fold", least=0, most=config.data.folds - 1)
+    yield from beyond("stability.folds", stability.folds, known)

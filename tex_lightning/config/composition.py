@@ -33,7 +33,8 @@ def compose_config(
     Raises:
         HydraException: If an override is wrong.
     """
-    more = [f"hydra.searchpath=[{','.join(map(_quoted, searchpath))}]"] if searchpath else []
+    folders = ",".join('"{}"'.format(folder.replace('"', '\\"')) for folder in searchpath)
+    more = [f"hydra.searchpath=[{folders}]"] if searchpath else []
     with _hydra(conf):
         return compose(NAME, overrides=[*with_own_senses(overrides), *more])
 
@@ -81,7 +82,3 @@ def _hydra(conf: Path) -> Iterator[None]:
     finally:
         GlobalHydra.instance().hydra = running
         VersionBase.instance().version_base = base
-
-
-def _quoted(folder: str) -> str:
-    return '"{}"'.format(folder.replace('"', '\\"'))

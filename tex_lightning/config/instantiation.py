@@ -1,10 +1,10 @@
 """From a ``_target_`` of the configuration to the object that it names: the only place for it."""
 
-import difflib
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from hydra.errors import InstantiationException
@@ -12,6 +12,7 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from tex_lightning.config.check_ranges import nearest
 from tex_lightning.errors import UserError, listed, shorten
 
 TARGET = "_target_"
@@ -31,15 +32,11 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     Raises:
         UserError: If the class does not exist, lacks a library, or refuses the arguments.
     """
-    _named(where, node)
-    try:
+    _check_named(where, node)
+    with _making(where):
         taken = inspect.signature(find_class(where, node)).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
         return instantiate({"_convert_": "all", **node}, **more)
-    except UserError:
-        raise
-    except Exception as error:  # a class of the user's may fail in any way
-        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
 
 
 def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
@@ -59,18 +56,12 @@ def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
         return build(where, node)
     for key in arguments:
         if key not in (known := list(map(str, schema.keys()))):
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f" (did you mean {where}.{near[0]}?)" if near else ""
             raise UserError(
-                f"There is no key {where}.{shorten(key)}{hint}; {cls.__name__} has "
-                f"{listed(known) or 'none'}."
+                f"There is no key {where}.{shorten(key)}{nearest(key, known, f'{where}.')}; "
+                f"{cls.__name__} has {listed(known) or 'none'}."
             )
-    try:
+    with _making(where):
         return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
-    except UserError:
-        raise
-    except Exception as error:  # a class of the user's may fail in any way
-        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
 
 
 def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
@@ -79,17 +70,15 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     Raises:
         UserError: If there is none, or it lacks a library.
     """
-    _named(where, node)
-    try:
+    _check_named(where, node)
+    with _making(where):
         found = pkgutil.resolve_name(node[TARGET])  # Hydra's own would log the error as well
         if not isinstance(found, type):
             raise TypeError(f"{node[TARGET]} is no class")
         return found
-    except Exception as error:  # a module of the user's may fail in any way
-        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
 
 
-def _named(where: str, node: Mapping[str, Any]) -> None:
+def _check_named(where: str, node: Mapping[str, Any]) -> None:
     if TARGET not in node:
         raise UserError(
             f"{where} has no _target_; name the class there, as in package.module.Name."
@@ -115,9 +104,18 @@ def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
     """
     if not callable(made):
         raise UserError(f"{where} gives an object where a call is needed; add _partial_: true.")
-    try:
+    with _making(where):
         return made(*arguments)
-    except Exception as error:  # a class of the user's may fail in any way
+
+
+@contextmanager
+def _making(where: str) -> Iterator[None]:
+    """Name the key of a node whose class or module, perhaps the user's, fails in whatever way."""
+    try:
+        yield
+    except UserError:
+        raise
+    except Exception as error:
         raise UserError(f"{where} cannot be made: {_reason(error)}") from error
 
 

@@ -95,14 +95,9 @@ def installed_packages() -> list[str]:
 
 
 def user_folders() -> list[Path]:
-    """The folders, that of the command line first."""
-    return [*_GIVEN, *_installed_folders()]
-
-
-def _installed_folders() -> Iterator[Path]:
-    """Their ``conf``."""
+    """That of the command line, then the ``conf`` of every registered package that has one."""
     folders = (home / "conf" for package in installed_packages() for home in _homes(package))
-    yield from (folder for folder in folders if folder.is_dir())
+    return [*_GIVEN, *(folder for folder in folders if folder.is_dir())]
 
 
 def split_config_dir(arguments: Sequence[str]) -> tuple[str | None, list[str]]:

@@ -1,7 +1,7 @@
 """What ``--help`` and ``--version`` print: the commands, and the keys that a task reads."""
 
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
@@ -99,7 +99,7 @@ def _listing(config: DictConfig, conf: Path, keys: dict[str, Key]) -> str:
     for group, options in config_groups(conf).items():
         root, _, rest = PARTS.get(group, group).partition("/")
         if root in sections and (root != "experiment" or not rest):
-            lines += _wrapped(f"{group}=", " | ".join(options))
+            lines += _wrapped(" | ".join(options), f"  {group}=", "      ")
     lines += ["", "Keys and their values (change any by key=value):"]
     before = None
     for name, key in keys.items():
@@ -108,14 +108,12 @@ def _listing(config: DictConfig, conf: Path, keys: dict[str, Key]) -> str:
         before = section
         line = f"{name}={_value(config, name)}"
         lines.append(line if len(line) <= WIDTH else f"{line[: WIDTH - 4]} ...")
-        lines += textwrap.wrap(
-            key.meaning + _limits(key), WIDTH, initial_indent="    ", subsequent_indent="    "
-        )
+        lines += _wrapped(key.meaning + _limits(key), "    ", "    ")
     return "\n".join(lines)
 
 
-def _wrapped(head: str, text: str) -> Iterable[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=f"  {head}", subsequent_indent="      ")
+def _wrapped(text: str, first: str, others: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others)
 
 
 def _limits(key: Key) -> str:

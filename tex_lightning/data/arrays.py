@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from torch import Tensor
 
-from tex_lightning.data.decode import LARGEST, Photo, PhotoDecoder, to_size, usable_samples
+from tex_lightning.data.decode import Photo, PhotoDecoder, check_samples, to_size
 from tex_lightning.data.trace_files import axes_first
 from tex_lightning.errors import UserError
 
@@ -33,12 +33,7 @@ def as_trace(given: Any, key: str = "haptic") -> npt.NDArray[np.floating]:  # no
             f"{key} has the shape {array.shape}; give (samples,), (axes, samples) or (samples, "
             "axes) with one or three axes and at least one sample."
         )
-    if not (usable := usable_samples(trace)).all():
-        first = int(np.flatnonzero(~usable)[0])
-        raise UserError(
-            f"{key} holds NaN, infinity or a number beyond {LARGEST:g} at sample {first}; repair "
-            "the recording."
-        )
+    check_samples(trace, key)
     return trace
 
 

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -66,13 +67,14 @@ class InputBank(Bank):
         return {"input": self.flat[..., torch.from_numpy(columns)].movedim(-2, 0)}
 
 
+@dataclass
 class PhotoBank(Bank):
     """Square crops of stored photos.
 
     A crop is copied row by row out of a memory map, in a loop over the samples: for photos of any
     size that was faster than one indexing step over all of them, which needs an index per pixel.
 
-    Args:
+    Attributes:
         recordings: Of photos.
         store: Decoded files.
         side: Of a crop in pixels.
@@ -80,20 +82,13 @@ class PhotoBank(Bank):
         augmentation: What becomes of a crop after it is cut; None leaves it.
     """
 
-    def __init__(
-        self,
-        recordings: Sequence[Recording],
-        store: Store,
-        side: int,
-        rotation: float,
-        augmentation: Augmentation | None = None,
-    ) -> None:
-        self.rotation = rotation
-        self.augmentation = augmentation
-        self.recordings = recordings
-        self.store = store
-        self.side = side
-        self.maps: dict[int, Photo] = {}  # opened on first use, each loader process its own
+    recordings: Sequence[Recording]
+    store: Store
+    side: int
+    rotation: float
+    augmentation: Augmentation | None = None
+    # opened on first use, each loader process its own
+    maps: dict[int, Photo] = field(default_factory=dict, init=False)
 
     def photo(self, index: int) -> Photo:
         """The memory map of a photo; finding it again costs more than copying a crop."""

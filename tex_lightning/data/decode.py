@@ -3,7 +3,6 @@
 A checkpoint carries the settings used here, so prediction decodes as training did.
 """
 
-import logging
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -21,8 +20,6 @@ from tex_lightning.data.rates import SourceRate, source_rate
 from tex_lightning.data.trace_files import TRACE_SUFFIXES, read_axes
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
-
-log = logging.getLogger(__name__)
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
@@ -85,7 +82,21 @@ class SignalDecoder(Decoder):
     precision: ClassVar[str] = ".3g"
 
     def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, SourceRate]:
-        """As :func:`decode_trace`, and the rate of the file."""
+        """Read a trace of one or three axes and bring it to the configured rate.
+
+        Args:
+            path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a
+                line; one of three files with an axis each stands for all
+                (:func:`.trace_files.axis_files`).
+            rate: Rate of this file in Hz if the manifest or the reader knows it; see :mod:`.rates`.
+
+        Returns:
+            float32 array of shape (axes, samples), axes 1 or 3, in the file's unit; its own rate.
+
+        Raises:
+            UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
+                its rate is told differently in two places.
+        """
         samples, source = read_trace(path, self, rate)
         said = f"Trace {path}" if source.source != "assumed" else f"Trace {path}, by assumption,"
         return to_rate(samples, source.hz, self.sampling_rate, said), source
@@ -124,43 +135,16 @@ class PhotoDecoder(Decoder):
         return float(array.shape[0] * array.shape[1] / 1e6)
 
 
-def decode_trace(path: Path, settings: SignalDecoder, rate: float | None = None) -> Trace:
-    """Read a trace of one or three axes and bring it to the configured rate.
-
-    Args:
-        path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a line;
-            one of three files with an axis each stands for all (:func:`.trace_files.axis_files`).
-        settings: Target rate and the rate of files that carry none.
-        rate: Rate of this file in Hz if the manifest or the reader knows it; see :mod:`.rates`.
-
-    Returns:
-        float32 array of shape (axes, samples), axes 1 or 3, in the file's unit.
-
-    Raises:
-        UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
-            its rate is told differently in two places.
-    """
-    trace, source = settings.decode(path, rate)
-    if source.interpolated:
-        log.info("Trace %s has uneven times; it is interpolated to %.6g Hz.", path, source.hz)
-    return trace
-
-
 def read_trace(
     path: Path, settings: SignalDecoder, rate: float | None = None
 ) -> tuple[npt.NDArray[np.floating], SourceRate]:
     """Read a trace as it stands in its file: samples (axes, samples) and their rate.
 
-    Arguments and errors are those of :func:`decode_trace`.
+    Arguments and errors are those of :meth:`SignalDecoder.decode`.
     """
     raw = read_axes(path)
-    trace = raw.samples
-    if not (usable := usable_samples(trace)).all():
-        first = int(np.flatnonzero(~usable)[0])
-        raise UserError(
-            f"Trace {path} holds NaN, infinity or a huge number at sample {first}; repair the file."
-        )
-    return trace, source_rate(path, raw, rate, settings.file_rate)
+    check_samples(raw.samples, f"Trace {path}")
+    return raw.samples, source_rate(path, raw, rate, settings.file_rate)
 
 
 def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
@@ -269,6 +253,20 @@ def halve(photo: Photo) -> Photo:
         small = kornia.geometry.transform.rescale(pixels, 0.5, antialias=False)
         half[top // 2 : top // 2 + small.shape[2]] = small[0].add_(0.5).byte().permute(1, 2, 0)
     return half
+
+
+def check_samples(trace: npt.NDArray[np.floating], name: str) -> None:
+    """Refuse a trace (axes, samples) with a number that no sensor gives.
+
+    Raises:
+        UserError: Beginning with ``name``.
+    """
+    usable = usable_samples(trace)
+    if not usable.all():
+        raise UserError(
+            f"{name} holds NaN, infinity or a number beyond {LARGEST:g} at sample "
+            f"{usable.argmin()}; repair the recording."
+        )
 
 
 def usable_samples(trace: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from tex_lightning.data.tables import read_table
-from tex_lightning.data.trace_files import RawTrace, axis_paths, same_rate
+from tex_lightning.data.time_column import RawTrace
+from tex_lightning.data.trace_files import axis_paths, same_rate
 from tex_lightning.errors import UserError
 
 RATES_TABLE = "rates.csv"

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from tex_lightning.config.check_ranges import nearest
 from tex_lightning.data.rates import names_rate, positive_number
 from tex_lightning.data.tables import read_table
 from tex_lightning.errors import UserError
@@ -201,13 +202,12 @@ def _unknown_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
 def _check_distinct(path: Path, rows: list[Recording]) -> None:
     """Refuse a file that is listed twice: in two groups it would be trained and tested on."""
     first: dict[Path, int] = {}
-    for number, row in enumerate(rows, start=2):
-        if row.path in first:
+    for number, row in enumerate(rows, start=1):
+        if first.setdefault(row.path, number) != number:
             raise UserError(
-                f"Manifest {path} lists {row.path} in record {first[row.path] - 1} and in record "
-                f"{number - 1}; keep one of them."
+                f"Manifest {path} lists {row.path} in record {first[row.path]} and in record "
+                f"{number}; keep one of them."
             )
-        first[row.path] = number
 
 
 def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
@@ -217,10 +217,9 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
         raise UserError(f"{where}: label or path is empty; fill both in.")
     near = difflib.get_close_matches(modality, MODALITIES, n=1)
     if not modality.isidentifier() or (near and modality not in MODALITIES):
-        hint = f" (did you mean {near[0]}?)" if near else ""
         raise UserError(
-            f"{where}: modality is {modality!r}{hint}; write {', '.join(MODALITIES)} or one word "
-            "of your own."
+            f"{where}: modality is {modality!r}{nearest(modality, MODALITIES)}; write "
+            f"{', '.join(MODALITIES)} or one word of your own."
         )
     try:
         group = int(line["group"])

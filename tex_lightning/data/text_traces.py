@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tex_lightning.data.time_column import Timed, separate_time
+from tex_lightning.data.time_column import RawTrace, separate_time
 
 MARKS = ("#", "%")
 MAX_HEADER = 2  # names and units
 
 
-def read_text_trace(path: Path) -> Timed:
+def read_text_trace(path: Path) -> RawTrace:
     """Read the columns of a text file and take its column of time out of them.
 
     Raises:
@@ -64,12 +64,8 @@ def _divide(text: str) -> tuple[list[str], list[str], list[str]]:
 
 
 def _is_numbers(line: str) -> bool:
-    return all(_is_number(field) for field in re.split(r"[;,\s]+", line) if field)
-
-
-def _is_number(field: str) -> bool:
     try:
-        float(field)
+        [float(field) for field in re.split(r"[;,\s]+", line) if field]
     except ValueError:
         return False
     return True

@@ -24,23 +24,25 @@ Array = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True)
-class Timed:
-    """Samples and what their times say.
+class RawTrace:
+    """A trace as it stands in its file or files.
 
     Attributes:
-        samples: (samples,), or 2-D with an axis in each column or, with times, in each row.
-        rate: In Hz by the times, if there are any.
+        samples: (axes, samples); of a text file that has no times, in any order.
+        rate: In Hz if the file carries it, else None.
+        timed: Whether a column of time gave the rate, and not a header.
         interpolated: Whether the times were uneven, so that samples were interpolated.
     """
 
     samples: Array
     rate: float | None = None
+    timed: bool = False
     interpolated: bool = False
 
 
 def separate_time(
     path: Path, columns: Array, names: list[str] | None, units: list[str] | None
-) -> Timed:
+) -> RawTrace:
     """Take the column of time out of a table and derive the rate from it.
 
     Args:
@@ -57,7 +59,7 @@ def separate_time(
     if found is None:
         found = _unnamed_time(path, columns, names[0] if names else "")
     if found is None:
-        return Timed(columns[:, 0] if columns.shape[1] == 1 else columns)
+        return RawTrace(columns[:, 0] if columns.shape[1] == 1 else columns)
     index, unit = found
     axes = np.delete(columns, index, axis=1).T
     if len(axes) not in (1, 3):
@@ -68,7 +70,7 @@ def separate_time(
     if not even:
         grid = columns[0, index] + np.arange(len(columns)) * step / (unit or 1)
         axes = np.stack([np.interp(grid, columns[:, index], axis) for axis in axes])
-    return Timed(axes, 1 / step, not even)
+    return RawTrace(axes, 1 / step, timed=True, interpolated=not even)
 
 
 def _named_time(

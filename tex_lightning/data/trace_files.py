@@ -2,7 +2,7 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy.typing as npt
 import soundfile
 
 from tex_lightning.data.text_traces import read_text_trace
+from tex_lightning.data.time_column import RawTrace
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
 
@@ -17,23 +18,6 @@ SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
 TRACE_SUFFIXES = (*SOUND_SUFFIXES, ".npy", ".txt", ".csv")
 RATE_TOLERANCE = 0.01
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
-
-
-@dataclass(frozen=True)
-class RawTrace:
-    """A trace as it stands in its file or files.
-
-    Attributes:
-        samples: (axes, samples).
-        rate: In Hz if the file carries it, else None.
-        timed: Whether a column of time gave the rate, and not a header.
-        interpolated: Whether the times were uneven, so that samples were interpolated.
-    """
-
-    samples: npt.NDArray[np.floating]
-    rate: float | None = None
-    timed: bool = False
-    interpolated: bool = False
 
 
 def axis_paths(path: Path) -> tuple[Path, ...]:
@@ -92,12 +76,8 @@ def read_axes(path: Path) -> RawTrace:
     if not all(same_rate(rate, rates[0]) for rate in rates):
         told = ", ".join(f"{rate:,.6g} Hz" if rate else "none" for rate in rates)
         raise UserError(f"The axes X, Y, Z of trace {path} have the rates {told}; make them equal.")
-    return RawTrace(
-        np.concatenate([axis.samples for axis in axes]),
-        axes[0].rate,
-        axes[0].timed,
-        any(axis.interpolated for axis in axes),
-    )
+    samples = np.concatenate([axis.samples for axis in axes])
+    return replace(axes[0], samples=samples, interpolated=any(axis.interpolated for axis in axes))
 
 
 def same_rate(one: float, other: float) -> bool:
@@ -113,24 +93,25 @@ def _read_file(path: Path) -> RawTrace:
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
             return RawTrace(_as_axes(path, samples), float(rate))
         if suffix == ".npy":
-            return RawTrace(_as_axes(path, _numeric(_read_array(path))))
+            return RawTrace(_as_axes(path, _read_array(path)))
         if suffix in (".txt", ".csv"):
             text = read_text_trace(path)
-            samples = _as_axes(path, text.samples)
-            return RawTrace(samples, text.rate, text.rate is not None, text.interpolated)
+            return replace(text, samples=_as_axes(path, text.samples))
     except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
         raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
 
 
-def _read_array(path: Path) -> npt.NDArray[np.generic]:
+def _read_array(path: Path) -> npt.NDArray[np.float64]:
     try:
         array = np.load(path, allow_pickle=False)
     except ValueError as error:  # whose own words propose to load it unsafely
         raise ValueError("it is no whole array of numbers as np.save writes it") from error
     if not isinstance(array, np.ndarray):
         raise ValueError("it is an .npz archive; save one array with np.save")
-    return array
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"it holds {array.dtype} instead of numbers")
+    return array.astype(np.float64)
 
 
 def _check_wav_length(path: Path) -> None:
@@ -148,12 +129,6 @@ def _check_wav_length(path: Path) -> None:
                     raise ValueError(f"truncated: {missing} of {length} bytes are missing")
                 return
             stream.seek(length + length % 2, 1)
-
-
-def _numeric(array: npt.NDArray[np.generic]) -> npt.NDArray[np.floating]:
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"it holds {array.dtype} instead of numbers")
-    return array.astype(np.float64)
 
 
 def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

@@ -41,18 +41,13 @@ class Setting:
     relative_macs: float
     fragments: float
 
-    @property
-    def place(self) -> tuple[str, str, float]:
-        """Network, knob and value."""
-        return self.network, self.knob, self.value
-
 
 def pool(settings: Iterable[Setting]) -> list[Setting]:
     """Add up the same thresholds over folds."""
     pooled: dict[tuple[str, str, float], Setting] = {}
     for new in settings:
-        old = pooled.get(new.place)
-        pooled[new.place] = new if old is None else _sum(old, new)
+        key = (new.network, new.knob, new.value)
+        pooled[key] = _sum(pooled[key], new) if key in pooled else new
     return list(pooled.values())
 
 

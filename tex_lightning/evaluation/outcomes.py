@@ -110,7 +110,8 @@ def wilson_interval(correct: int, count: int) -> list[float]:
 def write_outcomes(outcomes: Sequence[Outcome], path: Path) -> None:
     """Write one line per test sample as CSV: its files by modality, then the rest."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    lines = [{**each.files, **_rest(each)} for each in outcomes]
+    facts = [dict(vars(each)) for each in outcomes]
+    lines = [{**each.pop(FILES), **each} for each in facts]
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, lines[0], lineterminator="\n")
         writer.writeheader()
@@ -127,10 +128,6 @@ def read_outcomes(path: Path) -> list[Outcome]:
             rest: dict[str, Any] = {name: kind(line[name]) for name, kind in types.items()}  # type: ignore[operator]
             outcomes.append(Outcome(files=files, **rest))
     return outcomes
-
-
-def _rest(outcome: Outcome) -> dict[str, Any]:
-    return {name: value for name, value in vars(outcome).items() if name != FILES}
 
 
 def write_results(path: Path, results: dict[str, Any]) -> None:
@@ -156,8 +153,6 @@ def environment(device: torch.device) -> dict[str, Any]:
 
 def _cpu_name() -> str:
     info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, "") or platform.processor() or platform.machine()

@@ -161,7 +161,9 @@ def _ladders(subject: Subject, engine: EngineConfig) -> Iterator[Ladder]:
     yield Ladder("classes", name, "label", CLASSES, classes)
     yield Ladder("windows in a batch", name, "network", BATCH, batch)
     if device.type == "cpu":
-        yield Ladder("threads", name, "label", _thread_counts(), threads)
+        cores = os.cpu_count() or 1
+        counts = tuple(sorted({2**power for power in range(cores.bit_length())} | {cores}))
+        yield Ladder("threads", name, "label", counts, threads)
 
 
 def _noise(subject: Subject, value: float) -> Tensor:
@@ -199,11 +201,6 @@ def _on_threads(function: Callable[[], object], count: int) -> Callable[[], obje
             torch.set_num_threads(before)
 
     return run
-
-
-def _thread_counts() -> tuple[float, ...]:
-    cores = os.cpu_count() or 1
-    return tuple(sorted({2**power for power in range(cores.bit_length())} | {cores}))
 
 
 def _pairs_ladder(subjects: list[Subject], card: Card, engine: EngineConfig) -> Ladder:

@@ -12,7 +12,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import torch
+from torch import Tensor
 
+from tex_lightning.branches import Branch
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
@@ -67,9 +69,7 @@ def _resident_peak(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], threads: int
 ) -> float | None:
     torch.set_num_threads(threads)
-    classifier = accelerate(SurfaceClassifier(card).eval(), engine)
-    branch = only_branch(classifier)
-    x = like_weights(branch.network, torch.randn(shape))
+    branch, x = _prepared(card, engine, shape, torch.device("cpu"))
     height, width = branch.window_size
     with torch.inference_mode():
         # the libraries' own beginnings are no part of the figure
@@ -84,20 +84,24 @@ def _resident_peak(
 
 
 def _kib(key: str) -> int:
-    for line in STATUS.read_text(encoding="ascii").splitlines():
-        if line.startswith(f"{key}:"):
-            return int(line.split()[1])
-    raise RuntimeError(f"{STATUS} has no {key}")
+    lines = STATUS.read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(f"{key}:"))
 
 
 def _cuda_peak(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
 ) -> float:
-    classifier = accelerate(SurfaceClassifier(card).eval().to(device), engine)
-    branch = only_branch(classifier)
-    x = like_weights(branch.network, torch.randn(shape))
+    branch, x = _prepared(card, engine, shape, device)
     with torch.inference_mode():
         torch.cuda.reset_peak_memory_stats(device)
         before = torch.cuda.memory_allocated(device)
         branch.dense(x, "fc3")
     return (torch.cuda.max_memory_allocated(device) - before) / 2**20
+
+
+def _prepared(
+    card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
+) -> tuple[Branch, Tensor]:
+    """The branch of an accelerated classifier, and an input."""
+    branch = only_branch(accelerate(SurfaceClassifier(card).eval().to(device), engine))
+    return branch, like_weights(branch.network, torch.randn(shape))

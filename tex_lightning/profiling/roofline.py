@@ -93,14 +93,6 @@ def layers(fast: Pass, original: Pass, rate: float, repeats: int) -> list[Layer]
     return found
 
 
-def _leaves(network: nn.Module) -> dict[str, nn.Module]:
-    return {
-        name: module
-        for name, module in network.named_modules()
-        if not list(module.children()) and not isinstance(module, SILENT)
-    }
-
-
 def _layer_macs(counted: Pass) -> dict[str, int]:
     """Multiply-accumulates of every leaf module, by name."""
     totals: dict[str, int] = {}
@@ -146,9 +138,10 @@ def _with_hooks(
     function: Callable[[], object],
 ) -> None:
     handles = []
-    for name, leaf in _leaves(network).items():
-        handles.append(leaf.register_forward_pre_hook(partial(before, name)))
-        handles.append(leaf.register_forward_hook(partial(after, name)))
+    for name, module in network.named_modules():
+        if not list(module.children()) and not isinstance(module, SILENT):
+            handles.append(module.register_forward_pre_hook(partial(before, name)))
+            handles.append(module.register_forward_hook(partial(after, name)))
     try:
         function()
     finally:

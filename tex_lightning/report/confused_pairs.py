@@ -40,7 +40,8 @@ def pairs_figure(
         for place, label in enumerate(pair.classes):
             own = axes[place * count : (place + 1) * count]
             for panel, (modality, branch) in zip(own, by_modality.items(), strict=True):
-                _draw(panel, Path(first[label].files[modality]), branch)
+                array, _ = branch.decoder.decode(Path(first[label].files[modality]))
+                DRAWN[branch.medium](panel, torch.from_numpy(array), branch)
             own[0].set_title(label, fontsize=8)
         axes[0].set_ylabel(
             f"confused by {pair.confused_by}\n({pair.confusion:.0%}, "
@@ -48,11 +49,6 @@ def pairs_figure(
             fontsize=8,
         )
     return figure
-
-
-def _draw(axes: Axes, file: Path, branch: Branch) -> None:
-    array, _ = branch.decoder.decode(file)
-    DRAWN[branch.medium](axes, torch.from_numpy(array), branch)
 
 
 def _draw_signal(axes: Axes, recording: Tensor, branch: Branch) -> None:

@@ -141,15 +141,12 @@ def _confusions(directory: Path, systems: Sequence[System]) -> str:
     """Fragments by class, as in the paper's figures of HapticNet, VisualNet and FusionNet."""
     lines = []
     for system in _networks(systems):
-        counts = fragment_counts(system.outcomes, system.classes)
-        name, total = system.model, f"{len(system.outcomes)} test samples"
+        name, classes = system.model, system.classes
+        counts = fragment_counts(system.outcomes, classes)
+        heading = f"{name}: fragments of {len(system.outcomes)} test samples"
         figures = {
-            "fragment_confusion": confusion_figure(
-                counts, system.classes, f"{name}: fragments of {total}"
-            ),
-            "fragment_accuracy": class_accuracy_figure(
-                counts, system.classes, f"{name}: fragments of {total}", "fragment"
-            ),
+            "fragment_confusion": confusion_figure(counts, classes, heading),
+            "fragment_accuracy": class_accuracy_figure(counts, classes, heading, "fragment"),
         }
         for title, figure in figures.items():
             file = Path("figures") / f"{name}_{title}.png"

@@ -1,8 +1,10 @@
 """Figures, drawn without a display and closed by whoever saves them."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from torch import Tensor, nn
@@ -16,21 +18,32 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     """Confusion matrix, rows normalised to 1; counts are written in where they are legible."""
     size = min(4.5 + 0.28 * len(classes), 22)
     figure = Figure(figsize=(size, size), layout="constrained")
-    axes = figure.subplots()
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    image = axes.imshow(shares, vmin=0, vmax=1, cmap="viridis")
-    places = np.arange(len(classes))
-    axes.set_xticks(places, classes, rotation=90, fontsize=7)
-    axes.set_yticks(places, classes, fontsize=7)
-    if len(classes) <= 30:
-        for row, column in zip(*np.nonzero(counts), strict=True):
-            colour = "black" if shares[row, column] > 0.6 else "white"
-            axes.text(
-                column, row, counts[row, column], ha="center", va="center", fontsize=7, color=colour
-            )
+    shown = np.argwhere(counts).tolist() if len(classes) <= 30 else []
+    texts = {(row, column): str(counts[row, column]) for row, column in shown}
+    axes = draw_shares(figure, shares, classes, classes, texts, "share of the true class")
     axes.set(xlabel="predicted", ylabel="true", title=title)
-    figure.colorbar(image, ax=axes, shrink=0.7, label="share of the true class")
     return figure
+
+
+def draw_shares(
+    figure: Figure,
+    shares: npt.NDArray[np.float64],
+    rows: Sequence[str],
+    columns: Sequence[str],
+    texts: Mapping[tuple[int, int], str],
+    label: str,
+) -> Axes:
+    """Colours for a table of shares from 0 to 1 (rows, columns), and texts in some of its cells."""
+    axes = figure.subplots()
+    image = axes.imshow(shares, vmin=0, vmax=1, cmap="viridis", aspect="auto")
+    axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+    axes.set_yticks(range(len(rows)), rows, fontsize=7)
+    for (row, column), text in texts.items():
+        colour = "black" if shares[row, column] > 0.6 else "white"
+        axes.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
+    figure.colorbar(image, ax=axes, shrink=0.6, label=label)
+    return axes
 
 
 def class_accuracy_figure(
@@ -50,8 +63,8 @@ def class_accuracy_figure(
 
 def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: nn.Module) -> Figure:
     """Network inputs (count, bands, frames) of signals side by side."""
-    figure, grid = _grid(len(titles))
-    for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=False):
+    figure, grid = make_grid(len(titles), 4, (3, 2.4))
+    for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=True):
         across, upwards = draw_spectrogram(axes, spectrogram, features)
         axes.set_title(title, fontsize=7)
         axes.set(xlabel=across, ylabel=upwards)
@@ -78,9 +91,9 @@ def draw_spectrogram(axes: Axes, spectrogram: Tensor, features: nn.Module) -> tu
 
 def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
     """Normalised patches (count, 3, height, width) side by side, in their own colours."""
-    figure, grid = _grid(len(titles))
+    figure, grid = make_grid(len(titles), 4, (3, 2.4))
     pixels = patches.permute(0, 2, 3, 1).numpy() * np.array(STD) + np.array(MEAN)
-    for axes, patch, title in zip(grid, pixels.clip(0, 1), titles, strict=False):
+    for axes, patch, title in zip(grid, pixels.clip(0, 1), titles, strict=True):
         axes.imshow(patch)
         axes.set_title(title, fontsize=7)
         axes.set_axis_off()
@@ -93,8 +106,14 @@ def save_figure(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def _grid(count: int) -> tuple[Figure, list[Axes]]:
-    columns = min(count, 4)
+def make_grid(
+    count: int, most: int, size: tuple[float, float], *, sharey: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """A figure of ``count`` charts of a ``size`` in inches, at ``most`` so many in a row."""
+    columns = min(count, most)
     rows = -(-count // columns)
-    figure = Figure(figsize=(3 * columns, 2.4 * rows), layout="constrained")
-    return figure, list(np.atleast_1d(figure.subplots(rows, columns)).ravel())
+    figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    grid = list(figure.subplots(rows, columns, squeeze=False, sharey=sharey).ravel())
+    for axes in grid[count:]:
+        axes.set_axis_off()
+    return figure, grid[:count]

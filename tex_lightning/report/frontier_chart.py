@@ -9,13 +9,13 @@ from typing import Any
 
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
-from rich.table import Table
 
 from tex_lightning.config.model import FUSION
 from tex_lightning.files import write_atomically
 from tex_lightning.progress import console
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
+from tex_lightning.report.table import make_table
 
 log = logging.getLogger(__name__)
 
@@ -80,8 +80,7 @@ def write_frontier(points: Sequence[Point], path: Path) -> None:
             names = [entry.name for entry in fields(Point)]
             writer = csv.DictWriter(stream, names, lineterminator="\n")
             writer.writeheader()
-            for point in sorted(points, key=lambda item: item.latency_ms_median):
-                writer.writerow(asdict(point))
+            writer.writerows(map(asdict, _by_latency(points)))
 
     write_atomically(path, write)
 
@@ -101,8 +100,7 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
     """Accuracy with intervals over latency (log axis); dominated systems are grey.
 
     The procedure that chooses is a hollow diamond. Points bear numbers, from the quickest on, and a
-    list beside them says whose they are: names
-    would cover each other where systems are alike.
+    list beside them says whose they are: names would cover each other where systems are alike.
     """
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplots()
@@ -217,11 +215,8 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
 
 def print_frontier(points: Sequence[Point], directory: Path, command: str) -> None:
     """Print one line per point, quickest first, and how to train the chosen system."""
-    table = Table(title="frontier")
-    for heading in ("system", "votes", "95 % interval"):
-        table.add_column(heading)
-    for heading in ("chosen in folds", "ms", "p95", "fit s", "parameters"):
-        table.add_column(heading, justify="right")
+    figures = ["chosen in folds", "ms", "p95", "fit s", "parameters"]
+    table = make_table("frontier", ["system", "votes", "95 % interval"], figures)
     for point in _by_latency(points):
         mark = " (chosen)" if point.chosen else ""
         table.add_row(
@@ -233,18 +228,12 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
             f"{point.latency_ms_p95:.1f}",
             f"{point.fit_seconds:.1f}",
             "" if point.parameters is None else f"{point.parameters:,}",
-            style=_style(point),
+            style="bold" if point.kind == PROCEDURE else None if point.on_frontier else "dim",
         )
     console.print(table)
     for line in (*_remarks(points), f"Train the chosen one with: {command}"):
         console.print(line, soft_wrap=True, highlight=False)
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
-
-
-def _style(point: Point) -> str | None:
-    if point.kind == PROCEDURE:
-        return "bold"
-    return None if point.on_frontier else "dim"
 
 
 def _remarks(points: Sequence[Point]) -> Iterator[str]:

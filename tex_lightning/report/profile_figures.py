@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from tex_lightning.profiling.growth import Point
+from tex_lightning.report.figures import make_grid
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.profile_table import WAYS, Network
 
@@ -29,26 +30,19 @@ def ways_figure(name: str, network: Network) -> Figure:
             bars.append((f"paper: {title}, {paper['device']}", paper[name][f"{key}_ms"], "#bbbbbb"))
     figure = Figure(figsize=(8, 0.4 * len(bars) + 1.2), layout="constrained")
     axes = figure.subplots()
-    _bars(axes, bars)
+    titles, values, colours = zip(*bars, strict=True)
+    drawn = axes.barh(np.arange(len(bars)), values, color=colours)
+    shown = [f"{value:,.0f}" if value >= 100 else f"{value:.3g}" for value in values]
+    axes.bar_label(drawn, shown, padding=3, fontsize=8)
+    axes.set_yticks(np.arange(len(bars)), titles, fontsize=8)
+    axes.margins(x=0.2)
+    axes.invert_yaxis()
     axes.set(
         xscale="log",
         xlabel="median ms",
         title=f"{name}: {network['windows']} windows or one dense pass",
     )
     return figure
-
-
-def _bars(axes: Axes, bars: Sequence[tuple[str, float, str]]) -> None:
-    titles, values, colours = zip(*bars, strict=True)
-    drawn = axes.barh(np.arange(len(bars)), values, color=colours)
-    axes.bar_label(drawn, [_plain(value) for value in values], padding=3, fontsize=8)
-    axes.set_yticks(np.arange(len(bars)), titles, fontsize=8)
-    axes.margins(x=0.2)
-    axes.invert_yaxis()
-
-
-def _plain(value: float) -> str:
-    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def layers_figure(name: str, network: Network) -> Figure:
@@ -74,14 +68,9 @@ def growth_figure(points: Sequence[Point]) -> Figure:
     names = list(dict.fromkeys(point.axis for point in done))
     networks = dict.fromkeys(point.network for point in done)
     colours = dict(zip(networks, cycle(COLOURS), strict=False))
-    columns = min(3, len(names))
-    rows = -(-len(names) // columns)
-    figure = Figure(figsize=(4 * columns, 3.2 * rows), layout="constrained")
-    grid = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-    for axes, name in zip(grid, names, strict=False):
+    figure, grid = make_grid(len(names), 3, (4, 3.2))
+    for axes, name in zip(grid, names, strict=True):
         _growth_panel(axes, name, [point for point in done if point.axis == name], colours)
-    for axes in grid[len(names) :]:
-        axes.set_axis_off()
     return figure
 
 

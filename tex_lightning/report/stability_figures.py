@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tex_lightning.perturbations.table import SEVERITIES
+from tex_lightning.report.figures import draw_shares, make_grid
 from tex_lightning.stability.trial import Trial
 
 COLUMNS = 5  # of small charts
@@ -33,19 +34,12 @@ def heat_map(trials: Sequence[Trial]) -> Figure:
     shares = np.full((len(names), len(systems)), np.nan)
     for (row, column), values in cells.items():
         shares[names.index(row), systems.index(column)] = np.mean(values)
-    figure = Figure(
-        figsize=(3.5 + 0.9 * len(systems), 2.5 + 0.2 * len(names)), layout="constrained"
-    )
-    axes = figure.subplots()
-    image = axes.imshow(shares, vmin=0, vmax=1, cmap="viridis", aspect="auto")
-    axes.set_xticks(range(len(systems)), systems, rotation=45, ha="right", fontsize=7)
-    axes.set_yticks(range(len(names)), names, fontsize=7)
-    for row, column in np.argwhere(~np.isnan(shares)).tolist():
-        share = shares[row, column]
-        colour = "black" if share > 0.6 else "white"
-        axes.text(column, row, f"{share:.0%}", ha="center", va="center", fontsize=6, color=colour)
+    size = (3.5 + 0.9 * len(systems), 2.5 + 0.2 * len(names))
+    figure = Figure(figsize=size, layout="constrained")
+    found = np.argwhere(~np.isnan(shares)).tolist()
+    texts = {(row, column): f"{shares[row, column]:.0%}" for row, column in found}
+    axes = draw_shares(figure, shares, names, systems, texts, "vote accuracy")
     axes.set_title("votes, mean of severities 1 to 5", fontsize=9)
-    figure.colorbar(image, ax=axes, shrink=0.5, label="vote accuracy")
     return figure
 
 
@@ -53,12 +47,8 @@ def curves(trials: Sequence[Trial], modality: str) -> Figure:
     """One small chart per perturbation, one line per system."""
     names = list(dict.fromkeys(trial.perturbation.name for trial in trials))
     systems = list(dict.fromkeys(trial.system.name for trial in trials))
-    rows = -(-len(names) // COLUMNS)
-    figure = Figure(figsize=(2.6 * COLUMNS, 2.1 * rows + 0.6), layout="constrained")
-    grid = np.atleast_1d(figure.subplots(rows, COLUMNS, sharey=True)).ravel()
-    for axes in grid[len(names) :]:
-        axes.set_axis_off()
-    for axes, name in zip(grid, names, strict=False):
+    figure, grid = make_grid(len(names), COLUMNS, (2.6, 2.3), sharey=True)
+    for axes, name in zip(grid, names, strict=True):
         _curve(axes, [trial for trial in trials if trial.perturbation.name == name], systems)
     handles = [
         grid[0].plot([], [], "o-", color=f"C{place}", markersize=3)[0]

@@ -145,16 +145,12 @@ def _over_folds(overrides: list[str], members: list[Row]) -> Row:
     count = sum(row["test_samples"] for row in members)
     low, high = wilson_interval(correct, count)
     return {
-        "job": f"{len(members)} folds",
-        "overrides": overrides,
-        "status": "done",
-        "network": members[0]["network"],
+        **_over("folds", overrides, members),
         "vote_accuracy": correct / count,
         "ci_low": low,
         "ci_high": high,
         "correct": correct,
         "test_samples": count,
-        "fit_seconds": sum(row["fit_seconds"] for row in members),
     }
 
 
@@ -162,12 +158,18 @@ def _over_seeds(overrides: list[str], members: list[Row]) -> Row:
     """Mean and sample standard deviation; the runs test the same samples, so no count is pooled."""
     accuracies = [row["vote_accuracy"] for row in members]
     return {
-        "job": f"{len(members)} seeds",
+        **_over("seeds", overrides, members),
+        "vote_accuracy": mean(accuracies),
+        "vote_accuracy_sd": stdev(accuracies),
+    }
+
+
+def _over(what: str, overrides: list[str], members: list[Row]) -> Row:
+    return {
+        "job": f"{len(members)} {what}",
         "overrides": overrides,
         "status": "done",
         "network": members[0]["network"],
-        "vote_accuracy": mean(accuracies),
-        "vote_accuracy_sd": stdev(accuracies),
         "fit_seconds": sum(row["fit_seconds"] for row in members),
     }
 

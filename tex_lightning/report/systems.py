@@ -87,10 +87,15 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
         runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
     """
     groups: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
-    asked = {run: _asked(run) for run in runs}
+    same = (*SHARED_KEYS, *FOLD_KEYS)  # keys that leave the system what it is
+    asked = {
+        run: [key for key in run_overrides(run) if key.startswith(PER_CLASS) or not key.startswith(same)]
+        for run in runs
+    }
     shared = set.intersection(*map(set, asked.values())) if asked else set()
     for run in asked:
-        results = _results(run)
+        file = run / "results.json"
+        results = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
         networks = results.get("networks", {})
         for kind, entry in networks.items():
             if "vote_accuracy" in entry:
@@ -119,14 +124,6 @@ def _named(source: str) -> str:
     return str(path if path.suffix == SUFFIX else path.name)
 
 
-def _results(run: Path) -> dict[str, Any]:
-    path = run / "results.json"
-    if not path.is_file():
-        return {}
-    results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return results
-
-
 def run_data(run: Path) -> dict[str, Any]:
     """The section ``data`` of a run's configuration; empty where it is not kept."""
     path = run / ".hydra" / "config.yaml"
@@ -134,13 +131,6 @@ def run_data(run: Path) -> dict[str, Any]:
         return {}
     data: dict[str, Any] = OmegaConf.to_container(OmegaConf.load(path).data)  # type: ignore[assignment]
     return data
-
-
-def _asked(run: Path) -> list[str]:
-    """Overrides that change the system, not the data, the folds or where the run lands."""
-    kept = (*SHARED_KEYS, *FOLD_KEYS)
-    asked = [item for item in run_overrides(run) if not item.startswith(kept)]
-    return asked + [item for item in run_overrides(run) if item.startswith(PER_CLASS)]
 
 
 def _pool(key: tuple[str, ...], members: list[tuple[Path, dict[str, Any]]]) -> System:

@@ -51,14 +51,17 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
     """One table; empty where nothing in it was run."""
     if not systems:
         return ""
-    paper = _paper_rows(name)
+    # the paper's table; one without rows of a sense that it does not have
+    paper = paper_table(name) or {"title": f"{name.capitalize()} classification", "rows": []}
     best = max(systems, key=lambda system: summarise(system.outcomes)["vote_accuracy"])
     order = [row["model"] for row in paper["rows"]]
     lines = []
     for row in paper["rows"]:
         found = [item for item in systems if item.model == row["model"] and not item.inside]
         if not found and complete and ("vote" in row or "fragment" in row):
-            lines.append(_missing(row))
+            votes, fragments = _percent(row.get("vote")), _percent(row.get("fragment"))
+            start = [row["label"], votes, NOT_RUN, NONE, NONE, fragments, NOT_RUN]
+            lines.append([*start, *[NONE] * (len(HEADINGS) - len(start))])
         lines += [_line(row, item, best) for item in found]
     for item in systems:
         if item.inside or item.model not in order:
@@ -76,11 +79,6 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
             *markdown(HEADINGS, lines),
         ]
     )
-
-
-def _paper_rows(name: str) -> dict[str, Any]:
-    """The paper's table; one without rows of a sense that it does not have."""
-    return paper_table(name) or {"title": f"{name.capitalize()} classification", "rows": []}
 
 
 def seeds_table(systems: Sequence[System]) -> str:
@@ -135,11 +133,6 @@ def _line(row: dict[str, Any], system: System, best: System) -> list[str]:
     ]
 
 
-def _missing(row: dict[str, Any]) -> list[str]:
-    cells = [row["label"], _percent(row.get("vote")), NOT_RUN, NONE, NONE]
-    return [*cells, _percent(row.get("fragment")), NOT_RUN, NONE, NONE, NONE]
-
-
 def _percent(value: float | None) -> str:
     return NONE if value is None else f"{value:g} %"
 
@@ -164,18 +157,17 @@ def markdown(headings: Sequence[str], lines: list[list[str]]) -> list[str]:
 def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
     """The paper's profiling table beside ours, by name of the network."""
     paper = paper_table("profiling")
-    lines = []
-    for name, ours in networks.items():
-        lines.append(
-            [
-                name,
-                *_paper_times(paper.get(ours["kind"])),
-                f"{ours['sliding_window_ms']:.1f} / {ours['fcn_ms']:.1f}",
-                f"{ours['speedup']:.1f}x",
-                f"{ours['speedup_same_engine']:.1f}x",
-                f"{ours['label_agreement']:.1%}",
-            ]
-        )
+    lines = [
+        [
+            name,
+            *_paper_times(paper.get(ours["kind"])),
+            f"{ours['sliding_window_ms']:.1f} / {ours['fcn_ms']:.1f}",
+            f"{ours['speedup']:.1f}x",
+            f"{ours['speedup_same_engine']:.1f}x",
+            f"{ours['label_agreement']:.1%}",
+        ]
+        for name, ours in networks.items()
+    ]
     headings = (
         "network", "windows / dense, paper (ms)", "paper", "windows / dense, ours (ms)", "ours",
         "ours, same engine", "labels equal",

@@ -2,11 +2,11 @@
 
 import zlib
 from collections.abc import Iterable
-from functools import partial
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, fingerprint
@@ -14,24 +14,26 @@ from tex_lightning.perturbations.scene import Array, Scene
 from tex_lightning.perturbations.table import Perturbation
 
 
+@dataclass
 class PerturbedDataset:
     """Decoded recordings of one store, and what perturbations make of them.
 
     Everything random depends on the seed, the perturbation and the content of the file alone, so
     that every system and every severity meets the same chances.
 
-    Args:
+    Attributes:
         store: Decoded files.
         seed: Of everything random.
         folds: Into how many the recordings are divided; a partner is looked for in the same one.
     """
 
-    def __init__(self, store: Store, seed: int, folds: int) -> None:
-        self.store = store
-        self.seed = seed
-        self.folds = folds
+    store: Store
+    seed: int
+    folds: int
+
+    def __post_init__(self) -> None:
         self.rows: dict[str, Recording] = {}
-        self._prints: dict[Recording, str] = {}
+        self._fingerprint = cache(lambda path: int(fingerprint(path), 16))
         self._now: tuple[Perturbation, float] | None = None
         self._perturbed: dict[Recording, Array] = {}
 
@@ -49,13 +51,14 @@ class PerturbedDataset:
             self._now, self._perturbed = (perturbation, severity), {}
         if row not in self._perturbed:
             rng = self.rng(perturbation.name, row)
-            scene = Scene(rng, self._rate(row), partial(self._other, row, rng))
+            rate = getattr(self.store.decoders[row.modality], "sampling_rate", 0.0)
+            scene = Scene(rng, rate, lambda: np.array(self.clean(self.partner(row, rng))))
             self._perturbed[row] = perturbation.apply(np.array(self.clean(row)), severity, scene)
         return self._perturbed[row]
 
     def rng(self, name: str, *rows: Recording) -> np.random.Generator:
         """The generator of one sample under one perturbation."""
-        prints = [int(self._fingerprint(row), 16) for row in rows]
+        prints = [self._fingerprint(row.path) for row in rows]
         return np.random.default_rng([self.seed, zlib.crc32(name.encode()), *prints])
 
     def partner(self, row: Recording, rng: np.random.Generator) -> Recording:
@@ -65,25 +68,10 @@ class PerturbedDataset:
             for _, other in sorted(self.rows.items())
             if other.modality == row.modality and other.label != row.label
         ]
-        near = [other for other in others if self._fold(other) == self._fold(row)]
+        near = [other for other in others if (other.group - row.group) % self.folds == 0]
         choice = near or others
         return choice[int(rng.integers(len(choice)))]
 
     def axes(self, samples: Iterable[Sample], modality: str) -> set[int]:
         """Numbers of axes that the signals of some samples have."""
         return {len(self.clean(each.recordings[modality])) for each in samples}
-
-    def _rate(self, row: Recording) -> float:
-        decoder = self.store.decoders[row.modality]
-        return decoder.sampling_rate if isinstance(decoder, SignalDecoder) else 0.0
-
-    def _other(self, row: Recording, rng: np.random.Generator) -> Array:
-        return np.array(self.clean(self.partner(row, rng)))
-
-    def _fold(self, row: Recording) -> int:
-        return row.group % self.folds
-
-    def _fingerprint(self, row: Recording) -> str:
-        if row not in self._prints:
-            self._prints[row] = fingerprint(row.path)
-        return self._prints[row]

@@ -101,29 +101,25 @@ def conflict_summary(system: System, bench: Bench) -> dict[str, Any]:
     ]
     if not swaps:
         return {}
-    clean = _usable(bench.trial(system, swaps[0], 0).decisions)
+    clean = bench.trial(system, swaps[0], 0).decisions
     swapped = [
-        made
-        for each in swaps
-        for made in _usable(bench.trial(system, each, SEVERITIES[-1]).decisions)
+        made for each in swaps for made in bench.trial(system, each, SEVERITIES[-1]).decisions
     ]
     scores = {
-        "conflict_auroc": (_disagreement(clean), _disagreement(swapped)),
-        "conflict_auroc_share": ([1 - m.share for m in clean], [1 - m.share for m in swapped]),
-        "conflict_auroc_probability": (
-            [1 - made.probability for made in clean],
-            [1 - made.probability for made in swapped],
-        ),
+        "conflict_auroc": "agreement",
+        "conflict_auroc_share": "share",
+        "conflict_auroc_probability": "probability",
     }
-    return {name: auroc(*sides) for name, sides in scores.items()}
+    return {
+        name: auroc(_conflicts(clean, score), _conflicts(swapped, score))
+        for name, score in scores.items()
+    }
 
 
-def _usable(decisions: Sequence[Decision]) -> list[Decision]:
-    return [made for made in decisions if made.label is not None]
-
-
-def _disagreement(decisions: Sequence[Decision]) -> list[float]:
-    return [1 - made.agreement for made in decisions if made.agreement is not None]
+def _conflicts(decisions: Sequence[Decision], score: str) -> list[float]:
+    """1 - the score of every decision that has it; a sample that was refused has none."""
+    found = [getattr(made, score) for made in decisions if made.label is not None]
+    return [1 - value for value in found if value is not None]
 
 
 def _class_accuracy(trials: Sequence[Trial]) -> dict[str, float]:

@@ -125,19 +125,6 @@ class Material:
     skin: Skin
     voice: Voice
 
-    def looks_like(self, other: Material) -> bool:
-        """Whether no photo can tell the two apart."""
-        return (self.relief, self.skin) == (other.relief, other.skin)
-
-    def feels_like(self, other: Material) -> bool:
-        """Whether no acceleration trace can tell the two apart."""
-        return (self.relief, self.body) == (other.relief, other.body)
-
-    def sounds_like(self, other: Material) -> bool:
-        """Whether hardly a sound tells the two apart: a foil that both have drowns them."""
-        drowned = self.voice.rustle > 0 or self.feels_like(other)
-        return drowned and self.voice == other.voice
-
 
 def make_materials(classes: int, seed: int) -> list[Material]:
     """Make the materials of a data set, in class order, which is also the order of their names.
@@ -178,7 +165,7 @@ def _spread(
 
 
 def _between(low: float, high: float, position: float) -> float:
-    """Interpolate geometrically, as most senses evaluator ratios."""
+    """Interpolate geometrically, as most senses judge ratios."""
     return float(low * (high / low) ** position)
 
 

@@ -44,16 +44,13 @@ def hear_stroke(
     """
     rate, voice = stroke.sampling_rate, specimen.material.voice
     shaken = accelerate(specimen, stroke, contact)
-    source = _radiate(shaken[0] + shaken[2], rate) + _hiss(specimen, stroke, shaken[2], rng)
+    radiated = _filtered(shaken[0] + shaken[2], _RADIATION_HZ, rate, "highpass")
+    source = radiated + _hiss(specimen, stroke, shaken[2], rng)
     source *= voice.loudness
     if voice.rustle > 0:
         source += voice.rustle * _rustle(stroke, rng)
     heard = GAIN * _ring_board(source, voice, rate) + _room(len(source), rate, rng)
     return np.tanh(heard).astype(np.float32)
-
-
-def _radiate(acceleration: Signal, rate: int) -> Signal:
-    return _filtered(acceleration, _RADIATION_HZ, rate, "highpass")
 
 
 def _hiss(specimen: Specimen, stroke: Stroke, normal: Signal, rng: np.random.Generator) -> Signal:

@@ -53,17 +53,30 @@ class Specimen:
     @cached_property
     def occlusion(self) -> Field:
         """Diffuse light at every point: 1 on a plain, less in valleys, to 1.22 on a ridge."""
-        return _occlusion(self.height, self.material.relief.wavelength)
+        wavelength = self.material.relief.wavelength
+        # Sky visibility is estimated from how far a point lies below its surroundings.
+        sunk = (smooth(self.height, wavelength / 2) - self.height) / np.float32(wavelength)
+        seen: Field = np.exp(-6 * np.maximum(sunk, 0) - 2 * np.clip(sunk, -0.1, 0))
+        return seen
 
     @cached_property
     def albedo(self) -> Field:
         """Reflectance, shape (``TILE``, ``TILE``, 3), linear red, green, blue."""
-        return _albedo(self.height, self.material.skin)
+        skin = self.material.skin
+        rng = np.random.default_rng([skin.seed, 2])
+        weight = _pattern(self.height, skin, rng)[..., None]
+        mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
+        ground = np.asarray(skin.colour, np.float32)
+        accent = np.asarray(skin.accent, np.float32)
+        mixed = ground + weight * (accent - ground)
+        return np.clip(mixed * (1 + np.float32(0.05) * mottle[..., None]), 0, 1)
 
     @cached_property
     def contact_height(self) -> Field:
         """Relief as the tip follows it, in mm: averaged over the contact patch."""
-        return smooth(self.height, _contact_radius(self.material.body.stiffness))
+        # The softer the surface, the wider the patch.
+        radius = np.clip(0.12 * (1e6 / self.material.body.stiffness) ** 0.25, 0.12, 0.4)
+        return smooth(self.height, float(radius))
 
     @cached_property
     def micro(self) -> Field:
@@ -74,28 +87,6 @@ class Specimen:
 def _slope(height: Field, axis: int) -> Field:
     slope: Field = (np.roll(height, -1, axis) - np.roll(height, 1, axis)) / np.float32(2 * PITCH)
     return slope
-
-
-def _occlusion(height: Field, wavelength: float) -> Field:
-    """Estimate sky visibility from how far a point lies below its surroundings."""
-    sunk = (smooth(height, wavelength / 2) - height) / np.float32(wavelength)
-    seen: Field = np.exp(-6 * np.maximum(sunk, 0) - 2 * np.clip(sunk, -0.1, 0))
-    return seen
-
-
-def _contact_radius(stiffness: float) -> float:
-    """Give the radius of the contact patch in mm: the softer the surface, the wider."""
-    return float(np.clip(0.12 * (1e6 / stiffness) ** 0.25, 0.12, 0.4))
-
-
-def _albedo(height: Field, skin: Skin) -> Field:
-    rng = np.random.default_rng([skin.seed, 2])
-    weight = _pattern(height, skin, rng)[..., None]
-    mottle = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-1.5 * np.log(0.2 + k)))
-    ground = np.asarray(skin.colour, np.float32)
-    accent = np.asarray(skin.accent, np.float32)
-    mixed: Field = ground + weight * (accent - ground)
-    return np.clip(mixed * (1 + np.float32(0.05) * mottle[..., None]), 0, 1)
 
 
 def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:

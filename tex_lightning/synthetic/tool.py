@@ -126,8 +126,10 @@ def accelerate(specimen: Specimen, stroke: Stroke, rng: np.random.Generator) -> 
     """
     body = specimen.material.body
     grip = np.exp(0.03 * rng.standard_normal())
-    profile = _profile(specimen, stroke)
-    normal = _contact(specimen, stroke, np.gradient(np.gradient(profile)) * _per_second2(stroke))
+    relief = _sample(specimen.contact_height, stroke.position / PITCH)
+    profile = relief + _sample(specimen.micro, stroke.position / MICRO_PITCH)
+    per_second2 = 1e-3 * stroke.sampling_rate**2  # from mm per sample^2 to m/s^2
+    normal = _contact(specimen, stroke, np.gradient(np.gradient(profile)) * per_second2)
     normal = _bound_fall(normal, stroke.force / MASS) + _impact(specimen, stroke, rng)
     along = body.friction * normal + _stick_slip(specimen, stroke, grip, rng)
     sideways = 0.3 * body.friction * normal
@@ -137,18 +139,8 @@ def accelerate(specimen: Specimen, stroke: Stroke, rng: np.random.Generator) -> 
     return shaken + 0.1 * np.stack(tremor)
 
 
-def _per_second2(stroke: Stroke) -> float:
-    return 1e-3 * stroke.sampling_rate**2  # from mm per sample^2 to m/s^2
-
-
-def _profile(specimen: Specimen, stroke: Stroke) -> Signal:
-    """Read the height under the tip, in mm, shape (T,)."""
-    return _sample(specimen.contact_height, stroke.position / PITCH) + _sample(
-        specimen.micro, stroke.position / MICRO_PITCH
-    )
-
-
 def _sample(tile: Field, points: Signal) -> Signal:
+    """Read the height of a tile under the tip, in mm, shape (T,)."""
     # Without the prefilter the cubic spline smooths a little more, and stays free of kinks, which
     # the second derivative would turn into noise.
     heights: Signal = ndimage.map_coordinates(

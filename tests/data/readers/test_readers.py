@@ -10,7 +10,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, DataConfig, register
-from tex_lightning.data.decode import SignalDecoder, decode_trace
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import read_manifest, write_manifest
 from tex_lightning.errors import UserError
@@ -131,7 +131,7 @@ def test_tum_takes_photo_classes_from_their_order(tum):
     assert [row.group for row in photos] == list(range(10)) * 3
     trace = rows.of("haptic").rows[0]
     assert trace.sampling_rate == 10_000
-    assert decode_trace(trace.path, SignalDecoder(), 10_000.0).shape == (1, 10_000)
+    assert SignalDecoder().decode(trace.path, 10_000.0)[0].shape == (1, 10_000)
 
 
 def test_tum_passes_magnified_photos_over_and_works_without_photos(tum):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from tex_lightning.config.check_ranges import choice
+from tex_lightning.config.check_ranges import nearest
 from tex_lightning.data.readers.folder import class_folders
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
@@ -50,8 +50,11 @@ class KthTips2bReader:
         """
         folders = class_folders(self.root, "kth_tips2b")
         for folder in folders:
-            for complaint in choice(f"The class of folder {folder}", folder.name, tuple(NUMBERS)):
-                raise UserError(f"{complaint}.")
+            if folder.name not in NUMBERS:
+                raise UserError(
+                    f"Folder {folder} is no class of KTH-TIPS-2b{nearest(folder.name, NUMBERS)}; "
+                    f"they are {', '.join(NUMBERS)}."
+                )
         if not folders:
             raise UserError(
                 f"Folder {self.root} holds none of the classes {', '.join(NUMBERS)}; check "

@@ -65,14 +65,7 @@ class SyntheticReader:
 
 def spec_of(classes: int | None, surfaces: SyntheticConfig) -> SyntheticSpec:
     """The synthetic data set of so many classes; None takes the usual number."""
-    return SyntheticSpec(
-        classes=classes or SyntheticSpec.classes,
-        recordings=surfaces.recordings,
-        seed=surfaces.seed,
-        seconds=surfaces.seconds,
-        photo_width=surfaces.photo_width,
-        photo_height=surfaces.photo_height,
-    )
+    return SyntheticSpec(classes or SyntheticSpec.classes, **asdict(surfaces))
 
 
 def _render(spec: SyntheticSpec, target: Path, modalities: tuple[str, ...]) -> None:

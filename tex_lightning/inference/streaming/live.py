@@ -93,12 +93,9 @@ class LiveStream:
         self.classifier.branch.check_frames(self.classifier.frames)
 
     def _describe(self, vote: Vote | None, begin: float) -> Prediction:
-        quality = self._quality()
+        quality = Quality()
+        if self.monitor.count:
+            ranges = self.card.input_ranges.get(self.classifier.branch.modality, {})
+            quality = self.monitor.quality(ranges, level=self.monitor.level)
         synchronise(self.device)
         return describe(vote, self.card, quality, self.top_k, time.perf_counter() - begin)
-
-    def _quality(self) -> Quality:
-        if not self.monitor.count:
-            return Quality()
-        ranges = self.card.input_ranges.get(self.classifier.branch.modality, {})
-        return self.monitor.quality(ranges, level=self.monitor.level)

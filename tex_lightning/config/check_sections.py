@@ -1,0 +1,83 @@
+"""What is asked of ``data``, ``model`` and the Trainer's flags beyond single keys."""
+
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+from tex_lightning.config import DataConfig, ModelConfig
+from tex_lightning.config.check_ranges import choice, least, nearest
+from tex_lightning.config.instantiation import find_class
+from tex_lightning.errors import shorten
+from tex_lightning.perturbations.augment import trainable
+
+OWN_FLAGS = {
+    "callbacks": "callbacks=[default,NAME]",
+    "default_root_dir": "hydra.run.dir",
+    "fast_dev_run": "debug=tiny",
+    "logger": "logger=NAME",
+    "max_epochs": "fit.epochs of the network",
+    "plugins": "strategy",
+    "use_distributed_sampler": "nothing: every process knows its share",
+}
+
+
+def check_data(data: DataConfig) -> Iterator[str]:
+    """What cannot be meant of ``data``."""
+    for key in ("root", "manifest"):
+        given = getattr(data, key)
+        if given is not None and given not in data.reader.values():
+            yield f"data.{key} is given, but data={data.name} does not read it: use data=folder"
+    if data.resize is not None and data.half_scale:
+        yield "data.half_scale and data.resize both decide the size of photos: turn one off"
+    if data.inverted and data.test_fold is None:
+        yield "data.inverted trains on data.test_fold, which is null: give its number"
+    for name in ("test_fold", "val_fold"):
+        fold = getattr(data, name)
+        if fold is not None and not 0 <= fold < data.folds:
+            yield f"data.{name} is {shorten(fold)}: choose from 0 to {data.folds - 1}"
+    if data.val_fold is not None and data.val_fold == data.test_fold:
+        yield f"data.val_fold and data.test_fold are both {data.val_fold}: choose different folds"
+
+
+def check_model(model: ModelConfig) -> Iterator[str]:
+    """What cannot be meant of ``model``."""
+    nodes = {
+        "model.baseline": model.baseline,
+        "model.visual.fit.augmentation": model.visual.fit.augmentation,
+    }
+    for key, node in nodes.items():
+        if not isinstance(node, dict | None):
+            yield f"{key} is {shorten(node)}: give a class and arguments, {{_target_: a.b.Name}}"
+    if not model.senses or len(set(model.senses)) < len(model.senses):
+        yield f"model.senses is {shorten(model.senses)}: name one sense or several, each once"
+    if model.baseline is not None and len(model.senses) > 1:
+        yield f"model={model.name} looks at one sense: give one in model.senses"
+    head = list(model.visual.head)
+    if len(head) not in (0, 2):
+        given = shorten(head)
+        yield f"model.visual.head is {given}: give channels of FC1 and FC2, or [] for neither"
+    for sense in model.known:
+        branch = model.branch(sense)
+        for name in branch.fit.perturb:
+            yield from choice(f"model.{sense}.fit.perturb", name, trainable(branch.modality))
+        if branch.fit.epochs == 0 and not (sense == "visual" and not head):
+            # what is fitted to all recordings at once is all there is
+            network = find_class(f"model.{sense}.network", branch.network)
+            fewest = 0 if hasattr(network, "fit") else 1
+            yield from least(f"model.{sense}.fit.epochs", branch.fit.epochs, fewest)
+    # and FusionNet's sum
+    fewest = 0 if model.fusion.head_start == "scores" else 1
+    yield from least("model.fusion.fit.epochs", model.fusion.fit.epochs, fewest)
+
+
+def check_flags(flags: dict[str, Any]) -> Iterator[str]:
+    """Flags that Lightning does not have, or that this package sets by itself."""
+    from lightning import Trainer  # takes seconds, and only a run needs it
+
+    known = [name for name in inspect.signature(Trainer.__init__).parameters if name != "self"]
+    for name in flags:
+        if name in OWN_FLAGS:
+            yield f"trainer.{name} is set by this package: use {OWN_FLAGS[name]}"
+        elif name not in known:
+            near = nearest(name, known, "trainer.")
+            yield f"trainer.{name} is no flag of Lightning's Trainer{near}: leave it out"
