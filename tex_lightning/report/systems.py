@@ -89,7 +89,11 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
     groups: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
     same = (*SHARED_KEYS, *FOLD_KEYS)  # keys that leave the system what it is
     asked = {
-        run: [key for key in run_overrides(run) if key.startswith(PER_CLASS) or not key.startswith(same)]
+        run: [
+            key
+            for key in run_overrides(run)
+            if key.startswith(PER_CLASS) or not key.startswith(same)
+        ]
         for run in runs
     }
     shared = set.intersection(*map(set, asked.values())) if asked else set()
