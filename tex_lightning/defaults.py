@@ -6,7 +6,6 @@ is kept, and VisualNet starts from weights that know images where those are inst
 """
 
 import logging
-from collections import Counter
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -26,7 +25,7 @@ PRETRAINED = {"visual": "visual_efficientnet", "fusion": "fusion_efficientnet"}
 # whoever gives one of these has chosen
 CHOSEN = ("weights=", "trunk=", "experiment=", "model.visual.", "model.fusion.visual_checkpoint=")
 PAPERS_RATE = 10_000.0  # Hz; more is not kept unless asked for
-LOOKED_AT = 20  # recordings that the rate is taken from
+LOOKED_AT = 20  # recordings, beside one of each class, that the rate is taken from
 RATE = "data.sampling_rate"
 
 
@@ -77,7 +76,7 @@ def weights_are_installed() -> bool:
 
 
 def _own_rate(config: Config) -> float:
-    """The most common rate in Hz of the traces that are brought to one, at most the paper's."""
+    """The highest rate in Hz of the traces that are brought to one, at most the paper's."""
     branches = [config.model.branch(sense) for sense in config.model.senses]
     modalities = {each.modality for each in branches if None in each.decode.values()}
     rows = [
@@ -85,12 +84,10 @@ def _own_rate(config: Config) -> float:
         for row in read_recordings(config.data, config.model.modalities)
         if row.modality in modalities
     ]
-    rates = Counter(_rate(row, config) for row in rows[:: max(1, len(rows) // LOOKED_AT)])
-    rates.pop(None, None)
-    if not rates:
-        return PAPERS_RATE
-    ((rate, _),) = rates.most_common(1)
-    if rate is None or rate >= PAPERS_RATE:
+    spread = rows[:: max(1, len(rows) // LOOKED_AT)]
+    looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
+    rate = max((_rate(row, config) for row in looked_at.values()), default=PAPERS_RATE)
+    if not 0 < rate < PAPERS_RATE:
         return PAPERS_RATE
     log.info(
         "Traces keep their own rate, %s Hz (%s=%g brings them to the paper's).",
@@ -99,11 +96,11 @@ def _own_rate(config: Config) -> float:
     return rate
 
 
-def _rate(row: Recording, config: Config) -> float | None:
-    """Of one trace; None if it cannot be read, which is said later of all together."""
+def _rate(row: Recording, config: Config) -> float:
+    """Of one trace; 0 if it cannot be read, which is said later of all together."""
     decoder = SignalDecoder(PAPERS_RATE, config.data.file_rate or PAPERS_RATE)
     try:
         _, source = read_trace(row.path, decoder, row.sampling_rate)
     except UserError:
-        return None
+        return 0.0
     return round(source.hz, 3)

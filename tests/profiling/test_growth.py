@@ -62,12 +62,12 @@ def test_a_step_that_happens_to_be_quicker_does_not_make_later_ones_look_free(
     assert all(not point.note for point in climb(steps, settings))
 
 
-@pytest.mark.parametrize(("rate", "first"), [(10_000, 2.0), (8_000, 5.0)])
-def test_the_shortest_trace_has_a_window_at_every_rate(rate, first):
+@pytest.mark.parametrize("rate", [10_000, 8_000, 2_200])
+def test_the_shortest_trace_has_a_window_at_every_rate(rate):
     card = make_card("haptic", classes=["a", "b"], sampling_rate=rate, width=0.05)
     subject = Subject(SurfaceClassifier(card).eval(), torch.zeros(3, 1))
-    assert growth._sufficient(subject)[0] == first
-    assert subject.classifier.classify(haptic=growth._noise(subject, first)).label in (0, 1)
+    assert growth._sufficient(subject)[0] == 2.0
+    assert subject.classifier.classify(haptic=growth._noise(subject, 2.0)).label in (0, 1)
 
 
 def test_photos_are_noise_of_so_many_megapixels():

@@ -56,7 +56,7 @@ def test_the_block_fits_a_terminal_whatever_it_lists(config, store, rows):
     assert "Photos 60; 0.12 megapixels; 1 of a class" in text
     assert "Rates 60 x 10,000 Hz assumed (data.file_rate)" in text
     assert "Folds 108 recordings train, 12 test (each of 10 folds of 10)" in text
-    assert f"Trains {len(config.frontier.systems)} systems: hapticnet" in text
+    assert f"Trains {len(config.frontier.systems)} systems: bands, hapticnet" in text
 
 
 def test_a_family_announces_each_sense_and_each_left_out_file_once(

@@ -56,8 +56,8 @@ class DataConfig(Folding):
     )  # fmt: skip
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float | None = key(
-        "rate that every trace is brought to; null is their own while training, at most the "
-        "paper's 10 kHz",
+        "rate that every trace is brought to; null is their own while training, of several the "
+        "highest, at most the paper's 10 kHz",
         unit="Hz", least=500, most=1_000_000,
     )  # fmt: skip
     file_rate: float | None = key(
