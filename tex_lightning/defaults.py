@@ -9,7 +9,7 @@ import logging
 from dataclasses import replace
 from importlib.util import find_spec
 
-from tex_lightning.config import Config
+from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.job import Job
 from tex_lightning.data.decode import SignalDecoder, read_trace
 from tex_lightning.data.readers import read_recordings
@@ -29,26 +29,27 @@ LOOKED_AT = 20  # recordings, beside one of each class, that the rate is taken f
 RATE = "data.sampling_rate"
 
 
-def with_defaults(config: Config, job: Job) -> Job:
+def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """The job with what its own recordings decide, as if it had been asked for.
 
     Args:
-        config: Checked.
-        job: That composed it.
+        task: What the job does.
+        data: Where recordings come from.
+        model: What is trained.
+        job: What was asked for.
 
     Raises:
         UserError: If the data set cannot be read.
     """
-    if config.data.sampling_rate is None:
-        rate = _own_rate(config) if config.task in TRAINING else PAPERS_RATE
+    if data.sampling_rate is None:
+        rate = _own_rate(data, model) if task in TRAINING else PAPERS_RATE
         job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
-    return _with_pretrained(config, job)
+    return _with_pretrained(task, data, model, job)
 
 
-def _with_pretrained(config: Config, job: Job) -> Job:
+def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Let VisualNet on a user's own photos start from ImageNet's weights, if they are there."""
-    model = config.model
-    if config.task not in TRAINING[:2] or config.data.name not in OWN_DATA:
+    if task not in TRAINING[:2] or data.name not in OWN_DATA:
         return job
     if model.name not in PRETRAINED or "visual" not in model.senses:
         return job
@@ -75,18 +76,15 @@ def weights_are_installed() -> bool:
     return find_spec(EfficientNetLite0.imagenet_package) is not None
 
 
-def _own_rate(config: Config) -> float:
+def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     """The highest rate in Hz of the traces that are brought to one, at most the paper's."""
-    branches = [config.model.branch(sense) for sense in config.model.senses]
+    branches = [model.branch(sense) for sense in model.senses]
     modalities = {each.modality for each in branches if None in each.decode.values()}
-    rows = [
-        row
-        for row in read_recordings(config.data, config.model.modalities)
-        if row.modality in modalities
-    ]
+    recordings = read_recordings(data, model.modalities)
+    rows = [row for row in recordings if row.modality in modalities]
     spread = rows[:: max(1, len(rows) // LOOKED_AT)]
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
-    rate = max((_rate(row, config) for row in looked_at.values()), default=PAPERS_RATE)
+    rate = max((_rate(row, data.file_rate) for row in looked_at.values()), default=PAPERS_RATE)
     if not 0 < rate < PAPERS_RATE:
         return PAPERS_RATE
     log.info(
@@ -96,9 +94,9 @@ def _own_rate(config: Config) -> float:
     return rate
 
 
-def _rate(row: Recording, config: Config) -> float:
+def _rate(row: Recording, assumed: float | None) -> float:
     """Of one trace; 0 if it cannot be read, which is said later of all together."""
-    decoder = SignalDecoder(PAPERS_RATE, config.data.file_rate or PAPERS_RATE)
+    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE)
     try:
         _, source = read_trace(row.path, decoder, row.sampling_rate)
     except UserError:

@@ -64,7 +64,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     check_missing(composed)
     config = read_config(composed)
     check_config(config)
-    if (settled := with_defaults(config, job)) is not job:
+    if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:
         job, composed = settled, settled.compose(settled.overrides)
         config = read_config(composed)
         check_config(config)
