@@ -75,3 +75,26 @@ def test_epochs_without_training_are_for_what_is_fitted_at_once(cli, tmp_path):
     outcome = cli("model=haptic", "model.haptic.fit.epochs=0", f"hydra.run.dir={tmp_path}")
     assert outcome.status == 2
     assert "choose 1 or more" in outcome.err
+
+
+def test_a_sense_of_ones_own_is_a_file_that_begins_with_it(cli, surfaces, tmp_path):
+    (tmp_path / "conf/branch").mkdir(parents=True)
+    (tmp_path / "conf/branch/force.yaml").write_text(
+        "defaults: [signal, bands, _self_]\nmodality: force\n"
+    )
+    lines = [
+        f"{path.parents[1].name},force,{path},{path.stem.split('_')[1]}"
+        for path in sorted(surfaces.glob("*/haptic/*.wav"))
+    ]
+    manifest = tmp_path / "forces.csv"
+    manifest.write_text("\n".join(["label,modality,path,group", *lines]) + "\n")
+    outcome = cli(
+        "--config-dir", tmp_path / "conf", "model=haptic", "model.senses=[force]", "data=manifest",
+        f"data.manifest={manifest}", f"hydra.run.dir={tmp_path}/run",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    network = json.loads((tmp_path / "run/results.json").read_text())["networks"]["force"]
+    assert network["correct"] == network["test_samples"] == 3
+    trace = surfaces / "alpha/haptic/alpha_0.wav"
+    said = cli("task=predict", f"checkpoint={tmp_path}/run", f"+force={trace}")
+    assert json.loads(said.out)["label"] == "alpha"
