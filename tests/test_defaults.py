@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import soundfile
 
+import tex_lightning as tl
 from tex_lightning.card import Card, read_checkpoint
 
 TINY = ("debug=tiny", "trainer.threads=1")
@@ -80,7 +81,9 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
     assert outcome.status == 0, outcome.err
     assert "VisualNet starts from ImageNet's weights" in outcome.err
     results = json.loads((tmp_path / "run/results.json").read_text())
-    assert results["model"] == "visual_efficientnet"
+    assert results["model"] == "visual"
+    node = tl.load(tmp_path / "run").card.branches["visual"]
+    assert node["trunk"]["_target_"].endswith("EfficientNetLite0")
     assert results["weights"] == {"visual": "imagenet"}
     assert "weights=imagenet" in (tmp_path / "run/.hydra/overrides.yaml").read_text()
 
@@ -93,7 +96,8 @@ def test_whoever_has_chosen_keeps_the_choice(cli, surfaces, tmp_path, monkeypatc
         *TINY, f"hydra.run.dir={tmp_path}/run",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
-    assert json.loads((tmp_path / "run/results.json").read_text())["model"] == "visual"
+    node = tl.load(tmp_path / "run").card.branches["visual"]
+    assert not node["trunk"]["_target_"].endswith("EfficientNetLite0")
 
 
 def test_without_the_weights_one_line_says_what_they_would_give(cli, surfaces, tmp_path):

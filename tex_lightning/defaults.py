@@ -68,7 +68,8 @@ def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) 
         name,
     )
     kept = [item for item in job.overrides if not item.startswith("model=")]
-    return replace(job, overrides=(*kept, f"model={name}", "weights=imagenet"))
+    as_asked = f"model.name={model.name}"
+    return replace(job, overrides=(*kept, f"model={name}", as_asked, "weights=imagenet"))
 
 
 def weights_are_installed() -> bool:
