@@ -5,9 +5,15 @@ import json
 import numpy as np
 import pytest
 import soundfile
+from omegaconf import OmegaConf
 
 import tex_lightning as tl
 from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.config import CONF
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.job import Job
+from tex_lightning.config.weights import read_config
+from tex_lightning.defaults import with_defaults
 
 TINY = ("debug=tiny", "trainer.threads=1")
 
@@ -88,16 +94,31 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
     assert "weights=imagenet" in (tmp_path / "run/.hydra/overrides.yaml").read_text()
 
 
-@pytest.mark.parametrize("asked", ["weights=null", "trunk=tcnn", "model.visual.width=0.1"])
-def test_whoever_has_chosen_keeps_the_choice(cli, surfaces, tmp_path, monkeypatch, asked):
+@pytest.mark.parametrize(
+    ("asked", "begins"),
+    [
+        (("model=visual", "data=folder"), True),
+        (("model=fusion", "data=manifest", "task=crossval"), True),
+        (("model=visual", "data=synthetic"), False),
+        (("model=haptic", "data=folder"), False),
+        (("model=visual", "data=folder", "task=frontier"), False),
+        (("model=fusion", "model.senses=[haptic,sound]", "data=folder"), False),
+        (("model=visual", "data=folder", "weights=null"), False),
+        (("model=visual", "data=folder", "trunk=tcnn"), False),
+        (("model=visual", "data=folder", "model.visual.width=0.1"), False),
+        (("experiment=paper/visual", "data=folder"), False),
+    ],
+)
+def test_whoever_has_chosen_keeps_the_choice(surfaces, tmp_path, monkeypatch, asked, begins):
     monkeypatch.setattr("tex_lightning.defaults.weights_are_installed", lambda: True)
-    outcome = cli(
-        "model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false", asked,
-        *TINY, f"hydra.run.dir={tmp_path}/run",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    node = tl.load(tmp_path / "run").card.branches["visual"]
-    assert not node["trunk"]["_target_"].endswith("EfficientNetLite0")
+    places = (f"data.root={surfaces}", f"data.manifest={tmp_path}/table.csv")
+    where = places["data=manifest" in asked]
+    overrides = asked if "data=synthetic" in asked else (*asked, where, "data.sampling_rate=10000")
+    config = read_config(compose_config(CONF, overrides))
+    job = Job(overrides, tmp_path, "command", True, (), OmegaConf.create())
+    found = with_defaults(config.task, config.data, config.model, job).overrides
+    assert ("weights=imagenet" in found) is begins
+    assert (found == overrides) is not begins
 
 
 def test_without_the_weights_one_line_says_what_they_would_give(cli, surfaces, tmp_path):
