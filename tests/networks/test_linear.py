@@ -6,6 +6,7 @@ import torch
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
+from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.linear import LinearNet, _ridge
 
 CLASSES, BANDS = 3, 12
@@ -86,8 +87,26 @@ def test_probabilities_are_as_sure_as_they_are_right():
     assert abs(sure.double().mean() - accuracy) < 0.08
 
 
-def test_features_of_fusion_are_the_proportions_or_the_scores():
+def test_features_of_fusion_are_standardised_or_the_scores():
+    inputs, labels = recordings(4)
     network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
-    x = torch.rand(2, 1, BANDS, 5)
-    torch.testing.assert_close(network.features(x, "fc2"), x[:, 0])
-    torch.testing.assert_close(network.features(x, "fc3"), network(x))
+    network.fit(inputs, labels)
+    whole = torch.cat(inputs, dim=2)[None]
+    rows = network.features(whole, "fc2")[0].T
+    np.testing.assert_allclose(rows, standardised(inputs), atol=1e-5)
+    torch.testing.assert_close(network.features(whole, "fc3"), network(whole))
+
+
+def test_a_fusion_that_lacks_the_other_sense_says_what_the_network_itself_says():
+    inputs, labels = recordings(4)
+    network, other = (LinearNet(CLASSES, bands=BANDS, strength=0.03) for _ in range(2))
+    network.fit(inputs, labels)
+    other.fit([each + 100 for each in inputs], labels)
+    fusion = FusionNet(network, other, classes=CLASSES)
+    fusion.start_from_scores(network, other)
+    for index, single in enumerate((network, other)):
+        part = fusion.subset([index])
+        for one in inputs:
+            x = one[None] + 100 * index
+            alone = part.parts(x)[0].softmax(dim=1)
+            torch.testing.assert_close(alone, single(x).softmax(dim=1), atol=1e-3, rtol=0)

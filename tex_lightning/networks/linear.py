@@ -38,9 +38,14 @@ class LinearNet(nn.Module):
         tensor([1])
     """
 
+    mean: Tensor
+    scale: Tensor
+
     def __init__(self, classes: int, *, bands: int, strength: float) -> None:
         super().__init__()
         self.classes, self.strength = classes, strength
+        self.register_buffer("mean", torch.zeros(bands, 1, 1))
+        self.register_buffer("scale", torch.ones(bands, 1, 1))
         self.head = Head(nn.Sequential(), bands, classes, dropout=0)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -48,13 +53,17 @@ class LinearNet(nn.Module):
         return self.features(x, "fc3")
 
     def features(self, x: Tensor, level: Level) -> Tensor:
-        """Return what fusion samples from: the features themselves, or the class scores.
+        """Return what fusion samples from: standardised features, or class scores.
+
+        Features are standardised so that next to nothing is left to the bias, which a FusionNet
+        adds once for all senses.
 
         Args:
             x: Features (B, 1, D, L).
             level: "fc2" for the features (B, D, L), "fc3" for the scores (B, classes, L).
         """
-        found: Tensor = self.head(x.transpose(1, 2), level)
+        standardised = (x.transpose(1, 2) - self.mean) * self.scale
+        found: Tensor = self.head(standardised, level)
         return found.squeeze(2)
 
     @property
@@ -88,10 +97,11 @@ class LinearNet(nn.Module):
         weight, held_out = _ridge(rows, targets - share, self.strength, groups)
         scores = [SHARPNESS * (part + share).T for part in _parts(held_out, counts.tolist())]
         sharpness = SHARPNESS / fit_temperature(scores, labels.tolist())
-        weight = sharpness * scale[:, None] * weight
+        self.mean.copy_(mean[:, None, None])
+        self.scale.copy_(scale[:, None, None])
         layer = self.score_layer
-        layer.weight.copy_(weight.T[:, :, None, None])
-        layer.bias = nn.Parameter((sharpness * share - mean @ weight).to(layer.weight))
+        layer.weight.copy_(sharpness * weight.T[:, :, None, None])
+        layer.bias = nn.Parameter((sharpness * share).to(layer.weight))
 
 
 def _ridge(
