@@ -19,7 +19,7 @@ from tex_lightning.networks.trunks.efficientnet_lite import EfficientNetLite0
 
 log = logging.getLogger(__name__)
 
-TRAINING = ("fit", "crossval", "frontier")
+TRAINING = ("fit", "crossval")  # tasks that train one model
 OWN_DATA = ("folder", "manifest")
 PRETRAINED = {"visual": "visual_efficientnet", "fusion": "fusion_efficientnet"}
 # whoever gives one of these has chosen
@@ -41,15 +41,16 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
     Raises:
         UserError: If the data set cannot be read.
     """
-    if data.sampling_rate is None:
-        rate = _own_rate(data, model) if task in TRAINING else PAPERS_RATE
+    reads_data = task in (*TRAINING, "frontier")
+    if data.sampling_rate is None and (reads_data or task == "profile"):  # others have a card
+        rate = _own_rate(data, model) if reads_data else PAPERS_RATE
         job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
     return _with_pretrained(task, data, model, job)
 
 
 def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Let VisualNet on a user's own photos start from ImageNet's weights, if they are there."""
-    if task not in TRAINING[:2] or data.name not in OWN_DATA:
+    if task not in TRAINING or data.name not in OWN_DATA:
         return job
     if model.name not in PRETRAINED or "visual" not in model.senses:
         return job

@@ -14,7 +14,7 @@ from tex_lightning.config.check import AUTO, check_config, check_known, check_mi
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import trust, trusting
 from tex_lightning.config.weights import read_config
-from tex_lightning.defaults import with_defaults
+from tex_lightning.defaults import TRAINING, with_defaults
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
@@ -45,8 +45,6 @@ TASKS: dict[str, Callable[[Config, Job], Any]] = {
     "frontier": frontier.run,
     "stability": stability.run,
 }
-
-TRAINING = ("fit", "crossval")  # on several devices
 
 
 def run_task(composed: DictConfig, job: Job) -> float | None:

@@ -40,7 +40,23 @@ def mel_filters(sampling_rate: float, samples: int, bands: int) -> Tensor:
     ends = torch.tensor([0, sampling_rate / 2], dtype=torch.float64)
     below = torch.minimum(torch.cat((ends[:1], centres[:-1])), centres - channel)[:, None]
     above = torch.maximum(torch.cat((centres[1:], ends[1:])), centres + channel)[:, None]
-    rising = (frequencies - below) / (centres[:, None] - below)
-    falling = (above - frequencies) / (above - centres[:, None])
-    triangles = torch.minimum(rising, falling).clamp(min=0)
-    return (triangles / triangles.sum(dim=1, keepdim=True)).float()
+    return mean_filters(triangles(frequencies, below, centres[:, None], above))
+
+
+def triangles(frequencies: Tensor, below: Tensor, centres: Tensor, above: Tensor) -> Tensor:
+    """Heights (bands, channels) of triangles that rise from 0 to 1 and fall to 0 again.
+
+    Args:
+        frequencies: (channels,) in Hz.
+        below: (bands, 1) where each begins.
+        centres: (bands, 1) where it is 1.
+        above: (bands, 1) where it ends.
+    """
+    rising = (frequencies - below) / (centres - below)
+    falling = (above - frequencies) / (above - centres)
+    return torch.minimum(rising, falling).clamp(min=0)
+
+
+def mean_filters(heights: Tensor) -> Tensor:
+    """Heights (bands, channels) as weights of a mean, float32, rows summing to 1."""
+    return (heights / heights.sum(dim=1, keepdim=True)).float()

@@ -13,6 +13,7 @@ from scipy.fft import next_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
+from tex_lightning.features.mel import mean_filters, triangles
 from tex_lightning.features.spectrogram import movement_start
 
 OVERLAP = 4  # frames that every sample is in
@@ -168,11 +169,9 @@ def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tenso
     below = torch.minimum(centres / step, centres - channel)
     above = torch.maximum(centres * step, centres + channel)
     frequencies = torch.arange(samples // 2 + 1, dtype=torch.float64) * channel
-    rising = (frequencies - below) / (centres - below)
-    falling = (above - frequencies) / (above - centres)
-    triangles = torch.minimum(rising, falling).clamp(min=0)
-    triangles[:, 0] = 0
-    return (triangles / triangles.sum(dim=1, keepdim=True)).float()
+    heights = triangles(frequencies, below, centres, above)
+    heights[:, 0] = 0
+    return mean_filters(heights)
 
 
 def _thinned(responses: Tensor) -> Tensor:
