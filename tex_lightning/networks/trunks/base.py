@@ -1,6 +1,6 @@
 """What every trunk of VisualNet declares, and the geometry that follows from it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import count
 from math import prod
 from typing import ClassVar, Literal
@@ -71,9 +71,7 @@ class Trunk(nn.Module):
 
     def output_side(self, side: int) -> int:
         """Return the side of the feature map of an image of ``side`` pixels; 0 if too small."""
-        for window in self.geometry:
-            side = window.output(side)
-        return side
+        return side_after(self.geometry, side)
 
     def smallest_side(self, features: int) -> int:
         """Return the smallest image side in pixels whose feature map has side ``features``."""
@@ -88,3 +86,10 @@ class Trunk(nn.Module):
     def stride(self) -> int:
         """Pixels between neighbouring predictions."""
         return prod(window.stride for window in self.geometry)
+
+
+def side_after(windows: Iterable[Window], side: int) -> int:
+    """Return the side of the map that layers make of a side of so many pixels; 0 if too small."""
+    for window in windows:
+        side = window.output(side)
+    return side

@@ -7,10 +7,9 @@ from typing import Any, ClassVar, NamedTuple
 
 from torch import Tensor, nn
 
-from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Norm, SameConv2d, Window, scaled
 from tex_lightning.networks.trunks.base import Layout, Trunk
-from tex_lightning.networks.trunks.textures import TextureFeatures
+from tex_lightning.networks.trunks.textures import TextureFeatures, fragment_positions
 
 STEM = 32  # channels, in every variant
 DIVISOR = 8  # of a stage's channels
@@ -88,15 +87,7 @@ class InvertedResidual(nn.Module):
 
 def _pooling(patch: int) -> Window:
     """Of stage 7's positions, those of a fragment; the next fragment is one of them further."""
-    positions = patch
-    for window in TO_STAGE7:
-        positions = window.output(positions)
-    if positions < 1:
-        raise UserError(
-            f"model.visual.trunk.patch={patch} is less than one position of efficientnet_lite; "
-            "choose 32 pixels or more."
-        )
-    return Window(positions)
+    return Window(fragment_positions(TO_STAGE7, patch, "efficientnet_lite"))
 
 
 def _blocks(stage: Stage, depth: float) -> int:

@@ -6,10 +6,9 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Norm, Window, conv_block, scaled
 from tex_lightning.networks.trunks.base import Layout, Trunk
-from tex_lightning.networks.trunks.textures import RootFeatures
+from tex_lightning.networks.trunks.textures import RootFeatures, fragment_positions
 
 CONV1 = Window(7, 2)
 POOL = Window(3, 2, ceil=True)
@@ -56,15 +55,7 @@ class Fire(nn.Module):
 
 def _pooling(patch: int) -> Window:
     """Of fire9's positions, those of a fragment, which overlap by six sevenths or so."""
-    positions = patch
-    for window in TO_FIRE9:
-        positions = window.output(positions)
-    if positions < 1:
-        raise UserError(
-            f"model.visual.trunk.patch={patch} is less than one position of squeezenet; choose "
-            "21 pixels or more."
-        )
-    return Window(positions, max(1, patch // SPACING))
+    return Window(fragment_positions(TO_FIRE9, patch, "squeezenet"), max(1, patch // SPACING))
 
 
 class SqueezeNetTrunk(Trunk):

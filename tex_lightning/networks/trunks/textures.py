@@ -1,15 +1,39 @@
 """Texture features: means of the maps of several layers over the same windows of an image."""
 
 from collections.abc import Sequence
+from itertools import count
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d
 
+from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Window
+from tex_lightning.networks.trunks.base import side_after
 
 MIN_DEVIATION = 0.1  # most are 0.2 to 7
 LEAST = 1e-4  # below it a root has hardly a use and too steep a slope
+
+
+def fragment_positions(windows: Sequence[Window], patch: int, name: str) -> int:
+    """Positions of the coarsest maps along each axis of a fragment.
+
+    Args:
+        windows: Of the layers up to these maps.
+        patch: Side of a fragment in pixels.
+        name: Of the trunk, for the message.
+
+    Raises:
+        UserError: If a fragment is smaller than a position.
+    """
+    positions = side_after(windows, patch)
+    if positions < 1:
+        least = next(side for side in count(1) if side_after(windows, side))
+        raise UserError(
+            f"model.visual.trunk.patch={patch} is less than one position of {name}; choose "
+            f"{least} pixels or more."
+        )
+    return positions
 
 
 class TextureFeatures(nn.Module):
