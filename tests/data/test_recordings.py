@@ -67,11 +67,20 @@ def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):
     assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500.5
 
 
-def test_columns_that_nothing_reads_are_named_with_what_may_be_meant(tmp_path):
+def test_further_columns_are_conditions_that_are_written_back(tmp_path):
+    lines = "label,modality,path,group,speed,light\nw,haptic,a.wav,0,60,\n"
+    table = read_manifest(manifest(tmp_path, lines))
+    assert table.rows[0].conditions == (("speed", "60"),)
+    assert table.notes == ()
+    write_manifest(table, tmp_path / "copy.csv")
+    assert read_manifest(tmp_path / "copy.csv") == table
+
+
+def test_columns_that_may_have_been_meant_otherwise_are_named(tmp_path):
     lines = "label,modality,path,group,sample_rate,fs,operator\nw,haptic,a.wav,0,1,2,x\n"
     (note,) = read_manifest(manifest(tmp_path, lines)).notes
-    assert note.count == 3
-    meant = "sample_rate (did you mean rate?), fs (did you mean rate?), operator."
+    assert note.count == 2
+    meant = "sample_rate (did you mean rate?), fs (did you mean rate?)."
     assert note.text.endswith(meant)
     known = manifest(tmp_path, HEADER + "w,haptic,a.wav,0\n")
     assert read_manifest(known).notes == ()

@@ -228,5 +228,5 @@ def test_a_column_of_the_manifest_that_nothing_reads_is_named_once(cli, mixed, t
     given = ("model=haptic", "data=manifest", f"data.manifest={tmp_path}/m.csv", *TINY)
     outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
     assert outcome.status == 0, outcome.err
-    assert outcome.err.count("columns that are not read: sample_rate (did you mean rate?)") == 1
+    assert outcome.err.count("conditions: sample_rate (did you mean rate?)") == 1
     assert entry(outcome.err, "Skipped") == "1 x column of the manifest (why: see above)"

@@ -16,6 +16,9 @@ MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
 COLUMNS = ("label", "modality", "path", "group")
 RATE, OLD_RATE = "rate", "sampling_rate"
+KNOWN = (*COLUMNS, RATE, OLD_RATE)
+
+Conditions = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,8 @@ class Recording:
         group: Number of the recording inside its class; it decides the fold.
         sampling_rate: Rate of a signal in Hz where the reader knows it, else None
             (a WAV file carries its own; other formats have the configured rate).
+        conditions: Under which it was taken, as names and values, such as ``("speed", "60")``;
+            every further column of a manifest is one.
 
     Example:
         >>> import tex_lightning as tl
@@ -43,6 +48,7 @@ class Recording:
     path: Path
     group: int
     sampling_rate: float | None = None
+    conditions: Conditions = ()
 
 
 @dataclass(frozen=True)
@@ -144,7 +150,8 @@ def read_manifest(path: Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
-    of traces whose format carries none. Earlier versions called it ``sampling_rate``.
+    of traces whose format carries none. Earlier versions called it ``sampling_rate``. All other
+    columns are conditions of the recordings, such as speed, force or light.
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
@@ -164,7 +171,7 @@ def read_manifest(path: Path) -> Recordings:
     _check_distinct(path, rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
-    return Recordings(tuple(rows), _unknown_columns(path, lines[0][1]))
+    return Recordings(tuple(rows), _doubtful_columns(path, lines[0][1]))
 
 
 def write_manifest(recordings: Recordings, path: Path) -> None:
@@ -173,30 +180,34 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
     Paths below the manifest's folder are written relative to it, so that both can move together.
     """
     folder = path.resolve().parent
+    names = list(dict.fromkeys(name for row in recordings for name, _ in row.conditions))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*COLUMNS, RATE])
+        writer.writerow([*COLUMNS, RATE, *names])
         for row in recordings:
             rate = "" if row.sampling_rate is None else row.sampling_rate
             file = row.path.resolve()
             if file.is_relative_to(folder):
                 file = file.relative_to(folder)
-            writer.writerow([row.label, row.modality, file, row.group, rate])
+            given = dict(row.conditions)
+            values = [given.get(name, "") for name in names]
+            writer.writerow([row.label, row.modality, file, row.group, rate, *values])
 
 
-def _unknown_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
-    """Name columns that nothing reads, and which one may have been meant."""
-    known = (*COLUMNS, RATE, OLD_RATE)
-    unknown = [name for name in names if name and name not in known]
-    if not unknown:
+def _doubtful_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
+    """Name columns that are taken for conditions and may have been meant to be something else."""
+    meant = {name: _meant(name) for name in names if name and name not in KNOWN}
+    hints = [f"{name} (did you mean {known}?)" for name, known in meant.items() if known]
+    if not hints:
         return ()
-    hints = []
-    for name in unknown:
-        near = difflib.get_close_matches(name.lower(), known, n=1)
-        meant = RATE if names_rate(name) or near == [OLD_RATE] else next(iter(near), None)
-        hints.append(f"{name} (did you mean {meant}?)" if meant else name)
-    text = f"Manifest {path} has columns that are not read: {', '.join(hints)}."
-    return (Note("column of the manifest", len(unknown), text),)
+    text = f"Manifest {path} has columns that are taken for conditions: {', '.join(hints)}."
+    return (Note("column of the manifest", len(hints), text),)
+
+
+def _meant(name: str) -> str | None:
+    """The column that a name resembles."""
+    near = difflib.get_close_matches(name.lower(), KNOWN, n=1)
+    return RATE if names_rate(name) or near == [OLD_RATE] else next(iter(near), None)
 
 
 def _check_distinct(path: Path, rows: list[Recording]) -> None:
@@ -231,7 +242,10 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
     target = (path.parent / file).resolve()
     if not target.is_file():
         raise UserError(f"{where}: file {target} does not exist; correct the path.")
-    return Recording(label, modality, target, group, rate)
+    conditions = tuple(
+        (name, value) for name, value in line.items() if name and value and name not in KNOWN
+    )
+    return Recording(label, modality, target, group, rate, conditions)
 
 
 def _read_rate(where: str, line: dict[str, str]) -> float | None:
