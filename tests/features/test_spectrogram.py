@@ -219,6 +219,21 @@ def test_skips_the_touch_but_no_movement():
     assert movement_start(movement, 10_000) == 0
 
 
+def test_a_burst_in_the_midst_of_a_stroke_is_no_touch():
+    stroke = 0.3 * noise(1.0)
+    stroke[0, :1500] *= 0.5  # a slower moment to begin with
+    stroke[0, [3000, 8500]] = 20.0  # stick and slip
+    assert movement_start(stroke, 10_000) == 0
+
+
+def test_a_touch_is_the_same_as_soon_as_the_movement_after_it_is_known():
+    trace = torch.cat((0.001 * noise(1.5), 0.3 * noise(3.0, seed=1)), dim=1)
+    starts = [movement_start(trace[:, :end], 10_000) for end in range(14_000, 45_000, 500)]
+    assert sorted(set(starts)) == [0, 17_000]
+    assert starts == sorted(starts)
+    assert movement_start(trace[:, :18_010], 10_000) == 17_000
+
+
 def test_gravity_does_not_hide_the_touch():
     trace = torch.cat((0.001 * noise(0.5, 3), 0.5 * noise(2.0, 3)), dim=1)
     trace += torch.tensor([[0.1], [0.99], [0.0]])

@@ -17,7 +17,9 @@ Scale = Literal["mel", "linear"]
 QUIET_SECONDS = 0.1  # the level before the touch is taken over this time
 IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before it
 SETTLING_SECONDS = 0.2  # from the touch to steady movement
+STEADY_FACTOR = 10.0  # steady movement is this many times louder than the quiet before the touch
 SEARCH_SECONDS = 2.0  # later bursts are part of the movement
+KNOWN_SECONDS = SEARCH_SECONDS + SETTLING_SECONDS + QUIET_SECONDS  # then nothing changes the start
 BLOCK = 512  # frames; their spectra take 1 MB, fewer are too few for two threads
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
 
@@ -229,19 +231,26 @@ class SpectrogramFeatures(nn.Module):
 def movement_start(trace: Tensor, sampling_rate: float) -> int:
     """First sample of steady movement: 0.2 s after a touch that breaks a quiet beginning.
 
-    A recording that starts while the tool already moves has no such touch and is kept whole.
+    A recording that starts while the tool already moves has no such touch and is kept whole: a
+    burst is a touch only if the 0.1 s of movement after it are louder than the beginning as well.
 
     Args:
         trace: (axes, samples).
         sampling_rate: In Hz.
     """
-    quiet = int(QUIET_SECONDS * sampling_rate)
-    search = int(SEARCH_SECONDS * sampling_rate)
-    if trace.shape[-1] <= quiet:
+    quiet, settling, search, known = (
+        int(seconds * sampling_rate)
+        for seconds in (QUIET_SECONDS, SETTLING_SECONDS, SEARCH_SECONDS, KNOWN_SECONDS)
+    )
+    trace = trace[:, :known]
+    if trace.shape[-1] < 2 * quiet + settling:
         return 0
-    trace = trace[:, :search]
     # the median is gravity or an offset: a mean would be drawn towards the movement
     centred = trace - trace[:, :quiet].median(dim=-1, keepdim=True).values
     strength = centred.square().sum(dim=0).sqrt()
-    loud = (strength[quiet:] > IMPACT_FACTOR * strength[:quiet].mean()).nonzero()
-    return quiet + int(loud[0]) + int(SETTLING_SECONDS * sampling_rate) if len(loud) else 0
+    level = strength[:quiet].mean()
+    after = strength[quiet + settling :].double().cumsum(0)  # a later sample changes no sum
+    steady = after[quiet:] - after[:-quiet] > STEADY_FACTOR * level * quiet
+    burst = strength[quiet:search] > IMPACT_FACTOR * level
+    touches = (burst[: len(steady)] & steady[: len(burst)]).nonzero()
+    return quiet + int(touches[0]) + settling if len(touches) else 0

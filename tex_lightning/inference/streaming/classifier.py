@@ -10,7 +10,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.decision.early_stopping import StoppingRule
 from tex_lightning.decision.voting import Vote, probabilities, winner
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SEARCH_SECONDS, SpectrogramFeatures, movement_start
+from tex_lightning.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures, movement_start
 from tex_lightning.inference.streaming.convolutions import Columns
 from tex_lightning.inference.streaming.layers import streaming_layers
 from tex_lightning.networks.hapticnet import HapticNet
@@ -63,7 +63,7 @@ class StreamingClassifier:
         self.features = features
         self.keep_scores = keep_scores
         self.layers = streaming_layers([network.trunk, network.head.hidden, network.head.scores])
-        self.search = int(SEARCH_SECONDS * features.sampling_rate)
+        self.known = int(KNOWN_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
         self.wait = wait * features.sampling_rate
         self.output_size = network.output_size
@@ -140,7 +140,7 @@ class StreamingClassifier:
         """Start anew when a touch shows that all before was not yet movement."""
         so_far = _joined(self.beginning, samples)
         start = movement_start(so_far, self.features.sampling_rate)
-        self.start_known = start > 0 or so_far.shape[1] >= self.search
+        self.start_known = start > 0 or so_far.shape[1] >= self.known
         self.beginning = None if self.start_known else so_far
         if start == 0:
             return samples
