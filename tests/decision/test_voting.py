@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tex_lightning.decision.voting import max_vote, mean_vote, random_tuples
+from tex_lightning.decision.voting import max_vote, mean_vote, random_tuples, score_vote
 
 LOGITS = arrays(
     np.float32,
@@ -76,6 +76,17 @@ def test_mean_vote_follows_the_sure_fragments():
     vote = mean_vote(logits)
     assert vote.label == 1
     torch.testing.assert_close(vote.probabilities.float(), torch.tensor([1.21, 1.79]) / 3)
+
+
+def test_score_vote_is_the_geometric_mean_of_the_fragments():
+    """Many that lean one way are surer together than any of them is."""
+    each = torch.tensor([[0.6, 0.5, 0.7], [0.4, 0.5, 0.3]], dtype=torch.float64)
+    vote = score_vote(each.log())
+    product = each.prod(dim=1) ** (1 / 3)
+    torch.testing.assert_close(vote.probabilities, product / product.sum())
+    assert vote.label == 0
+    sharp = score_vote(each.log(), temperature=1 / 3).probabilities
+    torch.testing.assert_close(sharp, product**3 / (product**3).sum())
 
 
 def test_doubt_spreads_votes_and_probabilities_and_keeps_the_label():

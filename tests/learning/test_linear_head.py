@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 import torch
 from conftest import make_card, trunk_node
+from scipy.special import softmax
 from sklearn.linear_model import LogisticRegression
+from sklearn.model_selection import PredefinedSplit, cross_val_predict
 
+from tex_lightning.decision.temperature import fit_temperature
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import _view, fit_linear_head
 from tex_lightning.perturbations.augment import Augmentation
@@ -72,10 +75,22 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features(trunk):
     fit_linear_head(module, photos, labels)
     spread = np.sqrt(np.var(raw, axis=0) + 0.1**2)
     rows = (raw - np.mean(raw, axis=0)) / spread
-    expected = LogisticRegression(C=0.03, tol=1e-6, max_iter=5000).fit(rows, labels)
+    expected = LogisticRegression(C=0.03, tol=1e-6, max_iter=5000)
+    folds = PredefinedSplit(labels.argsort(kind="stable").argsort() % 10)
+    left_out = cross_val_predict(expected, rows, labels, cv=folds, method="decision_function")
+    temperature = fit_temperature([torch.from_numpy(each)[:, None] for each in left_out], labels)
     mean = torch.stack([scores(module, each).mean(dim=1) for each in photos.recordings])
-    probabilities = mean.softmax(dim=1).numpy()
-    np.testing.assert_allclose(probabilities, expected.predict_proba(rows), atol=2e-3)
+    wanted = expected.fit(rows, labels).decision_function(rows) / temperature
+    found = mean.softmax(dim=1).numpy()
+    np.testing.assert_allclose(found, softmax(wanted, axis=1), atol=4e-3)
+
+
+def test_a_single_photo_of_a_class_is_not_left_out():
+    module = module_of(3)
+    photos, labels = photos_of(3, 4, seed=1)
+    fit_linear_head(module, photos, labels)
+    mean = torch.stack([scores(module, each).mean(dim=1) for each in photos.recordings])
+    assert mean.softmax(dim=1).max() < 0.9  # as unsure as the penalty leaves it
 
 
 def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():

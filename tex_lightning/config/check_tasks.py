@@ -141,7 +141,8 @@ def check_decision(config: Config) -> Iterator[str]:
         if getattr(decision, key) is None and config.task not in NEED_CHECKPOINTS:
             yield f"decision.{key} is null, but task={config.task} has no checkpoint with one"
     if decision.name == "sequential" and decision.rule not in ("vote", None):
-        yield "decision=sequential counts votes, and decision.rule=mean does not: choose one"
+        rule = decision.rule
+        yield f"decision=sequential counts votes, and decision.rule={rule} does not: choose one"
     if decision.name == "sequential" and config.model.baseline is not None:
         yield (
             "decision=sequential needs a network, and a baseline looks at the whole recording at "

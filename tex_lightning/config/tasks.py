@@ -28,9 +28,9 @@ class DecisionConfig:
         least=1, most=1_000_000,
     )  # fmt: skip
     rule: str | None = key(
-        "count the fragments' votes, or average their class probabilities; null takes the "
-        "checkpoint's",
-        choices=("vote", "mean"),
+        "count the fragments' votes, or average their class probabilities or scores; null takes "
+        "the checkpoint's",
+        choices=("vote", "mean", "score"),
     )
     seed: int | None = key(
         "of the pairs and of the order of windows; null takes the checkpoint's", least=0, most=SEED

@@ -15,7 +15,8 @@ class Vote:
         label: Index of the class that won.
         shares: (classes,) share of the fragments that voted for each class, sums to 1.
         fragments: (fragments,) class index of every fragment.
-        probabilities: (classes,) float64, mean class probabilities of the fragments, sum to 1.
+        probabilities: (classes,) float64, mean class probabilities of the fragments, or those of
+            their mean score, as the rule says; they sum to 1.
         relative_macs: Arithmetic that was done, as a share of what all fragments take.
     """
 
@@ -27,11 +28,11 @@ class Vote:
 
     @property
     def probability(self) -> float:
-        """Mean probability of the class that won."""
+        """Probability of the class that won."""
         return float(self.probabilities[self.label])
 
     def by_mean(self) -> "Vote":
-        """The same fragments, decided by the largest mean probability."""
+        """The same fragments, decided by the largest probability."""
         return replace(self, label=int(self.probabilities.argmax()))
 
     def doubted(self, share: float) -> "Vote":
@@ -69,6 +70,16 @@ def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     Fragments that are unsure count for less than those that are sure.
     """
     return max_vote(logits, temperature).by_mean()
+
+
+def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
+    """Choose the class with the largest mean score, the product rule of Kittler et al. (1998).
+
+    The probabilities are those of the mean score: with fragments that say the same, each of them
+    unsure, they grow as sure as the whole recording is.
+    """
+    vote, mean = max_vote(logits, temperature), logits.double().mean(dim=1)
+    return replace(vote, probabilities=(mean / temperature).softmax(dim=0)).by_mean()
 
 
 def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:
@@ -110,4 +121,8 @@ def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
     return torch.stack(drawn, dim=1)
 
 
-RULES: dict[str, Callable[[Tensor, float], Vote]] = {"vote": max_vote, "mean": mean_vote}
+RULES: dict[str, Callable[[Tensor, float], Vote]] = {
+    "vote": max_vote,
+    "mean": mean_vote,
+    "score": score_vote,
+}

@@ -45,6 +45,8 @@ def calibrate(
         return
     with torch.inference_mode():
         logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
+    if card.rule == "score":  # which alone counts then
+        logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
     labels = [card.classes.index(sample.label) for sample in samples]
     found = {"temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)

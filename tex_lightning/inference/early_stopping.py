@@ -41,7 +41,8 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         config: ``name`` and the thresholds.
 
     Raises:
-        UserError: If a baseline, or a checkpoint with ``rule=mean``, is to decide sequentially.
+        UserError: If a baseline, or a checkpoint whose rule is not ``vote``, is to decide
+            sequentially.
     """
     if config.name == MAX_VOTE:
         return classifier
@@ -52,8 +53,9 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         )
     if classifier.card.rule != "vote":
         raise UserError(
-            "decision=sequential counts votes, and this checkpoint decides by decision.rule=mean, "
-            "which does not; use decision=max_vote or decision.rule=vote."
+            "decision=sequential counts votes, and this checkpoint decides by "
+            f"decision.rule={classifier.card.rule}, which does not; use decision=max_vote or "
+            "decision.rule=vote."
         )
     return SequentialClassifier(classifier, config)
 

@@ -75,9 +75,9 @@ class LinearNet(nn.Module):
     def fit(self, inputs: Sequence[Tensor], labels: Tensor) -> None:
         """Fit the scores to all training recordings at once.
 
-        The scores are brought to the size at which their softmax is a probability: measured on each
-        recording by what the others say of it, or on each fragment where a class has but one
-        recording, which flatters.
+        The scores are brought to the size at which the softmax of a recording's mean score is a
+        probability: measured on each recording by what the others say of it, or on each fragment
+        where a class has but one recording, which flatters.
 
         Args:
             inputs: Features (1, D, L) of each recording.
@@ -95,7 +95,8 @@ class LinearNet(nn.Module):
         alone = bool((labels.bincount() == 1).any())
         groups = [1] * len(rows) if alone else counts.tolist()
         weight, held_out = _ridge(rows, targets - share, self.strength, groups)
-        scores = [SHARPNESS * (part + share).T for part in _parts(held_out, counts.tolist())]
+        parts = _parts(SHARPNESS * (held_out + share), counts.tolist())
+        scores = [part.T if alone else part.mean(dim=0)[:, None] for part in parts]
         sharpness = SHARPNESS / fit_temperature(scores, labels.tolist())
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
