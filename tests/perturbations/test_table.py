@@ -222,6 +222,29 @@ def test_a_low_pass_of_a_sound_leaves_what_lies_below():
     assert spectrum[15_000] < 0.01
 
 
+def test_a_rooms_answer_comes_late_and_dies_within_half_a_second():
+    click = np.zeros((1, 44_100))
+    click[0, 4410] = 1
+    at = Scene(np.random.default_rng(0), 44_100.0, sound)
+    answer = TABLE["reverberation"].apply(click, 4, at)[0] - click[0]
+    assert np.abs(answer[:4410]).max() < 1e-3 * np.abs(answer).max()
+    assert np.abs(answer[4410 + 22_050 :]).max() < 0.01 * np.abs(answer).max()
+    assert np.var(answer) == pytest.approx(np.var(click), rel=1e-6)  # 0 dB
+    early, late = (np.mean(answer[4410 + at : 4410 + at + 2205] ** 2) for at in (0, 11_025))
+    assert 10 * np.log10(early / late) == pytest.approx(30, abs=2)  # of 60 dB in half a second
+
+
+def test_another_microphone_scales_each_frequency_and_keeps_the_mean():
+    heard = np.random.default_rng(1).standard_normal((1, 44_100)) + 2
+    at = Scene(np.random.default_rng(0), 44_100.0, sound)
+    changed = TABLE["other_microphone"].apply(heard, 5, at)
+    gain = 20 * np.log10(np.abs(np.fft.rfft(changed[0]) / np.fft.rfft(heard[0])))
+    at_octaves = gain[2 ** np.arange(1, 15)]
+    assert 6 < np.std(at_octaves) < 18
+    between = gain[round(2**10.5)]
+    assert between == pytest.approx(gain[[2**10, 2**11]].mean(), abs=0.02)
+
+
 def own(tmp_path, text: str) -> dict:
     path = tmp_path / "own.yaml"
     path.write_text(text)

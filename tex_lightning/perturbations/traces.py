@@ -4,8 +4,12 @@ SNR in dB is 10 log10 of the power of the signal, without its mean, over that of
 """
 
 import numpy as np
+from scipy.signal import fftconvolve
 
 from tex_lightning.perturbations.scene import Array, Scene, power, scaled
+
+OCTAVES = 20  # from 1 Hz, beyond any sensor's
+ROOM_SECONDS = 0.5
 
 
 def white_noise(trace: Array, snr: float, scene: Scene) -> Array:
@@ -74,6 +78,31 @@ def low_pass(trace: Array, cut_off: float, scene: Scene) -> Array:
     spectrum = np.fft.rfft(trace, axis=1)
     frequency = np.fft.rfftfreq(trace.shape[1], 1 / scene.rate)
     return np.fft.irfft(spectrum / (1 + (frequency / cut_off) ** 2), trace.shape[1], axis=1)
+
+
+def other_sensor(trace: Array, deviation: float, scene: Scene) -> Array:
+    """Another microphone or mounting: a gain for each octave, normal with ``deviation`` dB.
+
+    Between the octaves' centres it goes evenly over the logarithm of the frequency.
+    """
+    frequency = np.fft.rfftfreq(trace.shape[1], 1 / scene.rate)
+    octaves = np.log2(np.maximum(frequency, 1.0))
+    gains = deviation * scene.rng.standard_normal(OCTAVES)
+    response = 10 ** (np.interp(octaves, np.arange(OCTAVES), gains) / 20)
+    return np.fft.irfft(np.fft.rfft(trace, axis=1) * response, trace.shape[1], axis=1)
+
+
+def reverberation(trace: Array, ratio: float, scene: Scene) -> Array:
+    """A room that answers for half a second, its sound ``ratio`` dB below the direct one.
+
+    What it answers is noise that decays by 60 dB in that time.
+    """
+    samples = int(ROOM_SECONDS * scene.rate)
+    decay = 10 ** (-3 * np.arange(samples) / samples)
+    answer = decay * scene.rng.standard_normal(samples)
+    centred = trace - trace.mean(axis=1, keepdims=True)
+    echoes = fftconvolve(centred, answer[None], axes=1)[:, : trace.shape[1]]
+    return trace + scaled(echoes, trace, ratio)
 
 
 def baseline_drift(trace: Array, strength: float, scene: Scene) -> Array:
