@@ -76,6 +76,21 @@ def test_further_columns_are_conditions_that_are_written_back(tmp_path):
     assert read_manifest(tmp_path / "copy.csv") == table
 
 
+def test_parts_of_a_file_may_share_it_unless_they_overlap(tmp_path):
+    header = "label,modality,path,group,part\n"
+    lines = "w,haptic,a.wav,0,0-0.25\nw,haptic,a.wav,1,0.25-1\n"
+    table = read_manifest(manifest(tmp_path, header + lines))
+    assert [row.part for row in table] == [(0, 0.25), (0.25, 1)]
+    assert [row.source.rpartition("/")[2] for row in table] == ["a.wav#0-0.25", "a.wav#0.25-1"]
+    assert [row.conditions for row in table] == [(), ()]
+    write_manifest(table, tmp_path / "copy.csv")
+    assert read_manifest(tmp_path / "copy.csv") == table
+    for other in ("0.2-0.3", ""):
+        lines = f"w,haptic,a.wav,0,0-0.25\nw,haptic,a.wav,1,{other}\n"
+        with pytest.raises(UserError, match="in record 1 and in record 2"):
+            read_manifest(manifest(tmp_path, header + lines))
+
+
 def test_columns_that_may_have_been_meant_otherwise_are_named(tmp_path):
     lines = "label,modality,path,group,sample_rate,fs,operator\nw,haptic,a.wav,0,1,2,x\n"
     (note,) = read_manifest(manifest(tmp_path, lines)).notes
@@ -107,6 +122,8 @@ def test_rows_are_left_out_without_a_change_of_groups():
         (HEADER + "w,haptic,a.wav,-1\n", "0 or more"),
         ("label,modality,path,group,rate\nw,haptic,a.wav,0,fast\n", "rate is fast; write one"),
         ("label,modality,path,group,rate\nw,haptic,a.wav,0,-2\n", "rate is -2; write one"),
+        ("label,modality,path,group,part\nw,haptic,a.wav,0,0.5\n", "part is '0.5' .* as 0-0.5"),
+        ("label,modality,path,group,part\nw,haptic,a.wav,0,0.5-0.1\n", "does not rise from 0"),
         (HEADER + ",haptic,a.wav,1\n", "label or path is empty"),
         (HEADER + "w,haptic\n", "label or path is empty"),
         (HEADER + "w,haptic,a.wav,0\nv,haptic,a.wav,1\n", "in record 1 and in record 2"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
+from tex_lightning.data.parts import equal_parts
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, cache_root, fingerprint
@@ -133,3 +134,18 @@ def test_a_missing_file_and_an_unwritable_cache_are_said(store, surfaces, tmp_pa
     (tmp_path / "file").write_text("x")
     with pytest.raises(UserError, match=r"data\.cache_dir"):
         cache_root(str(tmp_path / "file"))
+
+
+def test_parts_of_a_file_make_the_whole_and_have_entries_of_their_own(store, surfaces):
+    for modality in ("haptic", "image"):
+        row = read_folder(surfaces).of(modality).rows[0]
+        before = store._entry(row)
+        parts = [replace(row, part=part) for part in equal_parts(3)]
+        pieces = [store.load(part) for part in parts]
+        np.testing.assert_array_equal(np.concatenate(pieces, axis=1), store.load(row))
+        assert store._entry(row) == before
+        assert len({store._entry(part) for part in parts} | {before}) == 4
+    trace = replace(read_folder(surfaces).of("haptic").rows[0], part=(0, 0.5))
+    assert store.rate(trace).hz == 10_000
+    with pytest.raises(UserError, match=r"Part 0-0.00001 of .* is empty, as the file has only"):
+        store.load(replace(row, part=(0, 0.00001)))

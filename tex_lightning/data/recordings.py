@@ -3,11 +3,13 @@
 import csv
 import difflib
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tex_lightning.config.check_ranges import nearest
+from tex_lightning.data.parts import Part, name_part, overlap, read_part, write_part
 from tex_lightning.data.rates import names_rate, positive_number
 from tex_lightning.data.tables import read_table
 from tex_lightning.errors import UserError
@@ -15,15 +17,15 @@ from tex_lightning.errors import UserError
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
 COLUMNS = ("label", "modality", "path", "group")
-RATE, OLD_RATE = "rate", "sampling_rate"
-KNOWN = (*COLUMNS, RATE, OLD_RATE)
+RATE, OLD_RATE, PART = "rate", "sampling_rate", "part"
+KNOWN = (*COLUMNS, RATE, OLD_RATE, PART)
 
 Conditions = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One file: what a sensor took of a surface.
+    """One file, or a part of one: what a sensor took of a surface.
 
     Attributes:
         label: Class name.
@@ -35,6 +37,8 @@ class Recording:
             (a WAV file carries its own; other formats have the configured rate).
         conditions: Under which it was taken, as names and values, such as ``("speed", "60")``;
             every further column of a manifest is one.
+        part: Where it lies in its file, as fractions of the length of a signal or of the width of a
+            photo (:mod:`.parts`); None is all of it.
 
     Example:
         >>> import tex_lightning as tl
@@ -49,6 +53,12 @@ class Recording:
     group: int
     sampling_rate: float | None = None
     conditions: Conditions = ()
+    part: Part | None = None
+
+    @property
+    def source(self) -> str:
+        """The file, and which part of it, for messages and tables; no two recordings share it."""
+        return name_part(self.path, self.part)
 
 
 @dataclass(frozen=True)
@@ -150,8 +160,9 @@ def read_manifest(path: Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
-    of traces whose format carries none. Earlier versions called it ``sampling_rate``. All other
-    columns are conditions of the recordings, such as speed, force or light.
+    of traces whose format carries none. Earlier versions called it ``sampling_rate``. A column
+    ``part``, such as ``0-0.5``, says where in its file a recording lies. All other columns are
+    conditions of the recordings, such as speed, force or light.
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
@@ -180,17 +191,18 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
     Paths below the manifest's folder are written relative to it, so that both can move together.
     """
     folder = path.resolve().parent
+    parts = [PART] if any(row.part for row in recordings) else []
     names = list(dict.fromkeys(name for row in recordings for name, _ in row.conditions))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*COLUMNS, RATE, *names])
+        writer.writerow([*COLUMNS, RATE, *parts, *names])
         for row in recordings:
             rate = "" if row.sampling_rate is None else row.sampling_rate
             file = row.path.resolve()
             if file.is_relative_to(folder):
                 file = file.relative_to(folder)
-            given = dict(row.conditions)
-            values = [given.get(name, "") for name in names]
+            given = {PART: write_part(row.part) if row.part else "", **dict(row.conditions)}
+            values = [given.get(name, "") for name in (*parts, *names)]
             writer.writerow([row.label, row.modality, file, row.group, rate, *values])
 
 
@@ -211,14 +223,16 @@ def _meant(name: str) -> str | None:
 
 
 def _check_distinct(path: Path, rows: list[Recording]) -> None:
-    """Refuse a file that is listed twice: in two groups it would be trained and tested on."""
-    first: dict[Path, int] = {}
+    """Refuse what is listed twice: in two groups it would be trained and tested on."""
+    listed: dict[Path, list[tuple[int, Part | None]]] = defaultdict(list)
     for number, row in enumerate(rows, start=1):
-        if first.setdefault(row.path, number) != number:
-            raise UserError(
-                f"Manifest {path} lists {row.path} in record {first[row.path]} and in record "
-                f"{number}; keep one of them."
-            )
+        for earlier, part in listed[row.path]:
+            if overlap(part, row.part):
+                raise UserError(
+                    f"Manifest {path} lists {row.source} in record {earlier} and in record "
+                    f"{number}; keep one of them."
+                )
+        listed[row.path].append((number, row.part))
 
 
 def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
@@ -245,7 +259,18 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
     conditions = tuple(
         (name, value) for name, value in line.items() if name and value and name not in KNOWN
     )
-    return Recording(label, modality, target, group, rate, conditions)
+    return Recording(label, modality, target, group, rate, conditions, _read_part(where, line))
+
+
+def _read_part(where: str, line: dict[str, str]) -> Part | None:
+    if not line.get(PART):
+        return None
+    try:
+        return read_part(line[PART])
+    except ValueError as error:
+        raise UserError(
+            f"{where}: part is {line[PART]!r} ({error}); write two fractions, such as 0-0.5."
+        ) from error
 
 
 def _read_rate(where: str, line: dict[str, str]) -> float | None:

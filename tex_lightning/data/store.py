@@ -1,7 +1,8 @@
 """Every file is decoded once, into memory-mapped arrays outside the package.
 
 One ``.npy`` per recording, named by a digest of its files' identity (path, size, time of change)
-and the decode settings. Files are written under another name and moved into place, so a reader
+and the decode settings; of a recording that is a part of its file the part is cut out after
+decoding. Files are written under another name and moved into place, so a reader
 never sees half an array and two processes that decode the same file do no harm.
 """
 
@@ -19,6 +20,7 @@ import numpy.typing as npt
 import platformdirs
 
 from tex_lightning.data.decode import Decoder, SignalDecoder
+from tex_lightning.data.parts import cut_part
 from tex_lightning.data.rates import SOURCES, SourceRate
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.trace_files import axis_files, axis_paths
@@ -146,6 +148,7 @@ class Store:
             "rate": recording.sampling_rate,
             "layout": LAYOUT,
             **vars(self.decoders[recording.modality]),
+            **({"part": recording.part} if recording.part else {}),
         }
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
@@ -155,7 +158,8 @@ class Store:
 
     def _decode(self, recording: Recording) -> tuple[npt.NDArray[Any], SourceRate | None]:
         decoder = self.decoders[recording.modality]
-        return decoder.decode(recording.path, recording.sampling_rate)
+        array, rate = decoder.decode(recording.path, recording.sampling_rate)
+        return cut_part(array, recording.part, recording.path), rate
 
     def _save(self, recording: Recording, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
         write_atomically(self._entry(recording), lambda path: _save(path, array, rate))

@@ -31,4 +31,4 @@ def list_files(unusable: Sequence[Unusable]) -> str:
 
 def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
     """What ``results.json`` says of the files that were left out."""
-    return [{"path": str(each.recording.path), "reason": each.reason} for each in unusable]
+    return [{"path": each.recording.source, "reason": each.reason} for each in unusable]

@@ -32,7 +32,7 @@ def classify_sample(
     try:
         vote = classifier.classify(**recordings)
     except UserError as error:
-        files = [str(row.path) for row in sample.recordings.values()]
+        files = [row.source for row in sample.recordings.values()]
         raise UserError(f"{' and '.join(files)}: {error}") from error
     synchronise(device)
     return vote, (time.perf_counter() - begin) * 1000
@@ -51,7 +51,7 @@ def run_test(
         truth = classes.index(sample.label) if sample.label in classes else -1
         outcomes.append(
             Outcome(
-                files={name: str(row.path) for name, row in sample.recordings.items()},
+                files={name: row.source for name, row in sample.recordings.items()},
                 label=sample.label,
                 predicted=classes[vote.label],
                 share=float(vote.shares[vote.label]),

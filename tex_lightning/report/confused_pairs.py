@@ -1,7 +1,6 @@
 """The recordings behind confused pairs: what each sense took of either class."""
 
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 import torch
 from matplotlib.axes import Axes
@@ -9,6 +8,7 @@ from matplotlib.figure import Figure
 from torch import Tensor
 
 from tex_lightning.branches import Branch
+from tex_lightning.data.parts import cut_part, split_name
 from tex_lightning.evaluation.fragments import ConfusedPair
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.figures import draw_spectrogram
@@ -40,7 +40,8 @@ def pairs_figure(
         for place, label in enumerate(pair.classes):
             own = axes[place * count : (place + 1) * count]
             for panel, (modality, branch) in zip(own, by_modality.items(), strict=True):
-                array, _ = branch.decoder.decode(Path(first[label].files[modality]))
+                path, part = split_name(first[label].files[modality])
+                array = cut_part(branch.decoder.decode(path)[0], part, path)
                 DRAWN[branch.medium](panel, torch.from_numpy(array), branch)
             own[0].set_title(label, fontsize=8)
         axes[0].set_ylabel(

@@ -1,12 +1,14 @@
 """What weights have seen, which their checkpoint remembers so that it is not tested on."""
 
 import json
+from collections import defaultdict
 from typing import Any
 
 from tex_lightning.card import Card
 from tex_lightning.config import DataConfig
 from tex_lightning.data.folds import Split
-from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.parts import Part, overlap, read_part, write_part
+from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.learning.start import name_source, starting_classifier
@@ -44,7 +46,7 @@ def trained_on_parts(card: Card, parts: Split, data: DataConfig, *starts: Card) 
 
 def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) -> dict[str, Any]:
     seen = [
-        fingerprint(row.path)
+        _digest(row)
         for part in (parts.train, parts.val)
         for row in part
         if row.modality in card.modalities
@@ -58,10 +60,17 @@ def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) ->
     }
 
 
+def _digest(row: Recording) -> str:
+    """Of the content of its file, and which part of that it is."""
+    digest = fingerprint(row.path)
+    return digest if row.part is None else f"{digest}#{write_part(row.part)}"
+
+
 def refuse_leak(test: Recordings, card: Card, who: str) -> None:
     """Refuse weights that were trained, or chosen, on what is to be tested.
 
-    Recordings are compared by content, so that neither another reader nor other folds hide one.
+    Recordings are compared by content, so that neither another reader nor other folds hide one; two
+    parts of one file are the same as far as they overlap.
 
     Args:
         test: What is to be tested.
@@ -71,8 +80,15 @@ def refuse_leak(test: Recordings, card: Card, who: str) -> None:
     Raises:
         UserError: Naming one such file and the fold that the checkpoint was tested on.
     """
-    seen = set(card.trained_on["seen"])
-    known = [row for row in test if fingerprint(row.path) in seen]
+    seen: dict[str, list[Part | None]] = defaultdict(list)
+    for entry in card.trained_on["seen"]:
+        digest, _, part = entry.partition("#")
+        seen[digest].append(read_part(part) if part else None)
+    known = [
+        row
+        for row in test
+        if any(overlap(row.part, part) for part in seen.get(fingerprint(row.path), ()))
+    ]
     if known:
         same = " ".join(
             f"data.{key}={json.dumps(value)}"

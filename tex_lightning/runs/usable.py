@@ -55,7 +55,7 @@ def _too_small(row: Recording, store: Store, branch: Branch) -> Unusable | None:
         branch.check(store.load(row))
     except UserError as error:
         said = f"{str(error).rstrip('.')}{_doubt(row, store, branch)}."
-        return Unusable(row, f"{row.path}: {said}")
+        return Unusable(row, f"{row.source}: {said}")
     return None
 
 

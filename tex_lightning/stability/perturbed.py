@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.parts import write_part
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, fingerprint
 from tex_lightning.perturbations.scene import Array, Scene
@@ -39,7 +40,7 @@ class PerturbedDataset:
 
     def add(self, rows: Iterable[Recording]) -> None:
         """Take in recordings that may be asked for, and be partners of others."""
-        self.rows.update((str(row.path), row) for row in rows)
+        self.rows.update((row.source, row) for row in rows)
 
     def clean(self, row: Recording) -> Array:
         """The recording as decoded."""
@@ -59,6 +60,7 @@ class PerturbedDataset:
     def rng(self, name: str, *rows: Recording) -> np.random.Generator:
         """The generator of one sample under one perturbation."""
         prints = [self._fingerprint(row.path) for row in rows]
+        prints += [zlib.crc32(write_part(row.part).encode()) for row in rows if row.part]
         return np.random.default_rng([self.seed, zlib.crc32(name.encode()), *prints])
 
     def partner(self, row: Recording, rng: np.random.Generator) -> Recording:
