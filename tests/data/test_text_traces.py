@@ -100,6 +100,18 @@ def test_uneven_times_are_interpolated_to_an_even_rate(tmp_path):
     assert np.abs(wave - even).max() > 0.03  # what it would be without
 
 
+def test_few_lost_samples_are_interpolated(tmp_path):
+    kept = np.delete(np.arange(6000), [700, 701, 702, 3000])
+    times = kept / 6000 + RNG.uniform(-30e-6, 30e-6, len(kept))  # of a clock that others share
+    wave = np.sin(2 * np.pi * 40 * times)
+    path = write(tmp_path, "time,X\n" + lines(np.stack([times, wave]), form="%.9g"))
+    (trace,), source = SignalDecoder(6000).decode(path)
+    assert source.interpolated
+    assert source.hz == pytest.approx(6000, rel=2e-3)
+    even = np.sin(2 * np.pi * 40 * (times[0] + np.arange(len(trace)) / 6000))
+    assert np.abs(trace[:5900] - even[:5900]).max() < 0.01
+
+
 def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
     times = np.arange(5000) / 44_100
     path = write(tmp_path, "t,x\n" + lines(np.stack([times, np.ones(5000)]), form="%.6f"))

@@ -18,7 +18,8 @@ SECONDS = {
 MIN_SAMPLES = 8  # fewer numbers may rise evenly by chance
 MIN_RATE = 250.0  # Hz without a unit; what is slower is in ms or us, or counts samples
 JITTER = 0.01  # of a step, up to which samples are taken as even
-GAP = 1.75  # steps
+EVEN = 1.75  # steps, up to which a column without a name may be one of time
+MAX_GAP = 10  # steps, up to which lost samples are interpolated
 
 Array = npt.NDArray[np.floating]
 
@@ -31,7 +32,8 @@ class RawTrace:
         samples: (axes, samples); of a text file that has no times, in any order.
         rate: In Hz if the file carries it, else None.
         timed: Whether a column of time gave the rate, and not a header.
-        interpolated: Whether the times were uneven, so that samples were interpolated.
+        interpolated: Whether the times were uneven, or few samples lost, so that samples were
+            interpolated.
     """
 
     samples: Array
@@ -111,7 +113,7 @@ def _unnamed_time(path: Path, columns: Array, name: str) -> tuple[int, None] | N
     if count not in (2, 3, 4) or len(columns) < MIN_SAMPLES:
         return None
     steps = np.diff(columns[:, 0])
-    if not (steps > 0).all() or steps.max() > GAP * np.median(steps):
+    if not (steps > 0).all() or steps.max() > EVEN * np.median(steps):
         return None
     if count == 3:  # whatever its name: no axis of a trace does that
         raise UserError(
@@ -134,7 +136,7 @@ def _step(path: Path, times: Array, unit: float | None) -> tuple[float, bool]:
             "delete it and give the rate of the file."
         )
     median = float(np.median(steps))
-    if (widest := float(steps.max())) > GAP * median:
+    if (widest := float(steps.max())) > MAX_GAP * median:
         raise UserError(
             f"Trace {path} has a gap in its column of time after sample {int(steps.argmax())}, "
             f"{widest / median:.3g} steps wide; cut the file there, or record it again."

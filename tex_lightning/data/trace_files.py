@@ -11,11 +11,12 @@ import soundfile
 
 from tex_lightning.data.text_traces import read_text_trace
 from tex_lightning.data.time_column import RawTrace
+from tex_lightning.data.xml_traces import read_xml_trace
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
 
 SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
-TRACE_SUFFIXES = (*SOUND_SUFFIXES, ".npy", ".txt", ".csv")
+TRACE_SUFFIXES = (*SOUND_SUFFIXES, ".npy", ".txt", ".csv", ".xml")
 RATE_TOLERANCE = 0.01
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
 
@@ -97,6 +98,8 @@ def _read_file(path: Path) -> RawTrace:
         if suffix in (".txt", ".csv"):
             text = read_text_trace(path)
             return replace(text, samples=_as_axes(path, text.samples))
+        if suffix == ".xml":
+            return read_xml_trace(path)
     except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
         raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")

@@ -18,9 +18,12 @@ from tex_lightning.data.recordings import (
     Recordings,
     number_files,
 )
-from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_paths
+from tex_lightning.data.trace_files import TRACE_SUFFIXES as DECODED
+from tex_lightning.data.trace_files import axis_paths
 from tex_lightning.errors import UserError
 
+# without .xml, which beside photos are mostly their annotations; a manifest may name such traces
+TRACE_SUFFIXES = tuple(suffix for suffix in DECODED if suffix != ".xml")
 # of files that lie side by side in the folder of a class
 SUFFIXES = {"haptic": TRACE_SUFFIXES, "image": IMAGE_SUFFIXES}
 # of files in the folder of a sense; that of a user's sense may hold either

@@ -1,0 +1,93 @@
+"""XML traces against the numbers they were written from."""
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.errors import UserError
+
+SAMPLES = np.random.default_rng(0).standard_normal((3, 200)).round(4)
+RATE = "<SampleRate>10000</SampleRate>"
+
+
+def axis(name: str, values, *, between: str = " ") -> str:
+    return f"<{name}>{between.join(map(str, values))}</{name}>"
+
+
+def axes(*names: str) -> str:
+    return "".join(axis(name, values) for name, values in zip(names, SAMPLES, strict=True))
+
+
+def write(tmp_path: Path, content: str, head: str = '<?xml version="1.0"?>') -> Path:
+    path = tmp_path / "Foam_Recording1.xml"
+    path.write_text(f"{head}\n<RecordedData>{content}</RecordedData>", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        RATE + axes("AccelX", "AccelY", "AccelZ") + axis("ForceX", [1, 2]) + axis("Speed", "ab"),
+        RATE + f"<Accel>{axes('x', 'y', 'z')}</Accel><Force>{axes('x', 'y', 'z')}</Force>",
+        "".join(
+            axis(f"ns:Accel{name}", [f"<value>{x}</value>" for x in values], between="")
+            for name, values in zip("XYZ", SAMPLES, strict=True)
+        ).join(("<d xmlns:ns='urn:a'>", f"</d>{RATE}")),
+        RATE + axes("ACCELX", "accely", "AccelZ").replace(" ", ";\n"),
+    ],
+    ids=["flat", "nested", "values", "marks"],
+)
+def test_layouts_give_the_same_samples(tmp_path, content):
+    trace, source = SignalDecoder().decode(write(tmp_path, content))
+    np.testing.assert_allclose(trace, SAMPLES, rtol=1e-6)
+    assert (source.hz, source.source) == (10_000, "header")
+
+
+def test_one_axis_may_stand_for_all(tmp_path):
+    trace, _ = SignalDecoder().decode(write(tmp_path, RATE + axis("Accel", SAMPLES[0])))
+    np.testing.assert_allclose(trace, SAMPLES[:1], rtol=1e-6)
+
+
+def test_what_is_not_read_is_not_kept(tmp_path):
+    long = "".join(axis(name, [1.5] * 400_000) for name in ("ForceX", "ForceY", "Speed"))
+    path = write(tmp_path, RATE + long + axes("AccelX", "AccelY", "AccelZ"))
+    SignalDecoder().decode(path)
+    tracemalloc.start()
+    SignalDecoder().decode(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < path.stat().st_size / 4
+
+
+ENTITIES = '<!DOCTYPE a [<!ENTITY a "1 1"><!ENTITY b "&a;&a;">]>'
+XYZ = axes("AccelX", "AccelY", "AccelZ")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (XYZ, "it has no SampleRate where one number"),
+        ("<SampleRate>0</SampleRate>" + XYZ, "its SampleRate is 0, which is no positive number"),
+        ("<SampleRate>fast</SampleRate>" + XYZ, "SampleRate holds what is no number: .*'fast'"),
+        (RATE + XYZ.replace("AccelY", "AccelW"), "it has no samples of AccelY"),
+        (RATE, "no samples of AccelX, AccelY, AccelZ"),
+        (RATE + XYZ.replace("</AccelZ>", " 1</AccelZ>"), "have 200, 200, 201 samples"),
+        (RATE + XYZ.replace("</AccelZ>", " ?</AccelZ>"), "AccelZ holds what is no number: .*'\\?'"),
+        (RATE + XYZ.replace("</AccelZ>", ""), "it is no whole XML file: mismatched tag"),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path, content, message):
+    with pytest.raises(UserError, match=f"Trace .*xml cannot be read .*{message}"):
+        SignalDecoder().decode(write(tmp_path, content))
+
+
+def test_a_truncated_file_and_entities_are_refused(tmp_path):
+    path = write(tmp_path, RATE + XYZ, ENTITIES)
+    with pytest.raises(UserError, match=r"it has a document type .* take that line out"):
+        SignalDecoder().decode(path)
+    path.write_bytes(write(tmp_path, RATE + XYZ).read_bytes()[:1500])
+    with pytest.raises(UserError, match=r"no whole XML file: (no element found|unclosed token)"):
+        SignalDecoder().decode(path)
