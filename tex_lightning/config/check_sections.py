@@ -37,6 +37,8 @@ def check_data(data: DataConfig) -> Iterator[str]:
             yield f"data.{name} is {shorten(fold)}: choose from 0 to {data.folds - 1}"
     if data.val_fold is not None and data.val_fold == data.test_fold:
         yield f"data.val_fold and data.test_fold are both {data.val_fold}: choose different folds"
+    elif data.folds == 2 and None not in (data.test_fold, data.val_fold) and not data.inverted:
+        yield "data.val_fold takes the only fold of two to train on: give data.val_fold=null"
 
 
 def check_model(model: ModelConfig) -> Iterator[str]:

@@ -65,7 +65,7 @@ def source_rate(path: Path, raw: RawTrace, given: float | None, assumed: float) 
     if stated is not None and not same_rate(raw.rate, stated):
         raise UserError(
             f"Trace {path} has {raw.rate:,.6g} Hz by its {own}, but {stated:,.6g} Hz are stated "
-            "for it (manifest, sidecar or rates.csv); correct or remove one of them."
+            "for it (reader, manifest, sidecar or rates.csv); correct or remove one of them."
         )
     return SourceRate(raw.rate, own, raw.interpolated)
 

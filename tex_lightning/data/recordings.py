@@ -67,7 +67,7 @@ class Recordings:
 
     Attributes:
         rows: The recordings.
-        notes: What was passed over when they were read; no part of the table itself.
+        notes: What was passed over or divided when they were read; no part of the table itself.
 
     Example:
         >>> import tex_lightning as tl
@@ -113,17 +113,19 @@ class Recordings:
 
 @dataclass(frozen=True)
 class Note:
-    """Something in the data that was not read.
+    """Something in the data that was not read, or not as it lies there.
 
     Attributes:
         what: Its name in the singular, to count by, such as ``stray file``.
-        count: How many there are.
+        count: How many there are; 0 if nothing is left out.
         text: A sentence for a warning.
+        modality: That it concerns; None is all.
     """
 
     what: str
     count: int
     text: str
+    modality: str | None = None
 
 
 def name_one(modality: str) -> str:

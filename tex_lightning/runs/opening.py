@@ -51,8 +51,10 @@ class Opening:
         skipped = [each for each in skipped if each.recording not in self.skipped]
         self.skipped |= {each.recording for each in skipped}
         fresh = recordings.without(row for row in recordings if row.modality in self.announced)
-        if not self.announced:
-            for note in recordings.notes:
+        concerned: set[str | None] = set() if self.announced else {None}
+        concerned |= {row.modality for row in fresh}
+        for note in recordings.notes:
+            if note.modality in concerned:
                 log.warning("%s", note.text)
         if skipped:
             log.warning("Going on without %d files:\n%s", len(skipped), list_files(skipped))
@@ -138,7 +140,8 @@ def _sense(rows: Recordings, store: Store) -> str:
 def _left_out(recordings: Recordings, skipped: Sequence[Unusable]) -> str:
     counts = Counter[str]()
     for note in recordings.notes:
-        counts[note.what] += note.count
+        if note.count:
+            counts[note.what] += note.count
     if skipped:
         counts["unusable file"] = len(skipped)
     listed = ", ".join(f"{count} x {what}" for what, count in counts.items())

@@ -2,27 +2,43 @@
 
 Accelerations are ``AccelScansComponents/Movement/.../{label}_Movement_{X,Y,Z}_train{n}.txt``:
 10 kHz, one axis a file, which decoding puts together. Photos are
-``ImageScans/NoFlash/.../{label}_Image_{i}_train{n}.jpg``. Ten recordings per class are for
-training and ten for testing (``test`` instead of ``train``); ``split`` says which of the two
-are read. The number of a recording decides its fold.
+``ImageScans/NoFlash/.../{label}_Image_{i}_train{n}.jpg``, sounds of the same strokes
+``SoundScans/Movement/.../{label}_Sound_Movement_train{n}.wav``, 44.1 kHz. Ten recordings per class
+are for training and ten for testing (``test`` instead of ``train``); ``split`` says which of the
+two are read. The number of a recording decides its fold.
+
+The database has more folders, such as ``AccelScansComponents/Tapping`` and ``FricScans/FSR1``. Any
+can be a sense of the user's own, whose files are ``{label}_{words}_train{n}`` with or without an
+axis, as those of ``Movement`` are. Their exact names were read nowhere. Nor were the rates of those
+that are no accelerations: they are what ``data.file_rate`` says.
 """
 
 import re
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from tex_lightning.config.check_ranges import choice
-from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.decode import IMAGE_SUFFIXES
+from tex_lightning.data.readers.classes import check_same_classes
+from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, plural
+from tex_lightning.data.trace_files import SOUND_SUFFIXES, TRACE_SUFFIXES, axis_files
 from tex_lightning.errors import UserError
 
 PER_CLASS = 10
-RATE = 10_000.0
+ACCELERATIONS, RATE = "AccelScansComponents", 10_000.0
+SOUND_RATE = 44_100.0
 MARKS = {"training": "train", "testing": "test"}
-FOLDERS: dict[str, Path] = {
-    "haptic": Path("AccelScansComponents/Movement"),
-    "image": Path("ImageScans/NoFlash"),
+# what stands between label and mark, with the suffix; and an example
+NAMES = {
+    "haptic": (r"(.+)_Movement_[XYZ]_{}(\d+)\.txt", "LABEL_Movement_X_{}1.txt"),
+    "image": (r"(.+)_Image_\d+_{}(\d+)\.jpg", "LABEL_Image_1_{}1.jpg"),
+    "sound": (r"(.+)_Sound_Movement_{}(\d+)\.wav", "LABEL_Sound_Movement_{}1.wav"),
 }
+OWN = (r"([^_]+(?:_\d+)?)_.*?{}(\d+)\.[^.]+", "LABEL_Tapping_X_{}1.txt")
+
+Files = dict[str, dict[int, list[Path]]]  # by label and number
 
 
 @dataclass
@@ -32,6 +48,8 @@ class Lmt108Reader:
     Attributes:
         root: Folder of the database.
         split: Half that is read, ``training`` or ``testing``.
+        folders: Folder of each sense, below ``root``; None leaves it out. That of photos or sounds
+            may be missing.
 
     Raises:
         UserError: If there is no such half.
@@ -39,67 +57,75 @@ class Lmt108Reader:
 
     root: str
     split: str
+    folders: Mapping[str, str | None]
 
     def __post_init__(self) -> None:
         for complaint in choice("data.reader.split", self.split, tuple(MARKS)):
             raise UserError(f"{complaint}.")
 
     def read(self) -> Recordings:
-        """Read traces and photos of one half; without any photos, traces alone.
+        """Read all senses of one half; without photos or sounds, the others alone.
 
         Raises:
             UserError: If traces are missing, an axis is, counts differ from ten per class, or
-                photos and traces do not have the same classes.
+                the senses do not have the same classes.
         """
-        root, mark = Path(self.root).expanduser(), MARKS[self.split]
-        traces = _read_traces(root / FOLDERS["haptic"], mark)
-        photos = _read_photos(root / FOLDERS["image"], mark)
-        if photos:
-            _check_same(root, {row.label for row in traces}, {row.label for row in photos})
-        return Recordings((*traces, *photos))
+        root = Path(self.root).expanduser()
+        rows = [
+            row
+            for modality, folder in self.folders.items()
+            if folder is not None
+            for row in _read_sense(root / folder, modality, MARKS[self.split])
+        ]
+        check_same_classes(root, rows)
+        return Recordings(tuple(rows))
 
 
-def _read_traces(folder: Path, mark: str) -> list[Recording]:
-    """One recording for the X file of each trace, after making sure that Y and Z exist."""
-    found = _numbered(folder, rf"(.+)_Movement_[XYZ]_{mark}(\d+)\.txt")
-    if not found:
+def _read_sense(folder: Path, modality: str, mark: str) -> list[Recording]:
+    """One recording for each number, after making sure that all ten of each class are there."""
+    pattern, example = NAMES.get(modality, OWN)
+    found = _numbered(folder, pattern.format(mark))
+    if not found and (modality == "haptic" or modality not in MODALITIES):
         raise UserError(
-            f"Folder {folder} holds no LABEL_Movement_X_{mark}1.txt files; data.root must hold "
-            f"{FOLDERS['haptic']}."
+            f"Folder {folder} holds no {example.format(mark)} files; data.root must hold that "
+            f"folder (data.reader.folders.{modality})."
         )
     for label, numbers in found.items():
-        _check_numbers(folder, label, "traces", numbers)
-        for number, files in numbers.items():
-            for axis in "XYZ":
-                name = f"{label}_Movement_{axis}_{mark}{number}.txt"
-                if name not in [file.name for file in files]:
-                    raise UserError(
-                        f"File {files[0].with_name(name)} does not exist, but other axes of that "
-                        "trace do; copy it again."
-                    )
-    return _recordings("haptic", found, RATE)
-
-
-def _read_photos(folder: Path, mark: str) -> list[Recording]:
-    found = _numbered(folder, rf"(.+)_Image_\d+_{mark}(\d+)\.jpg")
-    for label, numbers in found.items():
-        _check_numbers(folder, label, "photos", numbers)
+        _check_numbers(folder, label, plural(modality), numbers)
         for files in numbers.values():
-            if len(files) > 1:
-                raise UserError(
-                    f"Files {files[0]} and {files[1]} have the same number; keep one of them."
-                )
-    return _recordings("image", found, None)
+            _check_files(files, modality)
+    rate = SOUND_RATE if modality == "sound" else RATE if ACCELERATIONS in folder.parts else None
+    return [
+        Recording(label, modality, files[0], number - 1, rate)
+        for label, numbers in found.items()
+        for number, files in sorted(numbers.items())
+    ]
 
 
-def _numbered(folder: Path, pattern: str) -> dict[str, dict[int, list[Path]]]:
+def _numbered(folder: Path, pattern: str) -> Files:
     """Files below a folder by label and by number of the recording, in the order of names."""
-    found: dict[str, dict[int, list[Path]]] = defaultdict(lambda: defaultdict(list))
+    known = {*TRACE_SUFFIXES, *SOUND_SUFFIXES, *IMAGE_SUFFIXES}
+    found: Files = defaultdict(lambda: defaultdict(list))
     for path in sorted(folder.rglob("*")):
         match = re.fullmatch(pattern, path.name, re.IGNORECASE)
-        if match:
+        if match and path.suffix.lower() in known:
             found[match[1]][int(match[2])].append(path)
     return found
+
+
+def _check_files(files: list[Path], modality: str) -> None:
+    """Make sure that the files of one number are one recording: alone, or all its axes."""
+    if modality == "haptic":
+        for axis in "XYZ":
+            file = files[0].with_name(re.sub(r"_[XYZ](_[^_]+)$", rf"_{axis}\1", files[0].name))
+            if file not in files:
+                raise UserError(
+                    f"File {file} does not exist, but other axes of that trace do; copy it again."
+                )
+    axes = axis_files(files[0])
+    for file in files:
+        if file not in axes:
+            raise UserError(f"Files {files[0]} and {file} have the same number; keep one of them.")
 
 
 def _check_numbers(folder: Path, label: str, what: str, numbers: dict[int, list[Path]]) -> None:
@@ -112,22 +138,3 @@ def _check_numbers(folder: Path, label: str, what: str, numbers: dict[int, list[
             f"Folder {folder} must hold the {what} 1 to {PER_CLASS} of {label}, but {listed}; "
             "complete or correct it."
         )
-
-
-def _recordings(
-    modality: str, found: dict[str, dict[int, list[Path]]], rate: float | None
-) -> list[Recording]:
-    return [
-        Recording(label, modality, files[0], number - 1, rate)
-        for label, numbers in found.items()
-        for number, files in sorted(numbers.items())
-    ]
-
-
-def _check_same(root: Path, traces: set[str], photos: set[str]) -> None:
-    for one, other, what in ((traces, photos, "photos"), (photos, traces, "traces")):
-        if one - other:
-            raise UserError(
-                f"Folder {root} has no {what} of {', '.join(sorted(one - other))}; is the name "
-                f"spelt differently there ({', '.join(sorted(other - one)) or 'no other name'})?"
-            )

@@ -1,0 +1,78 @@
+"""Small folders in the layouts of today's haptic data sets."""
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from conftest import make_photo
+from PIL import Image
+
+RATE = 6000
+SURFACES = ("0", "7", "12")
+STROKES = list(product((0, 135), (20, 60), (500, 1000), (0, 1)))
+Array = np.ndarray
+
+
+def tone(kind: int, rate: int, seconds: float, seed: int, axes: int = 1) -> Array:
+    """Noise (axes, samples) with a tone of its own for each class."""
+    rng = np.random.default_rng([kind, seed])
+    time = np.arange(int(rate * seconds)) / rate
+    wave = 0.3 * np.sin(2 * np.pi * (200 + 350 * kind) * time + rng.uniform(0, 6))
+    return wave + 0.03 * rng.standard_normal((axes, len(time)))
+
+
+def stamps(count: int, seed: int) -> Array:
+    """Uneven times in s: jitter of microseconds, and two samples lost."""
+    rng = np.random.default_rng(seed)
+    times = (0.001 + np.arange(count + 2) / RATE) + rng.uniform(-35e-6, 35e-6, count + 2)
+    return np.delete(times, [count // 2, count // 2 + 1])
+
+
+def write_csv(path: Path, names: str, columns: Array) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = [",".join(f"{value:.9g}" for value in row) for row in columns.T.tolist()]
+    path.write_text("\n".join([names, *lines]), encoding="utf-8")
+
+
+def write_cluster(root: Path, seconds: float, *sensors: str, strokes=STROKES) -> Path:
+    """Surfaces with strokes by these sensors, and ``images`` if that is one of them."""
+    for kind, surface in enumerate(SURFACES):
+        for seed, stroke in enumerate(strokes):
+            name = "_".join(map(str, (surface, *stroke)))
+            for sensor in set(sensors) - {"images"}:
+                file = root / "sensor_data" / sensor / surface / name
+                if "audio" in sensor:
+                    file.parent.mkdir(parents=True, exist_ok=True)
+                    sound = tone(kind, 44_100, seconds, seed)[0]
+                    soundfile.write(f"{file}.wav", sound, 44_100)
+                    continue
+                axes = tone(kind, RATE, seconds, seed, 3 if sensor == "accel" else 1)
+                times = stamps(axes.shape[1], seed)
+                names = {"accel": "time,X,Y,Z", "force": "time,force"}[sensor]
+                write_csv(file.with_suffix(".csv"), names, np.vstack([times, axes]))
+        if "images" in sensors:
+            folder = root / "images" / "images_scan_area"
+            folder.mkdir(parents=True, exist_ok=True)
+            pixels = np.concatenate([make_photo(kind, seed) for seed in (0, 1)], axis=1)
+            Image.fromarray(pixels).save(folder / f"img{surface}.jpg")
+    return root
+
+
+def hatt_xml(axes: Array) -> str:
+    """A recording (3, samples) with what stands beside the acceleration."""
+    named = zip("XYZ", axes.tolist(), strict=True)
+    accel = "".join(f"<Accel{a}>{' '.join(f'{x:.5g}' for x in v)}</Accel{a}>" for a, v in named)
+    return (
+        '<?xml version="1.0"?><RecordedData><SampleRate>10000</SampleRate>'
+        f"{accel}<ForceX>1 2</ForceX><Speed>30 31</Speed></RecordedData>"
+    )
+
+
+def write_hatt(root: Path, seconds: float, name: str = "{}_Recording{}.xml") -> Path:
+    for kind, texture in enumerate(("ABS Plastic", "Carpet 1", "Carpet 2")):
+        for number in (1, 2):
+            file = root / "RecordedData" / name.format(texture, number)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(hatt_xml(tone(kind, 10_000, seconds, number, 3)), encoding="utf-8")
+    return root
