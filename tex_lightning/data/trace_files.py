@@ -92,6 +92,11 @@ def _read_file(path: Path) -> RawTrace:
         if suffix in SOUND_SUFFIXES:
             _check_wav_length(path)
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
+            if samples.shape[1] == 2:
+                raise UserError(
+                    f"Trace {path} has two channels, but a signal has one or three; save it with "
+                    "one, mixed or chosen."
+                )
             return RawTrace(_as_axes(path, samples), float(rate))
         if suffix == ".npy":
             return RawTrace(_as_axes(path, _read_array(path)))

@@ -2,26 +2,18 @@
 
 import json
 import shutil
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+import soundfile
+from conftest import make_trace
+from haptic_sets import read
 from PIL import Image
 
-from tex_lightning.config import CONF, register
-from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.readers.kth_tips2b import NUMBERS
-from tex_lightning.data.recordings import Recordings
 from tex_lightning.errors import UserError
-
-
-def read(*overrides: str) -> Recordings:
-    register()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = OmegaConf.to_object(compose("config", overrides=list(overrides)))
-    return read_recordings(config.data)
 
 
 def write_image(path: Path, seed: int, *size: int) -> None:
@@ -46,6 +38,20 @@ def write_lmt108(root: Path, samples: int, *size: int) -> Path:
                 write_image(photos / f"{label}_Image_{n}_{mark}{n}.jpg", 10 * place + n, *size)
                 flash = root / "ImageScans" / "Flash" / split
                 write_image(flash / f"{label}_Image_{n}_{mark}{n}.jpg", 10 * place + n, 8, 8)
+    return root
+
+
+def write_more_of_lmt108(root: Path, samples: int) -> Path:
+    """Sounds, and taps in one file each, of the training half."""
+    for place, label in enumerate(("G1AluminiumMesh", "G2Brick")):
+        for n in range(1, 11):
+            sound = root / "SoundScans/Movement/Training" / f"{label}_Sound_Movement_train{n}.wav"
+            tap = root / "AccelScansComponents/Tapping/Training" / f"{label}_Tapping_train{n}.txt"
+            sound.parent.mkdir(parents=True, exist_ok=True)
+            tap.parent.mkdir(parents=True, exist_ok=True)
+            values = make_trace(place, n, samples / 10_000)
+            soundfile.write(sound, values, 44_100)
+            tap.write_text("\n".join(map(str, values.round(3).tolist())))
     return root
 
 
@@ -126,6 +132,52 @@ def test_lmt108_names_what_is_missing_or_misspelt(copy):
         read(*testing)
     shutil.rmtree(root / "ImageScans")
     assert len(read(*testing)) == 20
+
+
+TAPPING = "+data.reader.folders.tapping=AccelScansComponents/Tapping"
+
+
+def test_lmt108_has_sounds_and_further_senses_beside_the_traces(copy):
+    root = write_more_of_lmt108(copy / "lmt108", 5)
+    given = ["data=lmt108", f"data.root={root}"]
+    rows = read(*given)
+    assert len(rows.of("sound")) == 20
+    assert {row.sampling_rate for row in rows.of("sound")} == {44_100.0}
+    assert all(row.path.stem.endswith(f"_train{row.group + 1}") for row in rows)
+    assert {row.modality for row in read(*given, "data.reader.folders.sound=null")} == {
+        "haptic",
+        "image",
+    }
+    taps = read(*given, TAPPING).of("tapping")
+    assert len(taps) == 20
+    assert {row.sampling_rate for row in taps} == {10_000.0}
+    bricks = [row.path for row in taps.in_classes(["G2Brick"])]
+    for tap, name in product(bricks, "XYZ"):
+        shutil.copy(tap, tap.with_name(tap.name.replace("g_", f"g_{name}_")))
+    with pytest.raises(UserError, match=r"_X_train1.txt and .*g_train1.txt have the same number"):
+        read(*given, TAPPING)
+    for tap in bricks:
+        tap.unlink()
+    assert len(read(*given, TAPPING).of("tapping")) == 20
+    bricks[0].with_name("G2Brick_Tapping_Y_train3.txt").unlink()
+    with pytest.raises(UserError, match=r"one axis of three, but .*Tapping_Y_train3.txt does not"):
+        read(*given, TAPPING)
+    with pytest.raises(UserError, match=r"holds no LABEL_Tapping_X_train1.txt files.*folders.tap"):
+        read(*given, TAPPING.replace("Tapping", "Taping"))
+    (root / "SoundScans/Movement/Training/G2Brick_Sound_Movement_train10.wav").unlink()
+    with pytest.raises(UserError, match=r"sound recordings 1 to 10 of G2Brick, but lacks .*\[10\]"):
+        read(*given)
+
+
+def test_taps_of_lmt108_end_to_end(cli, tmp_path):
+    root = write_lmt108(tmp_path / "data", 5, 8, 8)
+    write_more_of_lmt108(root, 8000)
+    (tmp_path / "branch").mkdir()
+    own = "defaults: [signal, bands, _self_]\nmodality: tapping\n"
+    (tmp_path / "branch" / "tapping.yaml").write_text(own)
+    given = ["experiment=few/haptic", "model.senses=[tapping]", "data=lmt108", f"data.root={root}"]
+    networks = run(cli, tmp_path / "run", "--config-dir", str(tmp_path), *given, TAPPING)
+    assert networks["tapping"]["correct"] == networks["tapping"]["test_samples"] == 2
 
 
 def test_kylberg_groups_by_patch_or_by_surface(tiny):

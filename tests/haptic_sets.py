@@ -1,4 +1,4 @@
-"""Small folders in the layouts of today's haptic data sets."""
+"""Published data sets as they are read, and small folders in the layouts of today's haptic ones."""
 
 from itertools import product
 from pathlib import Path
@@ -6,12 +6,26 @@ from pathlib import Path
 import numpy as np
 import soundfile
 from conftest import make_photo
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 from PIL import Image
+
+from tex_lightning.config import CONF, register
+from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.recordings import Recordings
 
 RATE = 6000
 SURFACES = ("0", "7", "12")
 STROKES = list(product((0, 135), (20, 60), (500, 1000), (0, 1)))
 Array = np.ndarray
+
+
+def read(*overrides: str) -> Recordings:
+    """The table of a data set as the command line configures it."""
+    register()
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = OmegaConf.to_object(compose("config", overrides=list(overrides)))
+    return read_recordings(config.data)
 
 
 def tone(kind: int, rate: int, seconds: float, seed: int, axes: int = 1) -> Array:
