@@ -81,12 +81,17 @@ def weights_are_installed() -> bool:
 def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     """The highest rate in Hz of the traces that are brought to one, at most the paper's."""
     branches = [model.branch(sense) for sense in model.senses]
-    modalities = {each.modality for each in branches if None in each.decode.values()}
+    channels = {
+        each.modality: each.decode.get("channel")
+        for each in branches
+        if None in each.decode.values()
+    }
     recordings = read_recordings(data, model.modalities)
-    rows = [row for row in recordings if row.modality in modalities]
+    rows = [row for row in recordings if row.modality in channels]
     spread = rows[:: max(1, len(rows) // LOOKED_AT)]
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
-    rate = max((_rate(row, data.file_rate) for row in looked_at.values()), default=PAPERS_RATE)
+    rates = (_rate(row, data.file_rate, channels[row.modality]) for row in looked_at.values())
+    rate = max(rates, default=PAPERS_RATE)
     if not 0 < rate < PAPERS_RATE:
         return PAPERS_RATE
     log.info(
@@ -96,9 +101,9 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     return rate
 
 
-def _rate(row: Recording, assumed: float | None) -> float:
+def _rate(row: Recording, assumed: float | None, channel: int | None) -> float:
     """Of one trace; 0 if it cannot be read, which is said later of all together."""
-    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE)
+    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE, channel)
     try:
         _, source = read_trace(row.path, decoder, row.sampling_rate)
     except UserError:

@@ -42,6 +42,25 @@ def test_every_format_gives_the_same_trace(tmp_path, axes, suffix):
     np.testing.assert_allclose(decoded, trace, rtol=1e-6)
 
 
+def test_one_channel_of_several_is_chosen(tmp_path):
+    pair = AXES[:2]
+    soundfile.write(tmp_path / "t.wav", pair.T, 10_000, subtype="FLOAT")
+    np.save(tmp_path / "t.npy", pair)
+    timed = np.vstack([np.arange(700) / 10_000, pair])
+    write_csv(tmp_path / "t.csv", timed.T, header="time,x,y")
+    for path in sorted(tmp_path.iterdir()):
+        with pytest.raises(UserError, match="one or three axes"):
+            SIGNAL.decode(path)
+        for channel in (0, 1):
+            (chosen,), _ = SignalDecoder(channel=channel).decode(path)
+            np.testing.assert_allclose(chosen, pair[channel], rtol=1e-5)
+        with pytest.raises(UserError, match=r"has 2 channels, and decode.channel .* is 2, counted"):
+            SignalDecoder(channel=2).decode(path)
+    for wrong in (-1, 0.5, "first"):
+        with pytest.raises(UserError, match="give a number from 0, or null"):
+            SignalDecoder(channel=wrong)
+
+
 def test_a_sound_without_loss_is_that_of_the_wav(tmp_path):
     counts = (AXES[0] * 32_767).astype(np.int16)
     for suffix in ("wav", "flac"):

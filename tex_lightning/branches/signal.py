@@ -36,7 +36,7 @@ class SignalBranch(Branch):
     def make_decoder(cls, decode: Mapping[str, Any]) -> SignalDecoder:
         """Make the decoder; files without a rate have the one that all are brought to."""
         rate = decode["sampling_rate"]
-        return SignalDecoder(rate, decode.get("file_rate") or rate)
+        return SignalDecoder(rate, decode.get("file_rate") or rate, decode.get("channel"))
 
     @property
     def spectrogram(self) -> SpectrogramFeatures | None:
@@ -171,7 +171,7 @@ class SignalBranch(Branch):
         target = self.decoder.sampling_rate
         if isinstance(given, str | Path):
             path, assumed = Path(given).expanduser(), rate or self.decoder.file_rate
-            raw, found = read_trace(path, SignalDecoder(target, assumed))
+            raw, found = read_trace(path, self.decoder.assuming(assumed))
             source, name = found.hz, f"Trace {path}"
         else:
             raw, name = as_trace(given, self.modality), self.modality

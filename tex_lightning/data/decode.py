@@ -72,14 +72,21 @@ class SignalDecoder(Decoder):
     Attributes:
         sampling_rate: Rate in Hz that every signal is brought to.
         file_rate: Rate in Hz of signals whose file and reader give none.
+        channel: Which channel of a sound, or column of a table beside its time, is read, counted
+            from 0; None reads all, one or three.
     """
 
     sampling_rate: float = 10_000.0
     file_rate: float = 10_000.0
+    channel: int | None = None
 
     suffixes: ClassVar[tuple[str, ...]] = TRACE_SUFFIXES
     unit: ClassVar[str] = "s"
     precision: ClassVar[str] = ".3g"
+
+    def __post_init__(self) -> None:
+        if self.channel is not None and (type(self.channel) is not int or self.channel < 0):
+            raise UserError(f"decode.channel is {self.channel!r}; give a number from 0, or null.")
 
     def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, SourceRate]:
         """Read a trace of one or three axes and bring it to the configured rate.
@@ -142,7 +149,7 @@ def read_trace(
 
     Arguments and errors are those of :meth:`SignalDecoder.decode`.
     """
-    raw = read_axes(path)
+    raw = read_axes(path, settings.channel)
     check_samples(raw.samples, f"Trace {path}")
     return raw.samples, source_rate(path, raw, rate, settings.file_rate)
 

@@ -148,8 +148,11 @@ class Store:
             "rate": recording.sampling_rate,
             "layout": LAYOUT,
             **vars(self.decoders[recording.modality]),
-            **({"part": recording.part} if recording.part else {}),
+            "part": recording.part,
         }
+        for later in ("part", "channel"):  # unset they change nothing, so older entries stay valid
+            if identity.get(later) is None:
+                identity.pop(later, None)
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
 

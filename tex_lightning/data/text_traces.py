@@ -17,8 +17,10 @@ MARKS = ("#", "%")
 MAX_HEADER = 2  # names and units
 
 
-def read_text_trace(path: Path) -> RawTrace:
+def read_text_trace(path: Path, channel: int | None = None) -> RawTrace:
     """Read the columns of a text file and take its column of time out of them.
+
+    Of the others one is kept if ``channel``, counted from 0, says which.
 
     Raises:
         ValueError: If it holds no numbers, or they cannot be told apart.
@@ -33,7 +35,7 @@ def read_text_trace(path: Path) -> RawTrace:
     lines = [line.replace(",", ".") for line in data] if decimal_comma else data
     columns = np.loadtxt(lines, delimiter=delimiter, ndmin=2)
     names, units = _names(header or comments[-MAX_HEADER:], delimiter, columns.shape[1])
-    return separate_time(path, columns, names, units)
+    return separate_time(path, columns, names, units, channel)
 
 
 def _decode(content: bytes) -> str:

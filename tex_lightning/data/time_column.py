@@ -43,7 +43,11 @@ class RawTrace:
 
 
 def separate_time(
-    path: Path, columns: Array, names: list[str] | None, units: list[str] | None
+    path: Path,
+    columns: Array,
+    names: list[str] | None,
+    units: list[str] | None,
+    channel: int | None = None,
 ) -> RawTrace:
     """Take the column of time out of a table and derive the rate from it.
 
@@ -52,6 +56,7 @@ def separate_time(
         columns: (samples, columns).
         names: Of the columns, if the file has any.
         units: Of the columns, if the file has any.
+        channel: Number of the one column beside the time that is kept; None keeps all.
 
     Raises:
         UserError: If the times do not rise, have a gap or no plausible unit, or if what is left
@@ -61,9 +66,10 @@ def separate_time(
     if found is None:
         found = _unnamed_time(path, columns, names[0] if names else "")
     if found is None:
+        columns = choose_channel(path, columns, channel)
         return RawTrace(columns[:, 0] if columns.shape[1] == 1 else columns)
     index, unit = found
-    axes = np.delete(columns, index, axis=1).T
+    axes = choose_channel(path, np.delete(columns, index, axis=1), channel).T
     if len(axes) not in (1, 3):
         raise UserError(
             f"Trace {path} has {len(axes)} columns beside its time; a trace has one or three axes."
@@ -73,6 +79,22 @@ def separate_time(
         grid = columns[0, index] + np.arange(len(columns)) * step / (unit or 1)
         axes = np.stack([np.interp(grid, columns[:, index], axis) for axis in axes])
     return RawTrace(axes, 1 / step, timed=True, interpolated=not even)
+
+
+def choose_channel(path: Path, table: Array, channel: int | None) -> Array:
+    """Keep one column of a table (samples, columns), or all of them if ``channel`` is None.
+
+    Raises:
+        UserError: If it has no such column.
+    """
+    if channel is None:
+        return table
+    if channel >= table.shape[1]:
+        raise UserError(
+            f"Trace {path} has {table.shape[1]} channels, and decode.channel of its sense is "
+            f"{channel}, counted from 0; choose another."
+        )
+    return table[:, [channel]]
 
 
 def _named_time(

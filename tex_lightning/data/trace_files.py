@@ -10,7 +10,7 @@ import numpy.typing as npt
 import soundfile
 
 from tex_lightning.data.text_traces import read_text_trace
-from tex_lightning.data.time_column import RawTrace
+from tex_lightning.data.time_column import RawTrace, choose_channel
 from tex_lightning.data.xml_traces import read_xml_trace
 from tex_lightning.errors import UserError
 from tex_lightning.files import require_file
@@ -54,8 +54,8 @@ def _axis_names(path: Path) -> tuple[Path, ...]:
     return tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
 
 
-def read_axes(path: Path) -> RawTrace:
-    """Read the samples out of one file or three.
+def read_axes(path: Path, channel: int | None = None) -> RawTrace:
+    """Read the samples out of one file or three; of a file only one channel if that is given.
 
     Raises:
         UserError: If a file is missing, empty, damaged or of another shape, or its column of time
@@ -64,7 +64,7 @@ def read_axes(path: Path) -> RawTrace:
     axes = []
     for file in axis_files(path):
         require_file(file)
-        axes.append(_read_file(file))
+        axes.append(_read_file(file, channel))
     if len(axes) == 1:
         return axes[0]
     if {axis.samples.shape for axis in axes} != {(1, axes[0].samples.shape[1])}:
@@ -86,28 +86,40 @@ def same_rate(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=RATE_TOLERANCE)
 
 
-def _read_file(path: Path) -> RawTrace:
+def _read_file(path: Path, channel: int | None) -> RawTrace:
     suffix = path.suffix.lower()
     try:
         if suffix in SOUND_SUFFIXES:
             _check_wav_length(path)
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
+            samples = choose_channel(path, samples, channel)
             if samples.shape[1] == 2:
                 raise UserError(
-                    f"Trace {path} has two channels, but a signal has one or three; save it with "
-                    "one, mixed or chosen."
+                    f"Trace {path} has two channels, but a trace has one or three axes; choose one "
+                    "by decode.channel of its sense, or save it with one."
                 )
             return RawTrace(_as_axes(path, samples), float(rate))
         if suffix == ".npy":
-            return RawTrace(_as_axes(path, _read_array(path)))
+            array = _read_array(path)
+            return RawTrace(_as_axes(path, _chosen(path, array, channel)))
         if suffix in (".txt", ".csv"):
-            text = read_text_trace(path)
+            text = read_text_trace(path, channel)
             return replace(text, samples=_as_axes(path, text.samples))
         if suffix == ".xml":
-            return read_xml_trace(path)
+            trace = read_xml_trace(path)
+            return replace(trace, samples=_chosen(path, trace.samples, channel))
     except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
         raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
+
+
+def _chosen(
+    path: Path, array: npt.NDArray[np.floating], channel: int | None
+) -> npt.NDArray[np.floating]:
+    """The channel of an array in either order, which has more samples than channels."""
+    if channel is None or array.ndim != 2:
+        return array
+    return choose_channel(path, array.T if array.shape[0] < array.shape[1] else array, channel).T
 
 
 def _read_array(path: Path) -> npt.NDArray[np.float64]:

@@ -243,7 +243,7 @@ def test_folders_that_hold_nothing_are_named(tmp_path):
             ["model=sound", "debug=tiny"],
             [sound("7_0_20_500_0", (26_460, 2), 44_100), sound("0_0_20_500_0", (9000,), 22_050)],
             [
-                "7_0_20_500_0.wav has two channels, but a signal has one or three",
+                "7_0_20_500_0.wav has two channels, but a trace has one or three axes",
                 "22,050 Hz by its header, but 44,100 Hz are stated",
             ],
         ),

@@ -4,9 +4,10 @@ A machine moves the fingertip in 8 directions at 5 speeds, with 2 forces, twice:
 surface. A stroke is ``sensor_data/{sensor}/{id}/{id}_{direction}_{speed}_{force}_{repetition}.csv``
 (degrees, mm/s, mN). ``accel`` has the columns ``time,X,Y,Z`` (g), ``force`` ``time,force`` (N), at
 nominally 6 kHz with uneven time stamps, which give the rate and are interpolated. ``audio`` is
-44.1 kHz WAV. ``raw_audio`` has two channels and ``position`` two axes (``time,X,Y``, mm, 100 Hz),
-which decoders refuse: a sense has one or three. Class names are the surface ids, because the set's
-``texture_list.xlsx`` calls some surfaces alike.
+44.1 kHz WAV, ``raw_audio`` of two channels, of which ``decode.channel=0`` is the surface's and 1
+the machine's. ``position`` (``time,X,Y``, mm) is refused by decoding: it has two axes, and 100
+stamps a second, whose unit its column does not say. Class names are the surface ids, because the
+set's ``texture_list.xlsx`` calls some surfaces alike.
 
 There is one photo of a surface, ``images/images_scan_area/img{id}.jpg`` of 100 x 100 mm. It is
 divided into strips side by side, one for each group, so that folds do not share pixels.
