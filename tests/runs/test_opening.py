@@ -80,6 +80,19 @@ def test_a_family_announces_each_sense_and_each_left_out_file_once(
     assert caplog.text.count("Class folder x is skipped") == 1
 
 
+def test_a_note_on_one_modality_is_for_those_who_read_it_and_may_leave_nothing_out(
+    config, store, rows, caplog, capsys
+):
+    rows = replace(rows, notes=(Note("divided photo", 0, "Photos are divided.", "image"),))
+    opening = Opening(config.data, "two systems", [0])
+    opening.announce(rows.of("haptic"), store, [])
+    assert "divided" not in caplog.text
+    opening.announce(rows, store, [])
+    opening.announce(rows, store, [])
+    assert caplog.text.count("Photos are divided.") == 1
+    assert "divided photo" not in capsys.readouterr().err
+
+
 def test_nothing_usable_is_announced_as_nothing(config, store):
     lines = Opening(config.data, "nothing").lines(Recordings(()), store, [])
     assert lines[1] == "Classes   0:"

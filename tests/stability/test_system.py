@@ -1,6 +1,6 @@
 """Recordings of a sample put together wrongly, and who meets that."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +122,14 @@ def test_the_draws_of_a_sample_are_those_of_its_content(make):
              strict=True)]  # fmt: skip
     assert np.array_equal(*draws)
     assert not np.array_equal(draws[0], one.dataset.rng("y", *rows[0]).random(3))
+
+
+def test_parts_of_one_file_are_recordings_of_their_own(make, tmp_path):
+    dataset = make({"haptic": "haptic"}).members[0].dataset
+    whole = dataset.rows[str(tmp_path / "a_0.haptic")]
+    halves = [replace(whole, part=part) for part in ((0, 0.5), (0.5, 1))]
+    before = len(dataset.rows)
+    dataset.add(halves)
+    assert len(dataset.rows) == before + 2
+    drawn = {dataset.rng("noise", row).integers(1 << 62) for row in (whole, *halves)}
+    assert len(drawn) == 3

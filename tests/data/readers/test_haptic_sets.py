@@ -142,6 +142,7 @@ def test_hatt_is_fitted_and_other_stretches_of_a_recording_are_no_leak(cli, hatt
     given = ["data=hatt", f"data.root={hatt}", "trainer.threads=1"]
     fit = cli("experiment=few/haptic", *given, f"hydra.run.dir={tmp_path}/fit")
     assert fit.status == 0, fit.err
+    assert "Each recording is divided into 3 stretches" in " ".join(fit.err.split())
     assert results(tmp_path / "fit")["correct"] == 6
     again = ["task=evaluate", f"checkpoint={tmp_path}/fit", *given]
     tested = cli(*again, f"hydra.run.dir={tmp_path}/tested")

@@ -253,6 +253,7 @@ def test_kth_tips2b_names_what_is_wrong(copy):
         (["data=lmt108", "data.split=testing"], "data.split is data.reader.split now"),
         (["data=tum", "data.reader.splt=testing"], "no key data.reader.splt"),
         (["data=folder", "data.resize=256"], "turn one off"),
+        (["data=cluster", "data.folds=2"], "give data.val_fold=null"),
         (["task=evaluate", "checkpoint=a", "data.inverted=true", "data.test_fold=null"], "number"),
     ],
 )
