@@ -14,7 +14,8 @@ divided into strips side by side, one for each group, so that folds do not share
 ``images/crop_images`` is not read: its crops of the same photo overlap. The size of the photos is
 documented nowhere.
 
-The layout and columns are those of the set's README; the files themselves were not seen.
+The layout and columns are those of the set's README; the files themselves were not seen. A mirror
+of it keeps the tables as Parquet, which is not read.
 """
 
 import re

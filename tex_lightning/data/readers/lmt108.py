@@ -23,7 +23,7 @@ from tex_lightning.config.check_ranges import choice
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.readers.classes import check_same_classes
 from tex_lightning.data.recordings import MODALITIES, Recording, Recordings, plural
-from tex_lightning.data.trace_files import SOUND_SUFFIXES, TRACE_SUFFIXES, axis_files
+from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_files
 from tex_lightning.errors import UserError
 
 PER_CLASS = 10
@@ -104,7 +104,7 @@ def _read_sense(folder: Path, modality: str, mark: str) -> list[Recording]:
 
 def _numbered(folder: Path, pattern: str) -> Files:
     """Files below a folder by label and by number of the recording, in the order of names."""
-    known = {*TRACE_SUFFIXES, *SOUND_SUFFIXES, *IMAGE_SUFFIXES}
+    known = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
     found: Files = defaultdict(lambda: defaultdict(list))
     for path in sorted(folder.rglob("*")):
         match = re.fullmatch(pattern, path.name, re.IGNORECASE)
