@@ -102,7 +102,7 @@ def test_samples_of_three_modalities_have_a_recording_of_each():
     found = [[row.path.name for row in sample.recordings.values()] for sample in samples]
     assert found == [[f"s{i}.wav", f"a{i % 3}.jpg", f"a{i % 2}.wav"] for i in range(5)]
     with pytest.raises(UserError, match="no sound recordings to train on for b"):
-        check_split(split(rows, by(2, None, None)), ["b"], ["sound"], 0)
+        check_split(split(rows, by(2, None, None)), ["b"], ["sound"], by(2, None, None))
 
 
 def test_unimodal_samples_leave_the_other_modality_out():
@@ -114,20 +114,20 @@ def test_unimodal_samples_leave_the_other_modality_out():
 def test_classes_that_cannot_be_trained_are_named():
     rows = table(a=(10, 10), b=(1, 10))
     with pytest.raises(UserError, match="no traces to train on for b"):
-        check_split(split(rows, by(10, 0, None)), rows.classes, ["haptic"], 0)
-    check_split(split(rows, by(10, 0, None)), rows.classes, ["image"], 0)
+        check_split(split(rows, by(10, 0, None)), rows.classes, ["haptic"], by(10, 0, None))
+    check_split(split(rows, by(10, 0, None)), rows.classes, ["image"], by(10, 0, None))
 
 
 def test_an_empty_test_fold_is_said():
     rows = table(a=(3, 0), b=(3, 0))
     with pytest.raises(UserError, match="Fold 7 holds nothing"):
-        check_split(split(rows, by(10, 7, None)), rows.classes, ["haptic"], 7)
+        check_split(split(rows, by(10, 7, None)), rows.classes, ["haptic"], by(10, 7, None))
 
 
 def test_a_message_shortens_the_names_of_classes():
     label = "x" * 100_000
     parts = Split(Recordings(()), Recordings(()), Recordings(()))
     with pytest.raises(UserError) as caught:
-        check_split(parts, [label], ["haptic"], 0)
+        check_split(parts, [label], ["haptic"], by(10, 0))
     assert "There are no traces to train on for xxx" in str(caught.value)
     assert len(str(caught.value)) < 400

@@ -31,6 +31,8 @@ def check_data(data: DataConfig) -> Iterator[str]:
         yield "data.half_scale and data.resize both decide the size of photos: turn one off"
     if data.inverted and data.test_fold is None:
         yield "data.inverted trains on data.test_fold, which is null: give its number"
+    if data.test_where is not None:
+        yield from _test_where(data)
     for name in ("test_fold", "val_fold"):
         fold = getattr(data, name)
         if fold is not None and not 0 <= fold < data.folds:
@@ -39,6 +41,22 @@ def check_data(data: DataConfig) -> Iterator[str]:
         yield f"data.val_fold and data.test_fold are both {data.val_fold}: choose different folds"
     elif data.folds == 2 and None not in (data.test_fold, data.val_fold) and not data.inverted:
         yield "data.val_fold takes the only fold of two to train on: give data.val_fold=null"
+
+
+def _test_where(data: DataConfig) -> Iterator[str]:
+    where = data.test_where
+    given = list(where.values()) if isinstance(where, dict) else []
+    values = [item for each in given for item in (each if isinstance(each, list) else [each])]
+    if not given or [] in given or any(isinstance(item, dict | list | None) for item in values):
+        yield (
+            f"data.test_where is {shorten(where)}: give names and values of conditions, as in "
+            "{speed: 60} or {speed: [50, 60], light: lamp}"
+        )
+    if data.inverted:
+        yield (
+            "data.inverted tests all folds but one and data.test_where some conditions: leave "
+            "data.test_where out, or give data.inverted=false"
+        )
 
 
 def check_model(model: ModelConfig) -> Iterator[str]:

@@ -23,7 +23,9 @@ READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
 # Keys that the other tasks would pass over in silence, and the tasks that read them.
 READ_BY = {
     "data.hold_out": ("fit", "crossval", "evaluate"),
+    "data.per_class": ("fit", "crossval", "frontier"),
     "data.skip_bad": ("fit", "crossval", "evaluate", "stability", "frontier"),
+    "data.test_where": ("fit", "evaluate", "stability"),
     "frontier.max_latency_ms": ("frontier",),
     "frontier.min_accuracy": ("frontier",),
     "frontier.only": ("frontier",),
@@ -33,6 +35,10 @@ READ_BY = {
     "stability.severities": ("stability",),
     "stability.systems": ("stability",),
     "weights": ("fit", "crossval", "frontier"),
+}
+INSTEAD = {
+    ("data.test_where", "crossval"): "test one condition after the other by a sweep of task=fit, "
+    "as in -m 'data.test_where={speed: 50},{speed: 60}'"
 }
 
 
@@ -103,7 +109,8 @@ def _unread(config: Config) -> Iterator[str]:
         given = attrgetter(key)(config)
         if given not in (None, []) and given is not False and config.task not in tasks:
             readers = " and ".join(f"task={task}" for task in tasks)
-            yield f"{key} is read by {readers} alone, not by task={config.task}: leave it out"
+            instead = INSTEAD.get((key, config.task), "leave it out")
+            yield f"{key} is read by {readers} alone, not by task={config.task}: {instead}"
 
 
 def _optimized_metric(config: Config) -> Iterator[str]:
@@ -122,6 +129,8 @@ def _frontier(config: Config) -> Iterator[str]:
         yield f"model=auto trains one network, task={config.task} does not: use task=fit"
     if frontier.run is not None and config.model.name != AUTO:
         yield "frontier.run is read by model=auto alone: leave it out"
+    if config.model.name == AUTO and frontier.run is None and config.data.test_where is not None:
+        yield "model=auto would choose on what data.test_where tests: give frontier.run"
     if config.task == "frontier" and config.data.val_fold is not None:
         yield "data.val_fold is set, but task=frontier leaves a fold of its own out: leave it null"
     here = config.task == "frontier" or (config.model.name == AUTO and frontier.run is None)

@@ -36,6 +36,11 @@ class Folding:
         "the order of groups; null takes all of the training folds",
         least=1, most=1_000_000, default=None,
     )  # fmt: skip
+    test_where: Any = key(
+        "conditions whose recordings are tested, and never trained or chosen on, in place of a "
+        "fold: {speed: 60} or {speed: [50, 60], light: lamp}; null tests data.test_fold",
+        default=None,
+    )
 
 
 @dataclass

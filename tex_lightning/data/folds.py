@@ -1,4 +1,4 @@
-"""Folds by recording number, and samples: what is classified as one.
+"""Folds by recording number or by conditions, and samples: what is classified as one.
 
 A recording's fold is its group modulo the number of folds, so that everything recorded together
 is tested together. The paper (section IV) trains on nine recordings of each class and tests on
@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from tex_lightning.config import Folding
+from tex_lightning.data.conditions import is_tested, tested_part
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.errors import UserError, listed
 
@@ -37,23 +38,26 @@ class Sample:
 
 
 def split(recordings: Recordings, by: Folding) -> Split:
-    """Divide by fold.
+    """Divide by fold, or by ``test_where`` the recordings of a sense that has such conditions.
 
     Where few recordings of a class are trained on, they are the next ones after the tested fold,
     so that ten folds are ten draws of them and any two systems see the same.
     """
-    if by.test_fold is None:
-        return Split(Recordings(()), Recordings(()), recordings)
     parts: dict[str, list[Recording]] = {"train": [], "val": [], "test": []}
     for row in recordings:
-        fold = row.group % by.folds
-        alone, others = ("train", "test") if by.inverted else ("test", "train")
-        parts[alone if fold == by.test_fold else "val" if fold == by.val_fold else others].append(
-            row
-        )
+        parts[_part(row, by)].append(row)
     if by.per_class is not None:
-        parts["train"] = _next_of_each(parts["train"], by.per_class, by.test_fold, by.folds)
+        parts["train"] = _next_of_each(parts["train"], by.per_class, by.test_fold or 0, by.folds)
     return Split(*(Recordings(tuple(parts[name])) for name in ("train", "val", "test")))
+
+
+def _part(row: Recording, by: Folding) -> str:
+    fold = row.group % by.folds
+    alone, others = ("train", "test") if by.inverted else ("test", "train")
+    tested = None if by.test_where is None else is_tested(row, by.test_where)
+    if tested is None:  # nothing but its fold decides
+        tested = by.test_fold is None or fold == by.test_fold
+    return alone if tested else "val" if fold == by.val_fold else others
 
 
 def _next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
@@ -86,9 +90,7 @@ def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
     return samples
 
 
-def check_split(
-    parts: Split, classes: list[str], modalities: Sequence[str], test_fold: int | None
-) -> None:
+def check_split(parts: Split, classes: list[str], modalities: Sequence[str], by: Folding) -> None:
     """Make sure that every class can be trained and that there is something to test.
 
     Raises:
@@ -99,10 +101,14 @@ def check_split(
         if absent:
             raise UserError(
                 f"There are no {plural(modality)} to train on for {listed(absent)}; add "
-                "recordings, leave the class out, or choose a model that does without them."
+                "recordings, leave the class out, "
+                + ("test less in data.test_where, " if by.test_where else "")
+                + "or choose a model that does without them."
             )
     if not make_samples(parts.test, modalities):
+        tested = tested_part(by)
         raise UserError(
-            f"Fold {test_fold} holds nothing to test on that has {' and '.join(modalities)}; "
-            "choose another data.test_fold or fewer data.folds."
+            f"{tested[:1].upper()}{tested[1:]} holds nothing to test on that has "
+            f"{' and '.join(modalities)}; choose another "
+            + ("data.test_where." if by.test_where else "data.test_fold or fewer data.folds.")
         )

@@ -6,6 +6,7 @@ from typing import Any
 
 from tex_lightning.card import Card
 from tex_lightning.config import DataConfig
+from tex_lightning.data.conditions import as_override
 from tex_lightning.data.folds import Split
 from tex_lightning.data.parts import Part, overlap, read_part, write_part
 from tex_lightning.data.recordings import Recording, Recordings
@@ -14,6 +15,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.start import name_source, starting_classifier
 
 FOLD_KEYS = ("folds", "test_fold", "inverted", "val_fold")
+WHERE = "test_where"
 
 
 def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -> dict[str, Any]:
@@ -33,7 +35,8 @@ def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -
     start = starting_classifier(source, card)
     begun = {} if start is None else start.card.trained_on
     if start is not None:
-        refuse_leak(parts.test.of(card.modalities[0]), start.card, f"weights: checkpoint {source}")
+        test = parts.test.of(card.modalities[0])
+        refuse_leak(test, start.card, f"weights: checkpoint {source}", data)
     return {**_seen(card, parts, data, begun), "trunks": {card.kind: name_source(source)}}
 
 
@@ -56,6 +59,7 @@ def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) ->
         "folds": data.folds,
         "test_fold": data.test_fold,
         **({"inverted": True, "val_fold": data.val_fold} if data.inverted else {}),
+        **({WHERE: data.test_where} if data.test_where else {}),
         "seen": [*seen, *sorted(earlier.difference(seen))],
     }
 
@@ -66,7 +70,7 @@ def _digest(row: Recording) -> str:
     return digest if row.part is None else f"{digest}#{write_part(row.part)}"
 
 
-def refuse_leak(test: Recordings, card: Card, who: str) -> None:
+def refuse_leak(test: Recordings, card: Card, who: str, data: DataConfig) -> None:
     """Refuse weights that were trained, or chosen, on what is to be tested.
 
     Recordings are compared by content, so that neither another reader nor other folds hide one; two
@@ -76,6 +80,7 @@ def refuse_leak(test: Recordings, card: Card, who: str) -> None:
         test: What is to be tested.
         card: Of the checkpoint.
         who: Its name in the message.
+        data: How this run was told what to test.
 
     Raises:
         UserError: Naming one such file and the fold that the checkpoint was tested on.
@@ -90,10 +95,16 @@ def refuse_leak(test: Recordings, card: Card, who: str) -> None:
         if any(overlap(row.part, part) for part in seen.get(fingerprint(row.path), ()))
     ]
     if known:
+        theirs = card.trained_on.get(WHERE)
         same = " ".join(
-            f"data.{key}={json.dumps(value)}"
-            for key, value in card.trained_on.items()
-            if key in FOLD_KEYS
+            [
+                *(
+                    f"data.{key}={json.dumps(value)}"
+                    for key, value in card.trained_on.items()
+                    if key in FOLD_KEYS
+                ),
+                *([as_override(theirs)] if theirs or data.test_where else []),
+            ]
         )
         raise UserError(
             f"{who} has trained on {len(known)} of the {len(test)} test recordings, "

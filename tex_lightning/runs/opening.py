@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.model import FUSION
+from tex_lightning.data.conditions import describe, is_tested
 from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
@@ -95,8 +96,12 @@ class Opening:
         )
         several = len(self.folds) > 1
         which = f"each of {len(self.folds)} folds" if several else f"fold {self.folds[0]}"
+        which = f"{which} of {data.folds}"
+        if data.test_where is not None:
+            by_fold = any(is_tested(row, data.test_where) is None for row in known)
+            which = describe(data.test_where) + (f", else {which}" if by_fold else "")
         watched = f", {val} validate (fold {data.val_fold})" if data.val_fold is not None else ""
-        return f"{train} recordings train{watched}, {test} test ({which} of {data.folds})"
+        return f"{train} recordings train{watched}, {test} test ({which})"
 
 
 def trained_networks(model: ModelConfig) -> str:

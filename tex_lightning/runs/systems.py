@@ -11,6 +11,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig, StabilityConfig
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.config.recipe import Running
+from tex_lightning.data.conditions import tested_part
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
@@ -110,7 +111,9 @@ def _member(
     rows = rows.without(each.recording for each in skipped)
     samples = _limited(make_samples(rows, classifier.card.modalities), limit)
     if not samples:
-        raise UserError(f"There is nothing to test {path} on in {_place(data)}; choose another.")
+        raise UserError(
+            f"There is nothing to test {path} on in {tested_part(data)}; choose another."
+        )
     dataset.add(row for each in samples for row in each.recordings.values())
     return Member(path, Evaluator(classifier), samples, dataset, skipped)
 
@@ -127,10 +130,6 @@ def _dataset(
             return each
     datasets.append(PerturbedDataset(store, seed, data.folds))
     return datasets[-1]
-
-
-def _place(data: DataConfig) -> str:
-    return "the data" if data.test_fold is None else f"fold {data.test_fold}"
 
 
 def _limited(samples: list[Sample], limit: int | None) -> list[Sample]:

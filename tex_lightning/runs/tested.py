@@ -62,5 +62,5 @@ def held_out_to_test(data: DataConfig, classifier: SurfaceClassifier) -> Recordi
 def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordings:
     wanted = rows.without(row for row in rows if row.modality not in card.modalities)
     test = split(wanted, data).test
-    refuse_leak(test, card, who)
+    refuse_leak(test, card, who, data)
     return replace(test, notes=rows.notes)

@@ -60,7 +60,7 @@ class Workspace:
     def parts(self) -> Split:
         """Training, validation and test recordings, checked."""
         parts = split(self.recordings, self.data)
-        check_split(parts, self.classes, self.recipe.model.modalities, self.data.test_fold)
+        check_split(parts, self.classes, self.recipe.model.modalities, self.data)
         return parts
 
     def unknown_samples(self, modalities: Sequence[str]) -> list[Sample]:
@@ -218,5 +218,6 @@ def starting_card(workspace: Workspace, name: str, path: Path) -> Card:
                 f"Checkpoint {path} was trained with data.{key}={theirs[key]}, this "
                 f"run has {ours.get(key)}; make them equal."
             )
-    refuse_leak(workspace.parts().test.of(card.modalities[0]), card, f"Checkpoint {path}")
+    test = workspace.parts().test.of(card.modalities[0])
+    refuse_leak(test, card, f"Checkpoint {path}", workspace.data)
     return card

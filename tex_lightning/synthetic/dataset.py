@@ -19,11 +19,11 @@ from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.config.keys import Key, walk
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
-from tex_lightning.synthetic.camera import Light, render_photo
+from tex_lightning.synthetic.camera import Light, draw_distance, render_photo
 from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.microphone import hear_stroke
 from tex_lightning.synthetic.specimen import Specimen
-from tex_lightning.synthetic.tool import draw_stroke, slide_tool
+from tex_lightning.synthetic.tool import draw_hand, draw_stroke, slide_tool
 
 RATE = 10_000  # Hz of traces
 SOUND_RATE = 44_100  # Hz of sounds
@@ -157,8 +157,29 @@ def photograph(
 ) -> NDArray[np.uint8]:
     """Take one photo of class ``index``, RGB, shape (photo_height, photo_width, 3)."""
     rng = np.random.default_rng([spec.seed, index, recording, _IMAGE])
-    light: Light = "daylight" if recording < (spec.recordings + 1) // 2 else "ambient"
-    return render_photo(specimen, rng, light, (spec.photo_width, spec.photo_height))
+    size = spec.photo_width, spec.photo_height
+    return render_photo(specimen, rng, _light(spec, recording), size)
+
+
+def recorded_under(
+    spec: SyntheticSpec, modality: str, index: int, recording: int
+) -> dict[str, str]:
+    """The conditions of one recording of class ``index``, drawn again and not rendered.
+
+    Returns:
+        Of a trace and of its sound ``speed``, typical, to 10 mm/s, and ``force``, to 0.2 N; of a
+        photo ``light`` and ``distance``, to a tenth of the mean.
+    """
+    if modality == "image":
+        camera = np.random.default_rng([spec.seed, index, recording, _IMAGE])
+        distance = draw_distance(camera)
+        return {"light": _light(spec, recording), "distance": f"{distance:.1f}"}
+    speed, force = draw_hand(np.random.default_rng([spec.seed, index, recording, _HAPTIC]))
+    return {"speed": f"{round(speed, -1):.0f}", "force": f"{0.2 * round(force / 0.2):.1f}"}
+
+
+def _light(spec: SyntheticSpec, recording: int) -> Light:
+    return "daylight" if recording < (spec.recordings + 1) // 2 else "ambient"
 
 
 def _prepare(root: Path) -> None:

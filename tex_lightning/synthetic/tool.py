@@ -59,6 +59,13 @@ class Stroke:
         return Stroke(position, speed, force, round(self.landing * ratio), sampling_rate)
 
 
+def draw_hand(rng: np.random.Generator) -> tuple[float, float]:
+    """Draw the typical speed in mm/s, around 90, and force in N, around 1, of a stroke."""
+    speed = 90 * np.exp(0.12 * np.clip(rng.standard_normal(), -2, 2))
+    force = np.exp(0.2 * np.clip(rng.standard_normal(), -2, 2))
+    return float(speed), float(force)
+
+
 def draw_stroke(
     rng: np.random.Generator, seconds: float, sampling_rate: int, mean_speed: float | None = None
 ) -> Stroke:
@@ -74,8 +81,7 @@ def draw_stroke(
         mean_speed: Typical speed in mm/s; drawn around 90 if not given.
     """
     count = round(seconds * sampling_rate)
-    drawn_speed = 90 * np.exp(0.12 * np.clip(rng.standard_normal(), -2, 2))
-    mean_force = np.exp(0.2 * np.clip(rng.standard_normal(), -2, 2))
+    drawn_speed, mean_force = draw_hand(rng)
     lead = rng.uniform(0.2, 0.4)
     speed = np.exp(0.15 * drift(rng, count, sampling_rate))
     force = mean_force * np.exp(0.15 * drift(rng, count, sampling_rate))

@@ -8,6 +8,7 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.data.conditions import tested_part
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
@@ -45,8 +46,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     unknown_samples = make_samples(unknown.without(bad), modalities)
     if not samples:
         raise UserError(
-            f"There is nothing to test a {kind} network on; choose another data.test_fold, or "
-            "data.test_fold=null for everything."
+            f"There is nothing to test a {kind} network on in {tested_part(config.data)}; choose "
+            "another data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
     network, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, config.running, unknown_samples

@@ -6,7 +6,7 @@ from pathlib import Path
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.readers.synthetic import spec_of
+from tex_lightning.data.readers.synthetic import spec_of, with_conditions
 from tex_lightning.data.readers.tum import read_tum
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
@@ -33,7 +33,7 @@ def run(config: Config, job: Job) -> None:
     else:
         write_folder(spec, out, ("haptic", "image", *(["sound"] if sound else [])))
         recordings = read_folder(out)
-    write_manifest(recordings, out / "manifest.csv")
+    write_manifest(with_conditions(spec, recordings), out / "manifest.csv")
     log.info("%d synthetic classes written to %s.", spec.classes, out)
 
 

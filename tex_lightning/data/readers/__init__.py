@@ -6,6 +6,7 @@ from typing import Protocol
 
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build_typed
+from tex_lightning.data.conditions import check_conditions
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.recordings import Recordings
@@ -28,7 +29,8 @@ def read_recordings(config: DataConfig, modalities: Sequence[str] | None = None)
             the configured model.
 
     Raises:
-        UserError: If the data set is missing, incomplete or has fewer classes than asked for.
+        UserError: If the data set is missing, incomplete or has fewer classes than asked for, or
+            cannot be divided by ``data.test_where``.
     """
     node = config.reader
     if modalities is not None and "senses" in node:
@@ -45,7 +47,12 @@ def read_recordings(config: DataConfig, modalities: Sequence[str] | None = None)
         raise UserError(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two."
         )
-    return _with_stated_rates(recordings.in_classes(classes[: config.classes]))
+    recordings = recordings.in_classes(classes[: config.classes])
+    if config.test_where is not None:
+        senses = {row.modality for row in recordings} if modalities is None else modalities
+        rows = tuple(row for row in recordings if row.modality in senses)
+        check_conditions(Recordings(rows), config.test_where)
+    return _with_stated_rates(recordings)
 
 
 def _with_stated_rates(recordings: Recordings) -> Recordings:

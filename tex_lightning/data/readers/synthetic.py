@@ -5,7 +5,7 @@ import json
 import logging
 import shutil
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from tex_lightning import __version__
@@ -14,6 +14,8 @@ from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import cache_root
 from tex_lightning.synthetic import SyntheticSpec, write_folder
+from tex_lightning.synthetic.dataset import recorded_under
+from tex_lightning.synthetic.materials import make_materials
 
 SOUND = "sound"
 
@@ -41,16 +43,15 @@ class SyntheticReader:
 
     def read(self) -> Recordings:
         """Render the surfaces unless the cache has them, and read them."""
-        tables = []
+        spec, tables = spec_of(self.classes, self.surfaces), []
         if set(self.senses) != {SOUND}:
-            tables.append(read_folder(self._folder(("haptic", "image"))))
+            tables.append(read_folder(self._folder(spec, ("haptic", "image"))))
         if SOUND in self.senses:
-            tables.append(read_folder(self._folder((SOUND,))))
-        return Recordings(tuple(row for table in tables for row in table))
+            tables.append(read_folder(self._folder(spec, (SOUND,))))
+        return with_conditions(spec, Recordings(tuple(row for table in tables for row in table)))
 
-    def _folder(self, modalities: tuple[str, ...]) -> Path:
+    def _folder(self, spec: SyntheticSpec, modalities: tuple[str, ...]) -> Path:
         """The folder of the cache with these recordings."""
-        spec = spec_of(self.classes, self.surfaces)
         identity = {"version": __version__, **asdict(spec)}
         if SOUND in modalities:
             identity["modality"] = SOUND
@@ -66,6 +67,18 @@ class SyntheticReader:
 def spec_of(classes: int | None, surfaces: SyntheticConfig) -> SyntheticSpec:
     """The synthetic data set of so many classes; None takes the usual number."""
     return SyntheticSpec(classes or SyntheticSpec.classes, **asdict(surfaces))
+
+
+def with_conditions(spec: SyntheticSpec, recordings: Recordings) -> Recordings:
+    """The same rendered recordings with the conditions that they were drawn under."""
+    places = {
+        material.name: at for at, material in enumerate(make_materials(spec.classes, spec.seed))
+    }
+    rows = []
+    for row in recordings:
+        conditions = recorded_under(spec, row.modality, places[row.label], row.group)
+        rows.append(replace(row, conditions=tuple(conditions.items())))
+    return replace(recordings, rows=tuple(rows))
 
 
 def _render(spec: SyntheticSpec, target: Path, modalities: tuple[str, ...]) -> None:
