@@ -26,6 +26,12 @@ def comparable(value: object) -> float | str:
     return number if math.isfinite(number) else text
 
 
+def shown(value: str) -> str:
+    """The same text for values that are compared as one."""
+    known = comparable(value)
+    return f"{known:.15g}" if isinstance(known, float) else known
+
+
 def in_order(value: str) -> Order:
     """Sort key of values: numbers by size, then words."""
     known = comparable(value)

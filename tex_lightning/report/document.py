@@ -8,6 +8,7 @@ from typing import Any
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
+from tex_lightning.data.conditions import describe
 from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
 from tex_lightning.files import write_text
 from tex_lightning.report.confused_pairs import pairs_figure
@@ -15,7 +16,12 @@ from tex_lightning.report.figures import class_accuracy_figure, confusion_figure
 from tex_lightning.report.learning_curve import learning_curves, learning_figure, write_curves
 from tex_lightning.report.systems import System, read_systems, run_data
 from tex_lightning.report.table import TINY, is_tiny, run_overrides
-from tex_lightning.report.tables import accuracy_tables, profiling_table, seeds_table
+from tex_lightning.report.tables import (
+    accuracy_tables,
+    conditions_table,
+    profiling_table,
+    seeds_table,
+)
 
 NOTES = """\
 Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
@@ -53,7 +59,7 @@ def write_report(directory: Path, runs: Sequence[Path], command: str) -> None:
         parts.append(f"> **{TINY}**")
     parts += ["This command repeats the report:", f"```bash\n{command}\n```"]
     parts += [_tested(systems), NOTES, seeds_table(systems)]
-    parts.append(accuracy_tables(systems, complete=complete))
+    parts += [accuracy_tables(systems, complete=complete), conditions_table(systems)]
     profiles = _profiles(runs)
     if profiles:
         parts.append(profiling_table(profiles))
@@ -85,7 +91,10 @@ def _times(often: int) -> str:
 
 
 def _folds(system: System) -> str:
-    """Which folds a system's runs tested."""
+    """Which folds, or conditions, a system's runs tested."""
+    wheres = [run_data(run).get("test_where") for run in system.directories]
+    if any(wheres):
+        return ", ".join(dict.fromkeys(describe(where) for where in wheres if where))
     tested: Counter[int | None] = Counter()
     for run, entry in zip(system.directories, system.entries, strict=True):
         data = run_data(run)

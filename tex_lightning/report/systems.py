@@ -106,10 +106,16 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
                 main = kind == list(networks)[-1]
                 names = (results["model"], "") if main else (kind, results["model"])
                 own = [item for item in asked[run] if item not in shared]
-                variant = ", ".join([*own, *_start(results, kind)])
+                variant = ", ".join([*own, *_unseen(run), *_start(results, kind)])
                 key = (names[0], kind, names[1], results["data"], variant)
                 groups.setdefault(key, []).append((run, results))
     return [_pool(key, members) for key, members in groups.items()]
+
+
+def _unseen(run: Path) -> list[str]:
+    """The conditions whose tested values were not trained on; the values make no other system."""
+    where = run_data(run).get("test_where")
+    return [f"unseen {' and '.join(where)}"] if where else []
 
 
 def _start(results: dict[str, Any], kind: str) -> list[str]:

@@ -10,6 +10,7 @@ from rich import box
 from rich.table import Table
 
 from tex_lightning.progress import console
+from tex_lightning.report.conditions import condition_rows
 
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
 
@@ -33,7 +34,18 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     table = make_table(title, [""], list(results["networks"]))
     for name, fact in FACTS.items():
         table.add_row(name, *(fact(network) for network in results["networks"].values()))
-    print_tables(directory, table)
+    print_tables(directory, table, *_by_condition(results["networks"]))
+
+
+def _by_condition(networks: dict[str, Network]) -> list[Table]:
+    """A table of votes by condition, where recordings have any."""
+    rows = condition_rows(
+        networks, "{0[vote_accuracy]:.1%} ({0[correct]}/{0[test_samples]})".format
+    )
+    table = make_table("votes by condition", ["", ""], list(networks))
+    for row in rows:
+        table.add_row(*row)
+    return [table] if rows else []
 
 
 def make_table(title: str, names: list[str], figures: list[str]) -> Table:

@@ -1,11 +1,13 @@
 """The paper's tables with our figures beside its own, as Markdown."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import mean, stdev
 from typing import Any
 
+from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.mcnemar import mcnemar
 from tex_lightning.evaluation.outcomes import summarise
+from tex_lightning.report.conditions import condition_rows
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.systems import System
 from tex_lightning.report.table import seconds
@@ -79,6 +81,28 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
             *markdown(HEADINGS, lines),
         ]
     )
+
+
+def conditions_table(systems: Sequence[System]) -> str:
+    """Votes by condition of every system, all its runs together; empty without conditions."""
+    entries = {
+        _label(system) + (f" ({system.variant})" if system.variant else ""): pool_conditions(
+            system.entries
+        )
+        for system in systems
+    }
+    known = {name: entry for name, entry in entries.items() if entry}
+    lines = condition_rows(known, _votes)
+    if not lines:
+        return ""
+    headings = ("condition", "value", *known)
+    return "\n".join(["### By condition", "", *markdown(headings, lines)])
+
+
+def _votes(counts: Mapping[str, Any]) -> str:
+    low, high = counts["vote_ci95"]
+    share = f"{counts['vote_accuracy']:.1%} ({counts['correct']}/{counts['test_samples']})"
+    return f"{share}, {low:.1%} to {high:.1%}"
 
 
 def seeds_table(systems: Sequence[System]) -> str:

@@ -16,6 +16,7 @@ from tex_lightning.evaluation.calibration import (
     calibration_figure,
     selective,
 )
+from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.fragments import vote_counts
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
@@ -60,6 +61,7 @@ def report_network(
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     entry = {
         **summarise(outcomes),
+        **by_condition(samples, outcomes),
         **calibration_metrics(outcomes, classes, decider.card.reject_below),
         **network_facts(classifier, samples[0], store),
         "fit_seconds": stored["fit_seconds"],

@@ -14,6 +14,7 @@ from typing import Any
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import (
     read_outcomes,
@@ -23,6 +24,7 @@ from tex_lightning.evaluation.outcomes import (
 )
 from tex_lightning.loggers import log_test
 from tex_lightning.ranks import is_rank_zero
+from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.document import write_report
 from tex_lightning.report.table import print_results, python_command, run_overrides
 from tex_lightning.runs.fold import fit_fold, results_frame
@@ -51,6 +53,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     results = results_frame(config.task, workspace, networks, seconds)
     if config.model.name in config.crossval.profile:
         _profile(config, networks[workspace.kind]["checkpoint"], job)
+    write_conditions(networks, directory)
     write_results(directory / "results.json", results)
     command = python_command(*run_overrides(directory), f"hydra.run.dir={directory}")
     write_report(directory, [directory], command)
@@ -122,6 +125,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     pooled = {
         **summarise(outcomes),
+        **pool_conditions(entries.values()),
         **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
         **pool_sequential(directories, name, workspace.directory, decision),
         **pool_unknown(directories, name, outcomes, workspace.directory),

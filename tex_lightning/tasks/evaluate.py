@@ -14,6 +14,7 @@ from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
+from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import held_out_to_test, open_store, recordings_to_test
@@ -64,6 +65,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "environment": environment(device),
         "networks": {kind: network},
     }
+    write_conditions({kind: network}, directory)
     write_results(directory / "results.json", results)
     print_results(results, directory)
     return results

@@ -10,6 +10,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.ranks import is_rank_zero
+from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.fold import fit_fold, results_frame
 from tex_lightning.runs.opening import Opening, trained_networks
@@ -29,6 +30,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     if not is_rank_zero():
         return {}
     results = results_frame(config.task, workspace, networks, time.perf_counter() - begin)
+    write_conditions(results["networks"], directory)
     write_results(directory / "results.json", results)
     print_results(results, directory)
     return results

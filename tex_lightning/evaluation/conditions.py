@@ -1,0 +1,70 @@
+"""Accuracy by the conditions that the test samples were recorded under."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from tex_lightning.data.conditions import in_order, shown
+from tex_lightning.data.folds import Sample
+from tex_lightning.evaluation.outcomes import Outcome, wilson_interval
+
+KEY = "conditions"  # of a network's entry in results.json
+
+Conditions = dict[str, dict[str, dict[str, Any]]]  # by name and by value
+Votes = tuple[str, str, int, int]  # name, value, correct, test samples
+
+
+def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Part of a network's entry of ``results.json``; empty where nothing has conditions.
+
+    A sample of several senses has the conditions of all its recordings.
+
+    Args:
+        samples: What was tested.
+        outcomes: What became of each.
+
+    Returns:
+        Under ``conditions``, by name and by value: ``correct``, ``test_samples``,
+        ``vote_accuracy`` and Wilson's ``vote_ci95``.
+    """
+    votes: list[Votes] = []
+    for sample, outcome in zip(samples, outcomes, strict=True):
+        given = {
+            (name, shown(value)): None  # in their order
+            for row in sample.recordings.values()
+            for name, value in row.conditions
+        }
+        correct = int(outcome.label == outcome.predicted)
+        votes += [(*each, correct, 1) for each in given]
+    return _entry(votes)
+
+
+def pool_conditions(entries: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The same of several entries, their counts added."""
+    return _entry(
+        (name, value, counts["correct"], counts["test_samples"])
+        for entry in entries
+        for name, values in entry.get(KEY, {}).items()
+        for value, counts in values.items()
+    )
+
+
+def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
+    totals: dict[str, dict[str, tuple[int, int]]] = {}
+    for name, value, correct, count in votes:
+        values = totals.setdefault(name, {})
+        before = values.get(value, (0, 0))
+        values[value] = before[0] + correct, before[1] + count
+    found = {
+        name: {value: _counted(*values[value]) for value in sorted(values, key=in_order)}
+        for name, values in totals.items()
+    }
+    return {KEY: found} if found else {}
+
+
+def _counted(correct: int, count: int) -> dict[str, Any]:
+    return {
+        "correct": correct,
+        "test_samples": count,
+        "vote_accuracy": correct / count,
+        "vote_ci95": wilson_interval(correct, count),
+    }
