@@ -29,7 +29,7 @@ def comparable(value: object) -> float | str:
 def shown(value: str) -> str:
     """The same text for values that are compared as one."""
     known = comparable(value)
-    return f"{known:.15g}" if isinstance(known, float) else known
+    return str(known).removesuffix(".0")
 
 
 def in_order(value: str) -> Order:
@@ -71,7 +71,7 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
                 f"data.test_where names {name}, which {len(absent)} of the {len(found)} recordings "
                 f"do not say, {absent[0].path} for one: fill it in, or leave them out."
             )
-        known = {comparable(value): value for _, value in found if value is not None}
+        known = {comparable(value): shown(value) for _, value in found if value is not None}
         for value in _values(wanted):
             if comparable(value) not in known:
                 values = sorted(known.values(), key=in_order)

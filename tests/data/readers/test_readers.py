@@ -209,3 +209,15 @@ def test_generated_sounds_are_listed_in_the_manifest(cli, tmp_path):
     assert written.status == 0, written.err
     rows = read_manifest(tmp_path / "out" / "manifest.csv")
     assert [len(rows.of(each)) for each in ("haptic", "image", "sound")] == [4, 4, 4]
+
+
+def test_synthetic_recordings_say_under_which_conditions_they_were_drawn(tmp_path):
+    rows = read_recordings(small(tmp_path, "model.senses=[haptic,visual,sound]"))
+    names = {row.modality: [name for name, _ in row.conditions] for row in rows}
+    assert names["haptic"] == names["sound"] == ["speed", "force"]
+    assert names["image"] == ["light", "distance"]
+    strokes = [
+        {(row.label, row.group): row.conditions for row in rows.of(sense)}
+        for sense in ("haptic", "sound")
+    ]
+    assert strokes[0] == strokes[1]

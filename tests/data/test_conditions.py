@@ -1,0 +1,170 @@
+import shlex
+from pathlib import Path
+
+import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tex_lightning.config import Folding
+from tex_lightning.data.conditions import (
+    as_override,
+    check_conditions,
+    comparable,
+    describe,
+    in_order,
+    shown,
+)
+from tex_lightning.data.folds import check_split, split
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.errors import UserError
+
+
+def trace(number: int, label: str = "a", **conditions: str) -> Recording:
+    path = Path(f"{label}{number}.wav")
+    return Recording(label, "haptic", path, number, None, tuple(conditions.items()))
+
+
+def photo(number: int, label: str = "a", **conditions: str) -> Recording:
+    path = Path(f"{label}{number}.jpg")
+    return Recording(label, "image", path, number, None, tuple(conditions.items()))
+
+
+def by(where: object, test_fold: int | None = 0, val_fold: int | None = None) -> Folding:
+    return Folding(5, test_fold, val_fold, False, None, where)
+
+
+def names(part: Recordings) -> list[str]:
+    return [row.path.name for row in part]
+
+
+STROKES = Recordings(
+    tuple(
+        trace(n, speed=speed, light=light)
+        for n, (speed, light) in enumerate(
+            [("60", "lamp"), ("60.0", "sun"), ("50", "lamp"), ("6", "sun"), ("fast", "lamp")]
+        )
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("where", "tested"),
+    [
+        ({"speed": 60}, [0, 1]),
+        ({"speed": "60"}, [0, 1]),
+        ({"speed": 60.0, "light": "lamp"}, [0]),
+        ({"speed": [50, 60]}, [0, 1, 2]),
+        ({"speed": ["fast", 6], "light": ["lamp"]}, [4]),
+        ({"light": "sun"}, [1, 3]),
+    ],
+)
+def test_all_conditions_must_hold_and_numbers_are_compared_by_size(where, tested):
+    parts = split(STROKES, by(where))
+    assert names(parts.test) == [f"a{n}.wav" for n in tested]
+    assert names(parts.train) == [f"a{n}.wav" for n in range(5) if n not in tested]
+
+
+@given(
+    speeds=st.lists(st.sampled_from("123"), min_size=1, max_size=30),
+    fold=st.one_of(st.none(), st.integers(0, 4)),
+    val=st.one_of(st.none(), st.integers(0, 4)),
+)
+def test_what_is_tested_is_decided_by_the_condition_alone(speeds, fold, val):
+    rows = Recordings(tuple(trace(n, speed=speed) for n, speed in enumerate(speeds)))
+    parts = split(rows, by({"speed": 2}, fold, val))
+    assert [dict(row.conditions)["speed"] for row in parts.test] == ["2"] * speeds.count("2")
+    assert {row.group % 5 for row in parts.val} <= {val}
+    assert val not in {row.group % 5 for row in parts.train}
+    assert sorted(map(len, (parts.train, parts.val, parts.test))) == sorted(
+        [len(rows) - len(parts.val) - len(parts.test), len(parts.val), len(parts.test)]
+    )
+
+
+def test_a_sense_without_the_condition_is_divided_by_folds():
+    rows = Recordings((*STROKES, *(photo(n) for n in range(5))))
+    parts = split(rows, by({"speed": 60}, test_fold=3, val_fold=4))
+    assert names(parts.test) == ["a0.wav", "a1.wav", "a3.jpg"]
+    assert names(parts.val) == ["a4.wav", "a4.jpg"]
+    everything = split(rows, by({"speed": 60}, test_fold=None))
+    assert names(everything.test) == ["a0.wav", "a1.wav", *(f"a{n}.jpg" for n in range(5))]
+
+
+def test_each_sense_is_asked_for_the_conditions_that_it_has():
+    rows = Recordings((trace(0, speed="60"), trace(1, speed="50"), photo(0, light="lamp")))
+    assert names(split(rows, by({"speed": 60, "light": "sun"})).test) == ["a0.wav"]
+
+
+def test_few_of_each_class_come_from_what_is_not_tested():
+    rows = Recordings(tuple(trace(n, speed=str(n % 3)) for n in range(12)))
+    few = split(rows, Folding(5, 2, None, False, 3, {"speed": 0}))
+    assert len(few.test) == 4
+    assert [row.group for row in few.train] == [2, 7, 8]  # the next ones from fold 2 on
+
+
+@pytest.mark.parametrize(
+    ("where", "message"),
+    [
+        ({"sped": 60}, r"names sped, .* \(did you mean speed\?\); choose from speed, light"),
+        ({"speed": 61}, r"no recording has speed 61 \(did you mean 6.*choose from 6, 50, 60.*fast"),
+        ({"light": ["lamp", "lmp"]}, r"has light lmp \(did you mean lamp\?\)"),
+    ],
+)
+def test_unknown_conditions_and_values_are_named_with_near_ones(where, message):
+    with pytest.raises(UserError, match=message):
+        check_conditions(STROKES, where)
+
+
+def test_a_condition_that_some_of_a_sense_do_not_say_is_refused():
+    rows = Recordings((*STROKES, trace(5, light="lamp"), photo(0)))
+    with pytest.raises(UserError, match=r"speed, which 1 of the 7 .* do not say, a5\.wav for one"):
+        check_conditions(rows, {"speed": 60})
+    check_conditions(Recordings((*STROKES, photo(0))), {"speed": 60})
+
+
+def test_recordings_without_any_conditions_are_told_where_they_come_from():
+    with pytest.raises(UserError, match="have no conditions; give them as further columns of a"):
+        check_conditions(Recordings((trace(0),)), {"speed": 60})
+
+
+def test_conditions_that_leave_nothing_to_train_or_test_are_said():
+    rows = Recordings((trace(0, speed="1"), trace(1, "b", speed="1"), trace(2, "b", speed="2")))
+    for where, message in (
+        ({"speed": 1}, "no traces to train on for a; .* test less in data.test_where"),
+        ({"speed": 3}, "Speed 3 holds nothing to test on .* choose another data.test_where"),
+    ):
+        with pytest.raises(UserError, match=message):
+            check_split(split(rows, by(where)), ["a", "b"], ["haptic"], by(where))
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False, width=32))
+def test_a_number_is_one_value_however_it_is_written(number):
+    assert len({comparable(text) for text in (number, str(number), f" {number:.60f}")}) == 1
+    assert comparable(shown(str(number))) == comparable(number)
+
+
+def test_values_are_ordered_by_size_and_words_naturally():
+    values = ["s10", "0.65", "-2", "s9", "10", "nan", "0.7"]
+    assert sorted(values, key=in_order) == ["-2", "0.65", "0.7", "10", "nan", "s9", "s10"]
+
+
+@pytest.mark.parametrize(
+    "where",
+    [{"speed": 60}, {"speed": [50, 60], "light": "lamp"}, {"light": ["north window", 'a "b", c']}],
+)
+def test_the_override_reads_back_through_a_shell_and_hydra(where):
+    (argument,) = shlex.split(as_override(where))
+    value = OverridesParser.create().parse_override(argument).value()
+    plain = {
+        str(key): [str(each) for each in item] if isinstance(item, list) else item
+        for key, item in value.items()
+    }
+    asked = {
+        key: [str(each) for each in item] if isinstance(item, list) else item
+        for key, item in where.items()
+    }
+    assert plain == asked
+
+
+def test_conditions_are_said_in_words():
+    assert describe({"speed": [50, 60], "light": "lamp"}) == "speed 50 or 60 and light lamp"

@@ -1,0 +1,46 @@
+import csv
+
+from tex_lightning.report.conditions import MANY, condition_rows, write_conditions
+
+
+def entry(**values: tuple[int, int]) -> dict:
+    return {
+        "conditions": {
+            "speed": {
+                name.strip("v"): {
+                    "correct": right, "test_samples": count, "vote_accuracy": right / count,
+                    "vote_ci95": [0.0, 1.0],
+                }
+                for name, (right, count) in values.items()
+            }
+        }
+    }  # fmt: skip
+
+
+def test_the_file_has_a_line_for_each_value_and_network(tmp_path):
+    networks = {"haptic": entry(v60=(3, 4), v90=(1, 1)), "fusion": entry(v90=(1, 2)), "none": {}}
+    write_conditions(networks, tmp_path)
+    with (tmp_path / "conditions.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [
+        (row["condition"], row["value"], row["network"], row["correct"], row["test_samples"])
+        for row in rows
+    ] == [
+        ("speed", "60", "haptic", "3", "4"),
+        ("speed", "90", "haptic", "1", "1"),
+        ("speed", "90", "fusion", "1", "2"),
+    ]
+    assert float(rows[0]["vote_accuracy"]) == 0.75
+    said = "{0[correct]} of {0[test_samples]}".format
+    assert condition_rows(networks, said)[0] == ["speed", "60", "3 of 4", "", ""]
+
+
+def test_without_conditions_there_is_no_file(tmp_path):
+    write_conditions({"haptic": {}}, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_condition_of_many_values_is_left_to_the_file():
+    values = {f"v{n}": (1, 1) for n in range(MANY + 1)}
+    (row,) = condition_rows({"haptic": entry(**values)}, str)
+    assert row == ["speed", f"{MANY + 1} values, see conditions.csv", ""]

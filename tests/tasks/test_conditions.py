@@ -1,0 +1,189 @@
+"""Conditions that are tested and never trained on, through every task that meets them."""
+
+import csv
+import hashlib
+import json
+import math
+from pathlib import Path
+
+import pytest
+from conftest import CLASSES
+
+import tex_lightning as tl
+from tex_lightning.data.store import fingerprint
+from tex_lightning.evaluation.outcomes import read_outcomes
+
+SPEEDS = ["40", "50", "60.0", "40", "50", "60", "40", "50", "60", "40"]  # of stroke 0 to 9
+FAST = "data.test_where={speed: 60}"
+FUSED = (
+    "experiment=few/fusion", "weights=null", "trunk=tcnn", "model.visual.norm=batch",
+    "model.visual.head=[30,25]", "model.visual.width=0.1", "debug=tiny", "logger=csv",
+)  # fmt: skip
+HAPTIC = ("experiment=few/haptic", "logger=csv")
+
+
+@pytest.fixture(scope="module")
+def manifest(surfaces, tmp_path_factory) -> Path:
+    """The traces of every class at three speeds, and its photos, which have none."""
+    lines = ["label,modality,path,group,speed,light"]
+    for label in CLASSES:
+        for n, speed in enumerate(SPEEDS):
+            lines.append(f"{label},haptic,{surfaces}/{label}/haptic/{label}_{n}.wav,{n},{speed},")
+            lines.append(f"{label},image,{surfaces}/{label}/image/{label}_{n}.png,{n},,lamp")
+    path = tmp_path_factory.mktemp("conditions") / "m.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def given(manifest: Path, directory: Path | None = None) -> list[str]:
+    data = ["data=manifest", f"data.manifest={manifest}", "data.half_scale=false"]
+    return data + ([] if directory is None else [f"hydra.run.dir={directory}"])
+
+
+@pytest.fixture(scope="module")
+def fused(run_once, manifest) -> Path:
+    """FusionNet and its parts, trained without the fastest strokes."""
+    return run_once(*FUSED, FAST, *given(manifest))
+
+
+def results(run: Path) -> dict:
+    return json.loads((run / "results.json").read_text())
+
+
+def files_tested(run: Path, kind: str, modality: str) -> set[str]:
+    outcomes = read_outcomes(run / "predictions" / f"{kind}.csv")
+    return {Path(outcome.files[modality]).stem for outcome in outcomes}
+
+
+def test_the_fast_strokes_are_tested_and_nothing_has_seen_them(fused, surfaces):
+    fast = {f"{label}_{n}" for label in CLASSES for n in (2, 5, 8)}
+    first = {f"{label}_0" for label in CLASSES}
+    assert (
+        files_tested(fused, "haptic", "haptic") == files_tested(fused, "fusion", "haptic") == fast
+    )
+    assert files_tested(fused, "visual", "image") == files_tested(fused, "fusion", "image") == first
+    for kind, unseen in (("haptic", fast), ("visual", first), ("fusion", fast | first)):
+        seen = set(tl.load(fused / "checkpoints" / f"{kind}.ckpt").card.trained_on["seen"])
+        files = [
+            file
+            for sense in {"haptic": ["haptic"], "visual": ["image"]}.get(kind, ["haptic", "image"])
+            for file in surfaces.glob(f"*/{sense}/*")
+        ]
+        tests = [
+            file for file in files if file.stem in (fast if file.parent.name == "haptic" else first)
+        ]
+        assert {file.stem for file in tests} == unseen
+        assert seen == {fingerprint(file) for file in files if file not in tests}
+        contents = {hashlib.sha256(file.read_bytes()).digest() for file in tests}
+        assert len(contents) == len(tests)  # so that a file stands for its recording
+
+
+def test_votes_by_condition_are_counted_by_hand(fused):
+    with (fused / "conditions.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    networks = results(fused)["networks"]
+    assert [(row["condition"], row["value"], row["network"]) for row in rows] == [
+        ("speed", "60", "haptic"), ("speed", "60", "fusion"),
+        ("light", "lamp", "visual"), ("light", "lamp", "fusion"),
+    ]  # fmt: skip
+    for row in rows:
+        network = networks[row["network"]]
+        assert int(row["correct"]) == network["correct"]
+        assert int(row["test_samples"]) == network["test_samples"]
+        assert [float(row["ci_low"]), float(row["ci_high"])] == network["vote_ci95"]
+    assert networks["fusion"]["conditions"]["speed"]["60"]["test_samples"] == 9
+
+
+def test_folds_pool_their_votes_by_condition(cli, manifest, tmp_path):
+    outcome = cli(*HAPTIC, "task=crossval", "crossval.only=[0,1,2]", *given(manifest, tmp_path))
+    assert outcome.status == 0, outcome.err
+    outcomes = read_outcomes(tmp_path / "predictions/haptic.csv")
+    entry = results(tmp_path)["networks"]["haptic"]["conditions"]["speed"]
+    for value, counts in entry.items():
+        own = [
+            each
+            for each in outcomes
+            if math.isclose(float(SPEEDS[int(each.files["haptic"][-5])]), float(value))
+        ]
+        right = sum(each.label == each.predicted for each in own)
+        assert (counts["correct"], counts["test_samples"]) == (right, len(own)) != (0, 0)
+    assert "votes by condition" in outcome.out + outcome.err
+    assert "| speed | 40 | 100.0% (3/3), 43.9% to 100.0% |" in (tmp_path / "report.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def swept(run_once, manifest, tmp_path_factory) -> Path:
+    """A job on folds, and two that test all speeds."""
+    directory = tmp_path_factory.mktemp("swept")
+    each = "data.test_where=null,{speed: 40},{speed: [50, 60]}"
+    run_once("-m", *HAPTIC, each, *given(manifest), f"hydra.sweep.dir={directory}")
+    return directory
+
+
+def test_a_sweep_tests_one_speed_after_the_other(swept):
+    report = (swept / "report.md").read_text()
+    assert "- haptic_bands tested fold 0 of 10: 3 samples once." in report
+    assert "- haptic_bands tested speed 40, speed 50 or 60: 30 samples once." in report
+    (table,) = (line for line in report.splitlines() if line.startswith("| speed | 60 |"))
+    assert "| condition | value | haptic_bands | haptic_bands (unseen speed) |" in report
+    assert table.count("(9/9)") == 1
+
+
+def test_a_checkpoint_is_tested_on_the_same_conditions_or_not_at_all(
+    cli, fused, swept, manifest, tmp_path
+):
+    task = "task=evaluate", f"checkpoint={fused}/checkpoints/haptic.ckpt"
+    same = cli(*task, FAST, *given(manifest, tmp_path / "same"))
+    assert same.status == 0, same.err
+    before = results(fused)["networks"]["haptic"]
+    after = results(tmp_path / "same")["networks"]["haptic"]
+    assert after["test_samples"] == before["test_samples"] == 9
+    assert after["conditions"] == before["conditions"]
+    assert (tmp_path / "same/conditions.csv").is_file()
+    for number, asked in enumerate(([], ["data.test_where={speed: [50, 60]}"])):
+        other = cli(*task, *asked, *given(manifest, tmp_path / f"{number}"))
+        assert other.status == 2
+        assert f"data.test_fold=0 '{FAST}' as in its training" in other.err
+    checkpoint = f"checkpoint={swept}/0/checkpoints/haptic.ckpt"
+    leak = cli("task=evaluate", checkpoint, FAST, *given(manifest, tmp_path / "leak"))
+    assert "has trained on 9 of the 9" in leak.err
+    assert "data.test_fold=0 data.test_where=null as in its training" in leak.err
+    start = f"model.fusion.haptic_checkpoint={fused}/checkpoints/haptic.ckpt"
+    begun = cli(*FUSED, start, *given(manifest, tmp_path / "begun"))
+    assert f"'{FAST}' as in its training" in begun.err
+
+
+def test_only_what_matches_is_perturbed(cli, fused, manifest, tmp_path):
+    outcome = cli(
+        "task=stability", f"stability.systems=[{fused}/checkpoints/haptic.ckpt]", FAST,
+        "stability.only=[white_noise]", "stability.bisections=0", *given(manifest, tmp_path),
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    with (tmp_path / "stability.csv").open() as stream:
+        assert {row["test_samples"] for row in csv.DictReader(stream)} == {"9"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["data.test_where={sped: 60}"],
+            "sped, which these traces do not have (did you mean speed?)",
+        ),
+        (["data.test_where={speed: 70}"], "no recording has speed 70; choose from 40, 50, 60"),
+        (["data.test_where={light: lamp}", "model=haptic"], "light, which these traces do not"),
+        (["data.test_where={}"], "data.test_where is {}: give names and values"),
+        (["data.test_where=60"], "data.test_where is 60: give names and values"),
+        (["data.test_where={speed: []}"], "give names and values of conditions"),
+        ([FAST, "data.inverted=true"], "or give data.inverted=false"),
+        ([FAST, "task=crossval"], "by a sweep of task=fit, as in -m 'data.test_where={speed: 50},"),
+        ([FAST, "task=frontier"], "data.test_where is read by task=fit and task=evaluate and"),
+        ([FAST, "task=predict", "checkpoint=a"], "stability alone, not by task=predict"),
+        ([FAST, "model=auto"], "model=auto would choose on what data.test_where tests"),
+        (["data.per_class=2", "task=evaluate", "checkpoint=a"], "data.per_class is read by"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(cli, manifest, tmp_path, arguments, message):
+    outcome = cli(*given(manifest, tmp_path), *arguments)
+    assert outcome.status == 2
+    assert message in outcome.err
