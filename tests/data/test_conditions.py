@@ -40,7 +40,7 @@ def names(part: Recordings) -> list[str]:
 
 STROKES = Recordings(
     tuple(
-        trace(n, speed=speed, light=light)
+        trace(n, speed=speed, light=light, wet=["true", "True", "false"][min(n, 2)])
         for n, (speed, light) in enumerate(
             [("60", "lamp"), ("60.0", "sun"), ("50", "lamp"), ("6", "sun"), ("fast", "lamp")]
         )
@@ -57,6 +57,7 @@ STROKES = Recordings(
         ({"speed": [50, 60]}, [0, 1, 2]),
         ({"speed": ["fast", 6], "light": ["lamp"]}, [4]),
         ({"light": "sun"}, [1, 3]),
+        ({"wet": True}, [0, 1]),
     ],
 )
 def test_all_conditions_must_hold_and_numbers_are_compared_by_size(where, tested):
@@ -105,7 +106,7 @@ def test_few_of_each_class_come_from_what_is_not_tested():
 @pytest.mark.parametrize(
     ("where", "message"),
     [
-        ({"sped": 60}, r"names sped, .* \(did you mean speed\?\); choose from speed, light"),
+        ({"sped": 60}, r"names sped, .* \(did you mean speed\?\); choose from speed, light, wet"),
         ({"speed": 61}, r"no recording has speed 61 \(did you mean 6.*choose from 6, 50, 60.*fast"),
         ({"light": ["lamp", "lmp"]}, r"has light lmp \(did you mean lamp\?\)"),
     ],
@@ -131,7 +132,10 @@ def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     rows = Recordings((trace(0, speed="1"), trace(1, "b", speed="1"), trace(2, "b", speed="2")))
     for where, message in (
         ({"speed": 1}, "no traces to train on for a; .* test less in data.test_where"),
-        ({"speed": 3}, "Speed 3 holds nothing to test on .* choose another data.test_where"),
+        (
+            {"speed": 3},
+            "The part with speed 3 holds nothing to test on .* choose another data.test_where",
+        ),
     ):
         with pytest.raises(UserError, match=message):
             check_split(split(rows, by(where)), ["a", "b"], ["haptic"], by(where))

@@ -17,8 +17,13 @@ PLAIN = re.compile(r"[\w.+-]+( [\w.+-]+)*")  # what Hydra reads without quotes
 
 
 def comparable(value: object) -> float | str:
-    """A value as it is compared: numbers by size, so that ``60``, ``"60"`` and ``60.0`` are one."""
-    text = str(value).lower() if isinstance(value, bool) else str(value)
+    """A value as it is compared: numbers by size, so that ``60``, ``"60"`` and ``60.0`` are one.
+
+    So are YAML's ``true`` and Python's ``True``; other words are compared letter by letter.
+    """
+    text = str(value)
+    if text.lower() in ("true", "false"):
+        return text.lower()
     try:
         number = float(text)
     except ValueError:
@@ -98,7 +103,7 @@ def _no_column(recordings: Recordings, name: str) -> str:
 def tested_part(by: Folding) -> str:
     """What is tested, in words: some conditions, a fold, or the data."""
     if by.test_where is not None:
-        return describe(by.test_where)
+        return f"the part with {describe(by.test_where)}"
     return "the data" if by.test_fold is None else f"fold {by.test_fold}"
 
 

@@ -9,7 +9,6 @@ from tex_lightning.evaluation.outcomes import Outcome, wilson_interval
 
 KEY = "conditions"  # of a network's entry in results.json
 
-Conditions = dict[str, dict[str, dict[str, Any]]]  # by name and by value
 Votes = tuple[str, str, int, int]  # name, value, correct, test samples
 
 

@@ -96,7 +96,11 @@ def conditions_table(systems: Sequence[System]) -> str:
     if not lines:
         return ""
     headings = ("condition", "value", *known)
-    return "\n".join(["### By condition", "", *markdown(headings, lines)])
+    said = (
+        "Votes of all runs of a row together, with Wilson's intervals. A row that says unseen was "
+        "trained without the conditions that it tested."
+    )
+    return "\n".join(["### By condition", "", said, "", *markdown(headings, lines)])
 
 
 def _votes(counts: Mapping[str, Any]) -> str:
