@@ -30,6 +30,7 @@ from tex_lightning.tasks import (
     generate,
     predict,
     profile,
+    record,
     stability,
     stream,
 )
@@ -40,6 +41,7 @@ TASKS: dict[str, Callable[[Config, Job], Any]] = {
     "evaluate": evaluate.run,
     "predict": predict.run,
     "stream": stream.run,
+    "record": record.run,
     "generate": generate.run,
     "profile": profile.run,
     "frontier": frontier.run,
@@ -106,7 +108,7 @@ def set_threads(task: str, threads: int | None) -> None:
     The layers of a short chunk are so small that a second thread only costs time
     (``python -m benchmarks threads``). A user's ``OMP_NUM_THREADS`` is left as it is.
     """
-    if threads is None and task == "stream" and "OMP_NUM_THREADS" not in os.environ:
+    if threads is None and task in ("stream", "record") and "OMP_NUM_THREADS" not in os.environ:
         threads = 1
     if threads is not None:
         torch.set_num_threads(threads)

@@ -15,6 +15,7 @@ from tex_lightning.config.data import DataConfig, Folding, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
 from tex_lightning.config.recipe import PredictionRecipe, Recipe, Running
+from tex_lightning.config.recording import RecordConfig, SourceConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     OPTIMIZED_METRICS,
@@ -35,8 +36,8 @@ from tex_lightning.config.tasks import (
 __all__ = [
     "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
     "Folding", "FrontierConfig", "GenerateConfig", "ModelConfig", "PredictConfig", "ProfileConfig",
-    "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten",
-    "plain_values", "register",
+    "RecordConfig", "SourceConfig", "StabilityConfig", "StreamConfig", "SyntheticConfig",
+    "TrainerConfig", "flatten", "plain_values", "register",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -54,13 +55,18 @@ class Config:
     )
     checkpoint: str | None = key("trained network to classify with or to measure")
     haptic: Any = key(
-        "trace(s): a file or a list to predict from; one to profile with; one, or -, to stream",
+        "trace(s): a file or a list to predict from; one to profile with; one, or -, to stream; a "
+        "source to record: -, tcp://HOST:PORT, serial:PORT, soundcard, soundcard:NAME, a file",
         default=None,
     )
     image: Any = key(
-        "photo(s): a file or a list to predict from; one to profile with", default=None
+        "photo(s): a file or a list to predict from; one to profile with; camera:NUMBER, or a file "
+        "that OpenCV reads, to record",
+        default=None,
     )
-    sound: Any = key("sound(s): a file or a list to predict from", default=None)
+    sound: Any = key(
+        "sound(s): a file or a list to predict from; a source to record, as of haptic", default=None
+    )
     own: dict[str, Any] = key(
         "files of your own senses to predict from, by modality; +NAME=FILE adds one", factory=dict
     )
@@ -89,6 +95,7 @@ class Config:
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     predict: PredictConfig = field(default_factory=PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
+    record: RecordConfig = field(default_factory=RecordConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)

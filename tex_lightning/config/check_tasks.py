@@ -5,7 +5,7 @@ from operator import attrgetter
 
 from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import beyond, choice
-from tex_lightning.config.keys import Key
+from tex_lightning.config.keys import Key, plain
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
@@ -19,7 +19,7 @@ PROFILED = (
     "tcnn",
 )
 NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
-READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile")
+READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile", "record")
 # Keys that the other tasks would pass over in silence, and the tasks that read them.
 READ_BY = {
     "data.hold_out": ("fit", "crossval", "evaluate"),
@@ -58,17 +58,19 @@ def check_task(config: Config) -> Iterator[str]:
     if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
         yield (
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
-            "task=predict, task=profile, task=stream or model.fusion.haptic_checkpoint"
+            "task=predict, task=profile, task=record, task=stream or model.fusion.haptic_checkpoint"
         )
     if config.task == "stream" and len(config.files) != 1:
         yield "task=stream reads one signal: give haptic=FILE, or haptic=- for a pipe"
-    if config.files and config.task not in ("predict", "profile", "stream"):
+    if config.files and config.task not in ("predict", "profile", "record", "stream"):
         yield (
             f"{' and '.join(config.files)}: files are read by task=predict and task=profile, not "
             f"by task={config.task}"
         )
     if config.checkpoint is None and config.task in NEED_CHECKPOINTS:
         yield f"checkpoint is null, but task={config.task} classifies with one: give its file"
+    if config.task == "record":
+        yield from _record(config)
     yield from _unread(config)
     yield from _optimized_metric(config)
     yield from _frontier(config)
@@ -102,6 +104,34 @@ def check_task(config: Config) -> Iterator[str]:
     for name in starts:
         if config.weights_of(name) is not None:
             yield f"weights and model.fusion.{name}_checkpoint both fill the {name} trunk: give one"
+
+
+def _record(config: Config) -> Iterator[str]:
+    settings, label = config.record, config.record.label
+    if settings.out is None:
+        yield "record.out is null: name the folder of the data set, new or one that grows"
+    if label is None:
+        yield "record.label is null: name the class that is recorded"
+    elif not _is_plain_name(label):
+        yield f"record.label is {label!r}, which cannot be the name of a folder: take plain letters"
+    if not config.files:
+        yield "nothing is recorded: give haptic=SOURCE, sound=SOURCE or image=camera:0"
+    for modality, given in config.files.items():
+        if isinstance(given, list | dict):
+            yield f"{modality}={given} is several: task=record takes one source of each sense"
+    if settings.least_seconds > settings.seconds:
+        yield (
+            f"record.least_seconds is {plain(settings.least_seconds)}: choose at most "
+            f"record.seconds, {plain(settings.seconds)}"
+        )
+    if settings.contact and set(config.files) == {"image"}:
+        yield "record.contact needs a signal: give haptic=SOURCE or sound=SOURCE"
+
+
+def _is_plain_name(name: str) -> bool:
+    """Whether a folder can be called so on any system."""
+    forbidden = set('/\\:*?"<>|')
+    return name.isprintable() and name == name.strip(" .") != "" and not forbidden & {*name}
 
 
 def _unread(config: Config) -> Iterator[str]:
@@ -147,7 +177,7 @@ def check_decision(config: Config) -> Iterator[str]:
     """What cannot be meant of ``decision``."""
     decision = config.decision
     for key in ("pairs", "rule", "seed"):
-        if getattr(decision, key) is None and config.task not in NEED_CHECKPOINTS:
+        if getattr(decision, key) is None and config.task not in (*NEED_CHECKPOINTS, "record"):
             yield f"decision.{key} is null, but task={config.task} has no checkpoint with one"
     if decision.name == "sequential" and decision.rule not in ("vote", None):
         rule = decision.rule
@@ -157,7 +187,9 @@ def check_decision(config: Config) -> Iterator[str]:
             "decision=sequential needs a network, and a baseline looks at the whole recording at "
             "once: use decision=max_vote"
         )
-    if decision.name == "sequential" and config.task in ("profile", "stability", "stream"):
+    if decision.name == "sequential" and config.task in (
+        "profile", "record", "stability", "stream",
+    ):  # fmt: skip
         yield f"decision=sequential is not read by task={config.task}: leave it out"
 
 

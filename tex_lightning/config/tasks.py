@@ -11,7 +11,7 @@ ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
-SILENT = ("predict", "stream", "generate")  # tasks that leave no results.json
+SILENT = ("predict", "stream", "record", "generate")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
 
@@ -83,7 +83,8 @@ class TrainerConfig:
     strategy: Any = key("how they train together: a name that Lightning knows, or a _target_")
     precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
     threads: int | None = key(
-        "threads of PyTorch on the CPU; null takes one for task=stream, else leaves its choice",
+        "threads of PyTorch on the CPU; null takes one for task=stream and "
+        "task=record, else leaves its choice",
         least=1, most=1024, default=None,
     )  # fmt: skip
 
@@ -247,6 +248,10 @@ READS = {
     "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
     "stream": (*_CLASSIFYING, "stream", "decision.reject_below"),
+    "record": (
+        "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
+        *_RUNNING, "decision.reject_below",
+    ),
     "stability": ("stability", "trusted", "seed", "data", "engine", "logger", *_RUNNING),
     "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
     "profile": (
