@@ -55,16 +55,11 @@ class ClassFolder:
         found = any(file.suffix.lower() in suffixes for file in files)
         return read_folder(self.root) if found else Recordings(())
 
-    def next_number(self, table: Recordings) -> int:
-        """The first number from 1 that neither a file nor the manifest has yet."""
+    def next_name(self) -> str:
+        """Of the files of the next recording, without suffix: its number is above all there are."""
         named = re.compile(re.escape(self.label) + r"_(\d+)\.[^.]+")
         names = [named.fullmatch(file.name) for file in self.folder.glob("*/*")]
-        numbers = [int(match[1]) for match in names if match]
-        groups = [row.group + 1 for row in table if row.label == self.label]
-        return max([*numbers, *groups], default=0) + 1
-
-    def name(self, number: int) -> str:
-        """Of the files of a recording, without suffix."""
+        number = max((int(match[1]) for match in names if match), default=0) + 1
         return f"{self.label}_{number:03d}"
 
     def add(self, signals: Mapping[str, tuple[int, Chunk]], photo: Pixels | None) -> list[Path]:
@@ -80,40 +75,32 @@ class ClassFolder:
         Raises:
             UserError: If they cannot be written.
         """
-        table = self.table()
-        number = self.next_number(table)
-        writers: list[tuple[Recording, Callable[[Path], None]]] = [
-            (
-                self._row(table, modality, number, ".wav", float(rate)),
-                partial(_write_wav, rate, samples),
-            )
-            for modality, (rate, samples) in signals.items()
-        ]
+        table, name = self.table(), self.next_name()
+        group = max((row.group for row in table if row.label == self.label), default=-1) + 1
+        writers: dict[Recording, Callable[[Path], None]] = {}
+        for modality, (rate, samples) in signals.items():
+            path = self._place(table, modality) / f"{name}.wav"
+            row = Recording(self.label, modality, path, group, float(rate))
+            writers[row] = partial(_write_wav, rate, samples)
         if photo is not None:
-            content = encode(photo)
-            writers.append(
-                (self._row(table, "image", number, ".jpg"), lambda path: _write(path, content))
-            )
-        files = [row.path for row, _ in writers]
-        grown = Recordings((*table.rows, *(row for row, _ in writers)))
+            path = self._place(table, "image") / f"{name}.jpg"
+            writers[Recording(self.label, "image", path, group)] = partial(_write, encode(photo))
         try:
-            for row, write in writers:
+            for row, write in writers.items():
                 write_atomically(row.path, write)
-            write_atomically(self.manifest, lambda path: write_manifest(grown, path))
+            grown = Recordings((*table.rows, *writers))
+            write_atomically(self.manifest, partial(write_manifest, grown))
         except BaseException:
-            for file in files:
-                file.unlink(missing_ok=True)
+            for row in writers:
+                row.path.unlink(missing_ok=True)
             raise
-        return files
+        return [row.path for row in writers]
 
-    def _row(
-        self, table: Recordings, modality: str, number: int, suffix: str, rate: float | None = None
-    ) -> Recording:
-        """One file, in the folder where others of its class and sense are."""
-        own = (row.path.parent for row in table.of(modality) if row.label == self.label)
-        folder = next((each for each in own if each.parent == self.folder), None)
-        path = (folder or self.folder / modality) / f"{self.name(number)}{suffix}"
-        return Recording(self.label, modality, path, number - 1, rate)
+    def _place(self, table: Recordings, modality: str) -> Path:
+        """The folder of a sense: where others of the class are, else one of that name."""
+        own = [row.path.parent for row in table.of(modality) if row.label == self.label]
+        inside = (folder for folder in own if folder.parent == self.folder)
+        return next(inside, self.folder / modality)
 
     def _check_writable(self) -> None:
         """Before anything is recorded; nothing is made yet."""
@@ -147,5 +134,5 @@ def _write_wav(rate: int, samples: Chunk, path: Path) -> None:
         ) from error
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write(content: bytes, path: Path) -> None:
     path.write_bytes(content)

@@ -130,7 +130,7 @@ class _Recorder:
     def _record_one(self) -> bool:
         """Fill the tracks; returns whether the source goes on."""
         self.photo = None if self.camera is None else self.camera.photo()
-        self.name = self.folder.name(self.folder.next_number(self.folder.table()))
+        self.name = self.folder.next_name()
         if self.label is not None:
             self.label.begin()
         try:
