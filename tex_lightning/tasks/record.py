@@ -177,7 +177,7 @@ class _RunningLabel:
     def __init__(self, config: Config) -> None:
         self.predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
         self.begin()
-        (self.modality,) = self.predictor.card.modalities
+        self.modality = self.predictor.card.modalities[0]
         self.ranges: dict[str, Ranges] = dict(self.predictor.card.input_ranges)
 
     def check_recorded(self, names: Sequence[str]) -> None:
