@@ -16,7 +16,8 @@ def names(requirements):
 
 def test_no_optional_library_is_imported_before_it_is_asked_for():
     project = tomllib.loads(PROJECT.read_text())["project"]
-    optional = names(project["optional-dependencies"]["baselines"]) - names(project["dependencies"])
+    extras = project["optional-dependencies"]
+    optional = names([*extras["baselines"], *extras["live"]]) - names(project["dependencies"])
     modules = [
         module
         for module, owners in packages_distributions().items()

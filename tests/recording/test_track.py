@@ -11,8 +11,9 @@ from tex_lightning.recording.track import Track
 NOISE = np.random.default_rng(0).standard_normal((1, 10_000)).astype(np.float32)
 
 
-def track(samples, *, lost=False):
-    feed = SimpleNamespace(rate=10_000, source=SimpleNamespace(lost=lost))
+def track(samples, *, lost=False, arrival_rate=None):
+    source = SimpleNamespace(lost=lost)
+    feed = SimpleNamespace(rate=10_000, source=source, arrival_rate=arrival_rate)
     made = Track("haptic", feed)
     for chunk in np.split(samples, 10, axis=1):
         made.add(chunk, most=10_000)
@@ -44,6 +45,12 @@ def test_lost_samples_are_told_once():
     made = track(NOISE, lost=True)
     assert made.warnings({}) == ("Samples of the trace were lost; close other programs.",)
     assert made.warnings({}) == ()
+
+
+def test_a_sensor_of_another_rate_is_noticed():
+    assert track(NOISE, arrival_rate=9100.0).warnings({}) == ()
+    (said,) = track(NOISE, arrival_rate=8000.4).warnings({})
+    assert said.startswith("The trace arrives at 8000 Hz, and record.haptic.rate is 10000;")
 
 
 def test_no_more_than_was_asked_for_is_kept():

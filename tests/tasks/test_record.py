@@ -100,8 +100,8 @@ def test_strokes_are_found_by_contact(record, tmp_path):
         return 0.001 * rng.standard_normal(round(seconds * RATE)).astype(np.float32)
 
     strokes = [make_trace(0, number, seconds) for number, seconds in enumerate((2, 0.4, 1.5, 3))]
-    signal = np.concatenate([part for stroke in strokes for part in (quiet(1), stroke)])
-    how = ("record.contact=true", "record.count=3", "record.seconds=2.5")
+    signal = np.concatenate([*(x for stroke in strokes for x in (quiet(1), stroke)), quiet(1)])
+    how = ("record.contact=true", "record.count=4", "record.seconds=2.5")
     outcome = record(*OAK, *how, haptic=signal)
     said = lines(outcome)
     assert written(tmp_path) == [
@@ -111,6 +111,7 @@ def test_strokes_are_found_by_contact(record, tmp_path):
     for number, stroke in enumerate(whole, start=1):
         np.testing.assert_array_equal(samples_of(tmp_path, f"oak_00{number}.wav"), stroke)
     assert "0.40 s are too short and not kept" in outcome.err
+    assert "has ended after 3 of 4 recordings" in outcome.err
     assert [line["recording"] for line in said[:11]] == [None] * 10 + ["oak_001"]
 
 

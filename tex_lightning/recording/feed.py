@@ -2,6 +2,7 @@
 
 import queue
 import threading
+import time
 from typing import Self
 
 import numpy as np
@@ -30,6 +31,8 @@ class Feed:
         self._held: queue.Queue[Chunk | Exception | None] = queue.Queue(HELD)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
+        self._first: float | None = None  # time of the first samples, which are not counted
+        self._last, self._count = 0.0, 0
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -63,6 +66,20 @@ class Feed:
         """Whether :meth:`next` need not wait."""
         return not self._held.empty()
 
+    @property
+    def arrival_rate(self) -> float | None:
+        """Samples in a second as they came, in Hz; None where that says nothing."""
+        if not self.source.timed or self._first is None or not self._count:
+            return None
+        return self._count / (self._last - self._first)
+
+    def _note(self, samples: int) -> None:
+        self._last = time.monotonic()
+        if self._first is None:
+            self._first = self._last
+        else:
+            self._count += samples
+
     def _run(self) -> None:
         chunks = self.source.chunks()
         try:
@@ -81,6 +98,7 @@ class Feed:
                 return
             if piece is None or not piece.size:
                 continue
+            self._note(piece.shape[1])
             pieces.append(piece)
             if sum(each.shape[1] for each in pieces) >= self.size:
                 whole = np.concatenate(pieces, axis=1)

@@ -41,8 +41,10 @@ class Session:
         while goes_on and self.lead.count < most:
             goes_on = self._take(most)
             if self.contact is not None and not self.contact.touching:
-                self.lead.cut(self.lead.count - self.contact.silent * self.lead.feed.size)
                 break
+        if self.contact is not None:  # what was silent at the end
+            silent = self.contact.silent * self.lead.feed.size
+            self.lead.cut(max(0, self.lead.count - silent))
         for other in self.others:
             self._fill(other, self.lead.seconds)
         return goes_on

@@ -28,10 +28,12 @@ class Source(ABC):
     Attributes:
         rate: In Hz.
         lost: Whether samples were lost on the way.
+        timed: Whether samples come when they are taken, so that their rate can be measured.
     """
 
     rate: int
     lost = False
+    timed = False
 
     @abstractmethod
     def chunks(self) -> Pieces:
@@ -148,6 +150,7 @@ class SerialSource(ByteSource):
         baud: Its speed.
     """
 
+    timed = True
     remedy = "check the name of the port, that it is plugged in, and that no other program has it"
 
     def __init__(self, parser: Parser, rate: int, port: str, baud: int) -> None:

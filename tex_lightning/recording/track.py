@@ -8,6 +8,7 @@ from tex_lightning.recording.feed import Feed
 from tex_lightning.recording.parsing import Chunk
 
 FEW_VALUES = 32  # different ones of an axis: what a converter with too little gain gives
+TOLERANCE = 0.1  # of a rate, as a share
 
 
 class Track:
@@ -67,4 +68,10 @@ class Track:
         if self.feed.source.lost:
             self.feed.source.lost = False
             found.append(f"Samples of the {what} were lost; close other programs.")
+        arrived = self.feed.arrival_rate
+        if arrived is not None and abs(arrived / self.rate - 1) > TOLERANCE:
+            found.append(
+                f"The {what} arrives at {arrived:.0f} Hz, and record.{self.modality}.rate is "
+                f"{self.rate}; correct that, or the sensor."
+            )
         return tuple(found)
