@@ -35,7 +35,9 @@ def files(root):
 def test_recordings_of_all_senses_are_numbered_alike_and_read_back(tmp_path):
     root = tmp_path / "new" / "data"
     for label in ("oak", "elm", "oak"):
-        ClassFolder(root, label).add({"haptic": (2500, SIGNAL), "sound": (44_100, SOUND)}, PHOTO)
+        ClassFolder(root, label, {}).add(
+            {"haptic": (2500, SIGNAL), "sound": (44_100, SOUND)}, PHOTO
+        )
     assert files(root) == [
         "elm/haptic/elm_001.wav", "elm/image/elm_001.jpg", "elm/sound/elm_001.wav",
         "manifest.csv",
@@ -62,16 +64,24 @@ def test_nothing_that_was_there_is_touched(tmp_path):
     for name in ("a.wav", "oak_007.wav"):
         soundfile.write(folder / name, make_trace(0, 1), 10_000)
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    (written,) = ClassFolder(tmp_path, "oak").add({"haptic": (10_000, SIGNAL)}, None)
+    (written,) = ClassFolder(tmp_path, "oak", {}).add({"haptic": (10_000, SIGNAL)}, None)
     assert written == folder.resolve() / "oak_008.wav"
     assert {path: path.read_bytes() for path in before} == before
     groups = {path.name: group for _, _, path, group in both(tmp_path.resolve())}
     assert groups == {"a.wav": 0, "oak_007.wav": 1, "oak_008.wav": 2}
 
 
+def test_conditions_are_columns_of_the_manifest(tmp_path):
+    ClassFolder(tmp_path, "oak", {"speed": 60}).add({"haptic": (10_000, SIGNAL)}, None)
+    ClassFolder(tmp_path, "elm", {"person": "anna"}).add({"haptic": (10_000, SIGNAL)}, PHOTO)
+    table = read_manifest(tmp_path / "manifest.csv")
+    assert [dict(row.conditions).get("speed", "") for row in table] == ["60", "", ""]
+    assert [dict(row.conditions).get("person", "") for row in table] == ["", "anna", "anna"]
+
+
 @pytest.mark.parametrize("broken", ["write_manifest", "encode"])
 def test_a_recording_is_written_whole_or_not_at_all(tmp_path, monkeypatch, broken):
-    folder = ClassFolder(tmp_path, "oak")
+    folder = ClassFolder(tmp_path, "oak", {})
     folder.add({"haptic": (10_000, SIGNAL)}, PHOTO)
     before = files(tmp_path), (tmp_path / "manifest.csv").read_text()
 
@@ -87,18 +97,15 @@ def test_a_recording_is_written_whole_or_not_at_all(tmp_path, monkeypatch, broke
 def test_folders_that_cannot_be_added_to(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match="file is no folder; name another"):
-        ClassFolder(tmp_path / "file" / "data", "oak")
+        ClassFolder(tmp_path / "file" / "data", "oak", {})
     with monkeypatch.context() as patch:
         patch.setattr("os.access", lambda *arguments: False)  # root may write anywhere
         with pytest.raises(UserError, match="cannot be written to; change its permissions"):
-            ClassFolder(tmp_path / "data", "oak")
+            ClassFolder(tmp_path / "data", "oak", {})
     (tmp_path / "side" / "oak").mkdir(parents=True)
     soundfile.write(tmp_path / "side" / "oak" / "a.wav", make_trace(0, 1), 10_000)
     with pytest.raises(UserError, match=r"side by side, such as a.wav; move them to .*haptic"):
-        ClassFolder(tmp_path / "side", "oak")
-    more = "label,modality,path,group,surface\noak,haptic,side/oak/a.wav,0,top\n"
-    (tmp_path / "manifest.csv").write_text(more)
-    with pytest.raises(UserError, match=r"not read: surface; they would be lost"):
-        ClassFolder(tmp_path, "oak")
-    assert (tmp_path / "manifest.csv").read_text() == more
-    assert files(tmp_path) == ["file", "manifest.csv", "side/oak/a.wav"]
+        ClassFolder(tmp_path / "side", "oak", {})
+    with pytest.raises(UserError, match=r"record.conditions: group is a column of its own"):
+        ClassFolder(tmp_path, "oak", {"group": 3})
+    assert files(tmp_path) == ["file", "side/oak/a.wav"]

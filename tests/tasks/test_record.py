@@ -124,7 +124,7 @@ def test_all_senses_at_once(record, tmp_path):
     outcome = record(
         *OAK, f"haptic={tmp_path / 'lines'}", "record.haptic.format=text", "record.haptic.axes=3",
         f"sound={tmp_path / 's.flac'}", f"image={tmp_path / 'photo.png'}", "record.seconds=0.4",
-        "record.least_seconds=0.3",
+        "record.least_seconds=0.3", "record.conditions={speed:60}",
     )  # fmt: skip
     *_, last = lines(outcome)
     assert last["warnings"] == []
@@ -136,6 +136,7 @@ def test_all_senses_at_once(record, tmp_path):
         "sound": ("oak_001.wav", 0, 22_050),
         "image": ("oak_001.jpg", 0, None),
     }
+    assert {row.conditions for row in table} == {(("speed", "60"),)}
     info = soundfile.info(tmp_path / "DATA" / "oak" / "sound" / "oak_001.wav")
     assert (info.frames, info.samplerate, info.subtype) == (8820, 22_050, "FLOAT")
 

@@ -1,6 +1,7 @@
 """What ``task=record`` reads of its sensors and of the data set that it adds to."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from tex_lightning.config.keys import key
 
@@ -38,5 +39,8 @@ class RecordConfig:
         "falls silent"
     )
     timeout: float = key("longest that a source may send nothing", unit="s", above=0, most=3600)
+    conditions: dict[str, Any] = key(
+        "further columns of the manifest, such as {speed: 60, person: anna}", factory=dict
+    )
     haptic: SourceConfig = field(default_factory=SourceConfig)
     sound: SourceConfig = field(default_factory=SourceConfig)

@@ -10,6 +10,7 @@ import soundfile
 
 from tex_lightning.data.readers.folder import read_folder, suffixes_of
 from tex_lightning.data.recordings import (
+    KNOWN,
     MODALITIES,
     Recording,
     Recordings,
@@ -30,26 +31,26 @@ class ClassFolder:
     Args:
         root: Folder of the data set, made when there is something to write.
         label: The class.
+        conditions: Under which it is recorded, columns of the manifest.
 
     Raises:
         UserError: If one cannot write there, or what is there cannot be read.
     """
 
-    def __init__(self, root: Path, label: str) -> None:
+    def __init__(self, root: Path, label: str, conditions: Mapping[str, object]) -> None:
         self.root, self.label = root.resolve(), label
         self.folder, self.manifest = self.root / label, self.root / MANIFEST
+        self.conditions = tuple((name, str(value)) for name, value in conditions.items())
+        for name in conditions:
+            if name in KNOWN:
+                raise UserError(f"record.conditions: {name} is a column of its own; rename it.")
         self._check_writable()
         self._check_layout(self.table())
 
     def table(self) -> Recordings:
         """All recordings of the data set: those of the manifest, or else those in the folder."""
         if self.manifest.is_file():
-            table = read_manifest(self.manifest)
-            for note in table.notes:
-                raise UserError(
-                    f"{note.text.rstrip('.')}; they would be lost, so remove them first."
-                )
-            return table
+            return read_manifest(self.manifest)
         suffixes = {each for name in MODALITIES for each in suffixes_of(name)}
         files = (file for depth in ("*/*", "*/*/*") for file in self.root.glob(depth))
         found = any(file.suffix.lower() in suffixes for file in files)
@@ -80,11 +81,12 @@ class ClassFolder:
         writers: dict[Recording, Callable[[Path], None]] = {}
         for modality, (rate, samples) in signals.items():
             path = self._place(table, modality) / f"{name}.wav"
-            row = Recording(self.label, modality, path, group, float(rate))
+            row = Recording(self.label, modality, path, group, float(rate), self.conditions)
             writers[row] = partial(_write_wav, rate, samples)
         if photo is not None:
             path = self._place(table, "image") / f"{name}.jpg"
-            writers[Recording(self.label, "image", path, group)] = partial(_write, encode(photo))
+            row = Recording(self.label, "image", path, group, conditions=self.conditions)
+            writers[row] = partial(_write, encode(photo))
         try:
             for row, write in writers.items():
                 write_atomically(row.path, write)

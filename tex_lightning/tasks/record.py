@@ -40,7 +40,8 @@ def run(config: Config, job: Job) -> None:
             finished stay.
     """
     settings = config.record
-    folder = ClassFolder(Path(str(settings.out)).expanduser(), str(settings.label))
+    out = Path(str(settings.out)).expanduser()
+    folder = ClassFolder(out, str(settings.label), settings.conditions)
     label = None if config.checkpoint is None else _RunningLabel(config)
     photos = config.files.get("image")
     with ExitStack() as stack:
