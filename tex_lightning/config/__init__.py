@@ -180,6 +180,7 @@ def register() -> None:
     nodes = [each.fit[part] for each in sections for part in ("optimizer", "schedule")]
     nodes += [node.model[name][part] for name in PACKAGE_SENSES for part in ("features", "network")]
     nodes += [node.data.reader, node.model.visual.trunk, node.callbacks, node.logger]
+    nodes += [node.record.conditions]
     # whoever they are passed to knows their keys; senses may be a user's
     for opened in (node.model, node.model.fusion, node.trainer, *nodes):
         OmegaConf.set_struct(opened, False)
