@@ -23,11 +23,15 @@ class Feed:
         source: Where samples come from.
         seconds: Length of a chunk.
         timeout: Longest time without samples in seconds.
+
+    Attributes:
+        taken: Chunks that :meth:`next` has given.
     """
 
     def __init__(self, name: str, source: Source, seconds: float, timeout: float) -> None:
         self.name, self.source, self.timeout = name, source, timeout
         self.rate, self.size = source.rate, max(1, round(seconds * source.rate))
+        self.taken = 0
         self._held: queue.Queue[Chunk | Exception | None] = queue.Queue(HELD)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -59,6 +63,7 @@ class Feed:
             self._held.put(found)  # so that it stays the end
         if isinstance(found, Exception):
             raise found
+        self.taken += found is not None
         return found
 
     @property

@@ -36,6 +36,7 @@ class Session:
         """
         for track in (self.lead, *self.others):
             track.clear()
+        self.start = self.lead.feed.taken  # chunks before the recording
         most = round(self.seconds * self.lead.rate)
         goes_on = self.contact is None or self._wait(self.contact, most)
         while goes_on and self.lead.count < most:
@@ -54,14 +55,14 @@ class Session:
         lifted = not contact.touching
         while (chunk := self.lead.feed.next()) is not None:
             for other in self.others:
-                while other.feed.ready and other.feed.next() is not None:
-                    pass
+                self._skip(other, self.lead.feed.taken - 1, wait=False)
             value = level(chunk)
             contact.update(value)
             lifted = lifted or not contact.touching
             begins = lifted and contact.touching
             self.follow(chunk, value, begins)
             if begins:
+                self.start = self.lead.feed.taken - 1
                 self.lead.add(chunk, most)
                 return True
         return False
@@ -76,13 +77,22 @@ class Session:
         if self.contact is not None:
             self.contact.update(value)
         for other in self.others:
-            self._fill(other, self.seconds, wait=False)
+            self._fill(other, self.lead.seconds, wait=False)
         self.follow(chunk, value, True)
         return True
+
+    def _skip(self, other: Track, place: int, *, wait: bool) -> None:
+        """Forget chunks of another track up to a place, so that it stays beside the first."""
+        while other.feed.taken < place and (wait or other.feed.ready):
+            if other.feed.next() is None:
+                return
 
     def _fill(self, other: Track, seconds: float, *, wait: bool = True) -> None:
         """Bring another track to a length, or take what is there."""
         most = round(seconds * other.rate)
+        self._skip(other, self.start, wait=wait)
+        if other.feed.taken < self.start:
+            return
         while other.count < most and (wait or other.feed.ready):
             chunk = other.feed.next()
             if chunk is None:

@@ -1,20 +1,14 @@
-"""What samples come from: pipes, TCP, serial ports, sound cards and files of recordings."""
+"""What samples come from without any library: pipes, TCP and files of recordings."""
 
-import importlib
 import socket
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any
 
-from tex_lightning.config.recording import SourceConfig
 from tex_lightning.data.decode import SignalDecoder, read_trace
-from tex_lightning.data.trace_files import TRACE_SUFFIXES
 from tex_lightning.errors import UserError
-from tex_lightning.recording.parsing import Chunk, Float32Parser, Parser, TextParser
+from tex_lightning.recording.parsing import Chunk, Parser
 
-INSTALL = "pip install 'tex_lightning[live]'"
 PIECE = 65_536  # most bytes read at once
 WAIT = 0.2  # seconds after which a reader looks whether it should stop
 
@@ -72,7 +66,7 @@ class ByteSource(Source):
             read, close = self.open()
         except (OSError, OverflowError, ValueError) as error:
             raise UserError(
-                f"{self.parser.name} cannot be opened ({_reason(error)}); {self.remedy}."
+                f"{self.parser.name} cannot be opened ({reason(error)}); {self.remedy}."
             ) from error
         try:
             while (content := read()) != b"":
@@ -80,7 +74,7 @@ class ByteSource(Source):
             self.parser.end()
         except OSError as error:
             raise UserError(
-                f"{self.parser.name} broke off ({_reason(error)}); {self.remedy}."
+                f"{self.parser.name} broke off ({reason(error)}); {self.remedy}."
             ) from error
         finally:
             close()
@@ -140,77 +134,12 @@ class TcpSource(ByteSource):
         return read, connection.close
 
 
-class SerialSource(ByteSource):
-    """A serial port, as microcontrollers have on USB.
-
-    Args:
-        parser: As of the base class.
-        rate: Likewise.
-        port: Its name, such as ``/dev/ttyUSB0`` or ``COM3``.
-        baud: Its speed.
-    """
-
-    timed = True
-    remedy = "check the name of the port, that it is plugged in, and that no other program has it"
-
-    def __init__(self, parser: Parser, rate: int, port: str, baud: int) -> None:
-        super().__init__(parser, rate)
-        self.port, self.baud = port, baud
-        _library("serial", parser.name)
-
-    def open(self) -> tuple[Read, Callable[[], object]]:
-        """Open it and forget what was sent before."""
-        serial = _library("serial", self.parser.name)
-        port = serial.Serial(self.port, self.baud, timeout=WAIT)
-        port.reset_input_buffer()
-        return lambda: port.read(max(1, min(port.in_waiting, PIECE))) or None, port.close
-
-
-class SoundCardSource(Source):
-    """A sound card's input, by PortAudio.
-
-    Args:
-        name: As it was given, for messages.
-        device: Its number or a part of its name; empty takes the system's own.
-        settings: Rate and axes.
-    """
-
-    def __init__(self, name: str, device: str, settings: SourceConfig) -> None:
-        self.name, self.axes = name, settings.axes
-        sounddevice = _library("sounddevice", name)
-        self.failures = (sounddevice.PortAudioError, ValueError)
-        given = int(device) if device.isdecimal() else device or None
-        try:
-            found = sounddevice.query_devices(given, "input")
-            self.rate = settings.rate or int(found["default_samplerate"])
-            self.stream = sounddevice.InputStream(
-                samplerate=self.rate, device=given, channels=self.axes, dtype="float32"
-            )
-        except self.failures as error:
-            raise self._failed(error) from error
-
-    def chunks(self) -> Pieces:
-        """As the base class."""
-        try:
-            with self.stream:
-                while True:
-                    samples, lost = self.stream.read(max(1, self.rate // 50))
-                    self.lost = self.lost or bool(lost)
-                    yield samples.T.copy()
-        except self.failures as error:
-            raise self._failed(error) from error
-
-    def _failed(self, error: Exception) -> UserError:
-        return UserError(
-            f"{self.name} cannot be recorded ({_reason(error)}); run python -m sounddevice for the "
-            "sound cards that there are, and check its rate and axes."
-        )
-
-
 class FileSource(Source):
     """A recording in a file, as ``task=predict`` reads it.
 
     Args:
+        name: As it was given, for messages.
+        key: Section of its settings, such as ``record.haptic``.
         path: The file.
         rate: What it is said to have in Hz; None takes what it says.
 
@@ -221,7 +150,7 @@ class FileSource(Source):
     def __init__(self, name: str, key: str, path: Path, rate: int | None) -> None:
         self.samples, source = read_trace(path, SignalDecoder(), rate)
         if source.source == "assumed":
-            raise _no_rate(name, key)
+            raise no_rate(name, key)
         self.rate = round(source.hz)
 
     def chunks(self) -> Pieces:
@@ -229,64 +158,12 @@ class FileSource(Source):
         yield self.samples.astype("float32")
 
 
-def open_source(modality: str, given: str, settings: SourceConfig, timeout: float) -> Source:
-    """The source that a person names.
-
-    Args:
-        modality: The sense, which is also the key.
-        given: ``-``, ``tcp://HOST:PORT``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a
-            path.
-        settings: Its section.
-        timeout: Longest wait for a connection in seconds.
-
-    Raises:
-        UserError: If it is not there or cannot be used, or its rate is missing.
-    """
-    name, key, axes = f"{modality}={given}", f"record.{modality}", settings.axes
-    kind, _, rest = given.partition(":")
-    if kind == "soundcard":
-        return SoundCardSource(name, rest, settings)
-    path = Path(given).expanduser()
-    if path.suffix.lower() in TRACE_SUFFIXES and path.is_file():
-        return FileSource(name, key, path, settings.rate)
-    if settings.rate is None:
-        raise _no_rate(name, key)
-    text = settings.format == "text"
-    parser: Parser = Float32Parser(name, key, axes)
-    if text:
-        parser = TextParser(name, key, axes, cut=kind == "serial")
-    if kind == "tcp":
-        return TcpSource(parser, settings.rate, rest.removeprefix("//"), timeout)
-    if kind == "serial":
-        return SerialSource(parser, settings.rate, rest.removeprefix("//"), settings.baud)
-    if given != "-" and not path.exists():
-        raise UserError(
-            f"{name}: there is no such file; give a path, -, tcp://HOST:PORT, serial:PORT, "
-            "soundcard or soundcard:NAME."
-        )
-    return PipeSource(parser, settings.rate, sys.stdin.fileno() if given == "-" else str(path))
-
-
-def _no_rate(name: str, key: str) -> UserError:
+def no_rate(name: str, key: str) -> UserError:
+    """What to do about a source that says no rate."""
     return UserError(f"{name} does not say its rate; give {key}.rate in Hz.")
 
 
-def _library(module: str, name: str) -> Any:  # noqa: ANN401
-    """A library of the extra ``live``, imported where it is needed."""
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        raise UserError(
-            f"{name} needs {error.name}, which is not installed; run: {INSTALL}"
-        ) from error
-    except OSError as error:  # sounddevice's of a missing library of the system
-        raise UserError(
-            f"{name} needs the library PortAudio, which is not installed; install it with your "
-            "system's packages, such as apt install libportaudio2."
-        ) from error
-
-
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
     """The cause in a few words on one line."""
     said = getattr(error, "strerror", None) or str(error)
     return " ".join(said.split()).rstrip(".") or type(error).__name__

@@ -19,9 +19,9 @@ from tex_lightning.recording.class_folder import ClassFolder
 from tex_lightning.recording.contact import Contact
 from tex_lightning.recording.feed import Feed
 from tex_lightning.recording.meter import Meter, prints_lines
+from tex_lightning.recording.opening import open_source
 from tex_lightning.recording.parsing import Chunk
 from tex_lightning.recording.session import Session
-from tex_lightning.recording.sources import open_source
 from tex_lightning.recording.track import Track
 
 KEYS = ("label", "rejected", "probability", "fragments", "latency_ms")  # of a prediction

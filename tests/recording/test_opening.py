@@ -11,7 +11,7 @@ import soundfile
 from tex_lightning.config.recording import SourceConfig
 from tex_lightning.errors import UserError
 from tex_lightning.recording.feed import Feed
-from tex_lightning.recording.sources import open_source
+from tex_lightning.recording.opening import open_source
 
 SAMPLES = np.random.default_rng(0).standard_normal((3, 2500)).astype(np.float32)
 CONTENT = SAMPLES.T.astype("<f4").tobytes()
