@@ -21,7 +21,11 @@ log = logging.getLogger(__name__)
 
 TRAINING = ("fit", "crossval")  # tasks that train one model
 OWN_DATA = ("folder", "manifest")
-PRETRAINED = {"visual": "visual_efficientnet", "fusion": "fusion_efficientnet"}
+PRETRAINED = {
+    "visual": "visual_efficientnet",
+    "fusion": "fusion_efficientnet",
+    "fusion_sum": "fusion_efficientnet",
+}
 # whoever gives one of these has chosen
 CHOSEN = ("weights=", "trunk=", "experiment=", "model.visual.", "model.fusion.visual_checkpoint=")
 PAPERS_RATE = 10_000.0  # Hz; more is not kept unless asked for

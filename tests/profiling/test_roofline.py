@@ -60,7 +60,7 @@ def test_hooks_do_not_stay():
 
 
 def test_the_rate_is_that_of_the_fastest_product():
-    timings = {"10x20x30": Timing(2.0, 2.0, 1), "1000x1000x1000": Timing(10.0, 10.0, 1)}
+    timings = {"10x20x30": Timing(2.0, 2.0, (2.0,)), "1000x1000x1000": Timing(10.0, 10.0, (10.0,))}
     assert gemm_gflops(timings) == pytest.approx(200.0)  # 2e9 operations in 10 ms
     functions = products(CPU)
     assert len(functions) == len(SHAPES)

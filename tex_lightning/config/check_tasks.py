@@ -6,6 +6,7 @@ from operator import attrgetter
 from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import beyond, choice
 from tex_lightning.config.keys import Key, plain
+from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
@@ -155,6 +156,12 @@ def _optimized_metric(config: Config) -> Iterator[str]:
 
 def _frontier(config: Config) -> Iterator[str]:
     frontier = config.frontier
+    listed = isinstance(frontier.senses, list)
+    if listed and not frontier.senses:
+        yield "frontier.senses names nothing: give senses, auto, or null"
+    for name in frontier.senses if listed else [frontier.senses]:
+        allowed = config.model.known if listed else (EVERY_SENSE, None, "a list of senses")
+        yield from choice("frontier.senses", name, allowed)
     if config.model.name == AUTO and config.task not in ("fit", "frontier"):
         yield f"model=auto trains one network, task={config.task} does not: use task=fit"
     if frontier.run is not None and config.model.name != AUTO:
@@ -179,9 +186,6 @@ def check_decision(config: Config) -> Iterator[str]:
     for key in ("pairs", "rule", "seed"):
         if getattr(decision, key) is None and config.task not in (*NEED_CHECKPOINTS, "record"):
             yield f"decision.{key} is null, but task={config.task} has no checkpoint with one"
-    if decision.name == "sequential" and decision.rule not in ("vote", None):
-        rule = decision.rule
-        yield f"decision=sequential counts votes, and decision.rule={rule} does not: choose one"
     if decision.name == "sequential" and config.model.baseline is not None:
         yield (
             "decision=sequential needs a network, and a baseline looks at the whole recording at "

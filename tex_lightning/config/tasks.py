@@ -11,6 +11,7 @@ ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
+EVERY_SENSE = "auto"  # of frontier.senses
 SILENT = ("predict", "stream", "record", "generate")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
@@ -56,7 +57,9 @@ class DecisionConfig:
         **CHANCE,
     )
     confidence: float = key("of the bound on that share (Clopper-Pearson)", **CHANCE)
-    alphas: list[float] = key("values of alpha drawn in the curves", **CHANCE)
+    alphas: list[float] = key(
+        "values of alpha drawn in the curves; [] here and below draws none", **CHANCE
+    )
     confidence_thresholds: list[float] = key(
         "values of confidence_threshold drawn in the curves, among which one is chosen", **SHARE
     )
@@ -186,6 +189,11 @@ class FrontierConfig:
 
     systems: dict[str, str | None] = key(
         "overrides by name of the system, set by frontier=NAME; null leaves one out", factory=dict
+    )
+    senses: Any = key(
+        "senses whose subsets are systems of model=NAME: a list, auto for all that the data has, "
+        "or null",
+        default=None,
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
     rounds: int = key("rounds of timing; in each every system is timed", **ROUNDS)

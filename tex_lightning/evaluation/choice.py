@@ -15,12 +15,13 @@ class Candidate:
     Attributes:
         name: The system's.
         cost: What it costs, in any unit; smaller is better.
-        correct: Whether each vote is correct, by fold and sample.
+        correct: Whether each vote is correct, by fold and sample; of samples that share a recording
+            the share of correct ones, by fold and recording.
     """
 
     name: str
     cost: float
-    correct: Mapping[tuple[int, str], bool]
+    correct: Mapping[tuple[int, str], float]
 
     @property
     def accuracy(self) -> float:

@@ -7,7 +7,11 @@
   sees zeros beyond its edge where the dense pass sees the photo, so its score is not exactly the
   dense one; it is what the network was trained on. Where the windows would cost more than the dense
   pass, that is done instead.
-- Of several senses the cheapest comes first, and all others if that is not sure enough.
+- Of several senses the cheapest comes first, and the next cheapest is added as long as the vote of
+  those that were asked is not sure enough.
+
+Under ``rule=mean`` no majority ends a vote: a photo is taken whole, and of the rest as much as a
+confident mean probability needs.
 """
 
 import logging
@@ -41,8 +45,7 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         config: ``name`` and the thresholds.
 
     Raises:
-        UserError: If a baseline, or a checkpoint whose rule is not ``vote``, is to decide
-            sequentially.
+        UserError: If a baseline is to decide sequentially.
     """
     if config.name == MAX_VOTE:
         return classifier
@@ -50,12 +53,6 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
         raise UserError(
             f"decision=sequential needs a network, and {classifier.card.title} "
             "looks at the whole recording at once; use decision=max_vote."
-        )
-    if classifier.card.rule != "vote":
-        raise UserError(
-            "decision=sequential counts votes, and this checkpoint decides by "
-            f"decision.rule={classifier.card.rule}, which does not; use decision=max_vote or "
-            "decision.rule=vote."
         )
     return SequentialClassifier(classifier, config)
 
@@ -85,7 +82,8 @@ class SequentialClassifier(SurfaceClassifier):
         config: ``alpha``, and ``confidence_threshold`` unless ``calibrated`` finds one in the card.
 
     Attributes:
-        threshold: Mean probability at which one modality, or the beginning of a trace, decides.
+        threshold: Mean probability at which some senses, or the beginning of a trace, decide.
+        counts: Whether fragments are counted, so that the rest of a vote may not matter.
     """
 
     def __init__(self, classifier: SurfaceClassifier, config: DecisionConfig) -> None:
@@ -94,6 +92,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.full = classifier
         self.costs = Costs(classifier.card)
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
+        self.counts = classifier.card.rule == "vote"
         chosen = self.card.calibration if config.calibrated else {}
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
         self.streams = {
@@ -119,7 +118,9 @@ class SequentialClassifier(SurfaceClassifier):
             return self._several(branches, recordings)
         (branch,) = branches.values()
         recording = recordings[branch.modality]
-        return self._photo(branch, recording) if branch.windowed else self._trace(branch, recording)
+        if not branch.windowed:
+            return self._trace(branch, recording)
+        return self._photo(branch, recording) if self.counts else self.full.classify(**recordings)
 
     def _trace(self, branch: Branch, trace: Tensor) -> Vote:
         """Take more and more of a trace, nothing twice."""
@@ -129,7 +130,8 @@ class SequentialClassifier(SurfaceClassifier):
         bands, frames = branch.input_size(trace)
         full = self.costs.of(branch.name, bands, frames)
         for vote in beginnings(trace, stream, self.costs):
-            if is_confident(vote.probability, self.threshold) or stream.certain(frames):
+            certain = self.counts and stream.certain(frames)
+            if is_confident(vote.probability, self.threshold) or certain:
                 return _spent(vote, stream.macs, full)
         if not stream.macs:
             _say_nothing_saved()
@@ -145,7 +147,7 @@ class SequentialClassifier(SurfaceClassifier):
         return self._draw(branch, photo, none, order, 0)
 
     def _several(self, branches: dict[str, Branch], recordings: dict[str, Tensor]) -> Vote:
-        """Ask the cheapest sense, then tuples of all; a photo comes last, window by window."""
+        """Ask one sense after another, the cheapest first; a photo that comes last by windows."""
         own = {name: recordings[branch.modality] for name, branch in branches.items()}
         for name, branch in branches.items():
             branch.check(own[name])
@@ -153,31 +155,52 @@ class SequentialClassifier(SurfaceClassifier):
             name: self.costs.of(name, *branch.input_size(own[name]))
             for name, branch in branches.items()
         }
-        full, first = sum(costs.values()), min(costs, key=costs.__getitem__)
+        full, (first, *others) = sum(costs.values()), sorted(costs, key=costs.__getitem__)
         summand, vote, spent = self._listen(branches[first], own[first], costs[first])
         if is_confident(vote.probability, self.threshold):
             return _spent(vote, spent, full)
-        waiting = [name for name, branch in branches.items() if branch.windowed and name != first]
-        last = waiting[-1] if waiting else None
-        summands = {first: summand}
-        for name in branches:
-            if name not in (first, last):
-                summands[name] = self.full.summand(name, own[name])
-                spent += costs[name]
+        summands, seed = {first: summand}, self.full.seed(**recordings)
+        for name in others:
+            if name == others[-1] and branches[name].windowed and self.counts:
+                return self._last_photo(name, own[name], summands, seed, spent, full)
+            summands[name] = self.full.summand(name, own[name])
+            spent += costs[name]
+            if name != others[-1]:
+                vote = self._tuples_vote(summands, seed, 1.0)
+                if is_confident(vote.probability, self.threshold):
+                    return _spent(vote, spent, full)
+        return _spent(self._tuples_vote(summands, seed, self.card.temperature), spent, full)
+
+    def _tuples_vote(self, summands: dict[str, Tensor], seed: int, temperature: float) -> Vote:
+        """The vote of the senses asked so far; of all of them it is the full one."""
+        asked = [summands[name] for name in self.full.branches if name in summands]
+        tuples = self._tuples([each.shape[1] for each in asked], seed)
+        drawn = [each[:, tuples[:, place]] for place, each in enumerate(asked)]
+        return self.full.decide(_sum(drawn), temperature)
+
+    def _last_photo(
+        self,
+        last: str,
+        photo: Tensor,
+        summands: dict[str, Tensor],
+        seed: int,
+        spent: int,
+        full: int,
+    ) -> Vote:
+        """Draw the tuples of the full vote, and compute the windows of the photo that they need."""
+        branches = self.full.branches
         counts = [
-            summands[name].shape[1] if name in summands else _count(branches[name], own[name])
-            for name in branches
+            summands[name].shape[1] if name in summands else _count(branch, photo)
+            for name, branch in branches.items()
         ]
-        tuples = random_tuples(counts, self.card.decision["pairs"], self.full.seed(**recordings))
-        known = [
-            each[:, tuples[:, place].to(each.device)]
-            for place, name in enumerate(branches)
-            if (each := summands.get(name)) is not None
-        ]
-        if last is None:
-            return _spent(max_vote(_sum(known), self.card.temperature), spent, full)
-        order = tuples[:, list(branches).index(last)]
-        return self._draw(branches[last], own[last], _sum(known), order, spent, full)
+        places = dict(zip(branches, self._tuples(counts, seed).T, strict=True))
+        known = [summands[name][:, places[name]] for name in branches if name in summands]
+        order = places[last].cpu()
+        return self._draw(branches[last], photo, _sum(known), order, spent, full)
+
+    def _tuples(self, counts: Sequence[int], seed: int) -> Tensor:
+        """Positions (tuples, senses) that are voted over, on the device of the scores."""
+        return random_tuples(counts, self.card.decision["pairs"], seed).to(self.device)
 
     def _listen(self, branch: Branch, recording: Tensor, cost: int) -> tuple[Tensor, Vote, int]:
         """The summand (classes, positions) of one sense, its vote and its cost, until it is sure.
@@ -193,7 +216,7 @@ class SequentialClassifier(SurfaceClassifier):
                     return scores, vote, stream.macs
             spent = stream.macs
         scores = self.full.summand(name, recording)
-        return scores, max_vote(scores), spent + cost
+        return scores, self.full.decide(scores, 1.0), spent + cost
 
     def _draw(
         self,

@@ -17,12 +17,17 @@ class Timing:
     Attributes:
         median: Of all timed calls.
         p95: Their 95th percentile.
-        repeats: Number of timed calls.
+        calls: Of every timed call.
     """
 
     median: float
     p95: float
-    repeats: int
+    calls: tuple[float, ...]
+
+    @property
+    def repeats(self) -> int:
+        """Number of timed calls."""
+        return len(self.calls)
 
 
 def interleaved(
@@ -91,5 +96,6 @@ def _turn(function: Callable[[], object], slice_s: float) -> list[float]:
 
 
 def _summary(seconds: list[float]) -> Timing:
-    median, p95 = np.percentile(seconds, (50, 95)) * 1000
-    return Timing(float(median), float(p95), len(seconds))
+    calls = np.array(seconds) * 1000
+    median, p95 = np.percentile(calls, (50, 95))
+    return Timing(float(median), float(p95), tuple(calls.tolist()))

@@ -13,6 +13,7 @@ from matplotlib.ticker import LogFormatter
 from tex_lightning.config.model import FUSION
 from tex_lightning.files import write_atomically
 from tex_lightning.progress import console
+from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.table import make_table
@@ -42,7 +43,7 @@ class Point:
         parameters: Numbers that were fitted; None for the procedure.
         macs: Multiply-accumulates of a test sample, mean of what was done; None where they are
             outside PyTorch, and for the procedure.
-        latency_ms_median: From a decoded sample to its label, features included.
+        latency_ms_median: From a decoded sample to its label, features included; of all calls.
         latency_ms_p95: The 95th percentile.
         fit_seconds: Mean of the folds.
         vote_accuracy: On the tested folds.
@@ -54,6 +55,7 @@ class Point:
         test_samples: Number of tested samples.
         chosen_in_folds: For how many tested folds the choice on the fold's partner fell on it; None
             for the procedure.
+        latency_ms_mean: Mean over samples of each one's median; what a system costs.
     """
 
     system: str
@@ -70,6 +72,7 @@ class Point:
     chosen: bool
     test_samples: int
     chosen_in_folds: int | None
+    latency_ms_mean: float
 
 
 def write_frontier(points: Sequence[Point], path: Path) -> None:
@@ -85,9 +88,11 @@ def write_frontier(points: Sequence[Point], path: Path) -> None:
     write_atomically(path, write)
 
 
-def draw_frontier(points: Sequence[Point], directory: Path) -> None:
+def draw_frontier(
+    points: Sequence[Point], directory: Path, steps: Sequence[AddedSense] = ()
+) -> None:
     """Write ``frontier.png`` and, where plotly is installed, ``frontier.html``."""
-    save_figure(frontier_figure(points), directory / "frontier.png")
+    save_figure(frontier_figure(points, steps), directory / "frontier.png")
     try:
         import plotly.graph_objects  # noqa: F401  (an optional extra)
     except ModuleNotFoundError:
@@ -96,11 +101,12 @@ def draw_frontier(points: Sequence[Point], directory: Path) -> None:
     _interactive(points).write_html(directory / "frontier.html", include_plotlyjs=True)
 
 
-def frontier_figure(points: Sequence[Point]) -> Figure:
+def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -> Figure:
     """Accuracy with intervals over latency (log axis); dominated systems are grey.
 
     The procedure that chooses is a hollow diamond. Points bear numbers, from the quickest on, and a
     list beside them says whose they are: names would cover each other where systems are alike.
+    Senses that are added one after another are arrows, with what they cost and repair.
     """
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplots()
@@ -108,27 +114,27 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
         colour, procedure = _colour(point), point.kind == PROCEDURE
         low, high = point.vote_accuracy - point.ci_low, point.ci_high - point.vote_accuracy
         axes.errorbar(
-            point.latency_ms_median, point.vote_accuracy, yerr=[[max(low, 0)], [max(high, 0)]],
+            point.latency_ms_mean, point.vote_accuracy, yerr=[[max(low, 0)], [max(high, 0)]],
             color=colour, elinewidth=0.8, capsize=2,
         )  # fmt: skip
         axes.scatter(
-            point.latency_ms_median, point.vote_accuracy, s=_area(point),
+            point.latency_ms_mean, point.vote_accuracy, s=_area(point),
             zorder=5 if procedure else 3,
             facecolors="none" if procedure else colour, marker="D" if procedure else "o",
             edgecolors="black" if point.chosen or procedure else "none", linewidths=1.5,
             label=_entry(number, point),
         )  # fmt: skip
         axes.annotate(
-            str(number), (point.latency_ms_median, point.vote_accuracy), fontsize=7,
+            str(number), (point.latency_ms_mean, point.vote_accuracy), fontsize=7,
             xytext=(0, 5 + 9 * (number % 2)), textcoords="offset points", zorder=4,
         )  # fmt: skip
     line = _line(points)
-    axes.plot([item.latency_ms_median for item in line], [item.vote_accuracy for item in line],
+    axes.plot([item.latency_ms_mean for item in line], [item.vote_accuracy for item in line],
               color="black", linewidth=0.8, linestyle="--", drawstyle="steps-post")  # fmt: skip
     counts = sorted({point.test_samples for point in points if point.kind != PROCEDURE})
     axes.set(
         xscale="log",
-        xlabel=f"ms for one sample, features included (median)\n{_ratios()}",
+        xlabel=f"ms for one sample, features included (mean over samples)\n{_ratios()}",
         ylabel="vote accuracy with Wilson's 95 % interval",
         title=f"Accuracy against latency, {' or '.join(map(str, counts))} test samples\n"
         "area grows with parameters; grey: dominated; black edge: chosen, the quickest within one "
@@ -140,18 +146,20 @@ def frontier_figure(points: Sequence[Point]) -> Figure:
     for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         formatter(LogFormatter(minor_thresholds=(2, 0.5)))
     axes.grid(alpha=0.3, which="both")
+    places = {item.system: (item.latency_ms_mean, item.vote_accuracy) for item in points}
+    mark_added_senses(axes, steps, places)
     figure.legend(loc="outside right center", fontsize=7, handlelength=0, markerscale=0)
     return figure
 
 
 def _by_latency(points: Sequence[Point]) -> list[Point]:
-    return sorted(points, key=lambda item: item.latency_ms_median)
+    return sorted(points, key=lambda item: item.latency_ms_mean)
 
 
 def _entry(number: int, point: Point) -> str:
     remark = ", chosen" if point.chosen else ", the choice" if point.kind == PROCEDURE else ""
     return (
-        f"{number}  {point.system}\n     {point.latency_ms_median:.1f} ms, "
+        f"{number}  {point.system}\n     {point.latency_ms_mean:.1f} ms, "
         f"{point.vote_accuracy:.1%}{remark}"
     )
 
@@ -163,7 +171,7 @@ def _colour(point: Point) -> str:
 
 def _line(points: Sequence[Point]) -> list[Point]:
     kept = [point for point in points if point.on_frontier]
-    return sorted(kept, key=lambda item: (item.latency_ms_median, item.vote_accuracy))
+    return sorted(kept, key=lambda item: (item.latency_ms_mean, item.vote_accuracy))
 
 
 def _area(point: Point) -> float:
@@ -185,7 +193,7 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
     line = _line(points)
     figure = go.Figure(
         go.Scatter(
-            x=[item.latency_ms_median for item in line],
+            x=[item.latency_ms_mean for item in line],
             y=[item.vote_accuracy for item in line],
             mode="lines",
             line={"dash": "dash", "shape": "hv", "color": "black"},
@@ -195,7 +203,7 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
     for point in points:
         facts = "<br>".join(f"{key}: {value}" for key, value in asdict(point).items())
         figure.add_scatter(
-            x=[point.latency_ms_median], y=[point.vote_accuracy], mode="markers",
+            x=[point.latency_ms_mean], y=[point.vote_accuracy], mode="markers",
             name=point.system, hovertext=facts, hoverinfo="text",
             marker={
                 "size": _area(point) ** 0.5,
@@ -215,7 +223,7 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
 
 def print_frontier(points: Sequence[Point], directory: Path, command: str) -> None:
     """Print one line per point, quickest first, and how to train the chosen system."""
-    figures = ["chosen in folds", "ms", "p95", "fit s", "parameters"]
+    figures = ["chosen in folds", "ms", "median", "p95", "fit s", "parameters"]
     table = make_table("frontier", ["system", "votes", "95 % interval"], figures)
     for point in _by_latency(points):
         mark = " (chosen)" if point.chosen else ""
@@ -224,6 +232,7 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
             f"{point.vote_accuracy:.1%}",
             f"{point.ci_low:.1%} to {point.ci_high:.1%}",
             "" if point.chosen_in_folds is None else str(point.chosen_in_folds),
+            f"{point.latency_ms_mean:.1f}",
             f"{point.latency_ms_median:.1f}",
             f"{point.latency_ms_p95:.1f}",
             f"{point.fit_seconds:.1f}",
@@ -232,7 +241,7 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
         )
     console.print(table)
     for line in (*_remarks(points), f"Train the chosen one with: {command}"):
-        console.print(line, soft_wrap=True, highlight=False)
+        console.print(line, soft_wrap=True, highlight=False, markup=False)  # it has [brackets]
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
 
 

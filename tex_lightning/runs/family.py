@@ -95,7 +95,9 @@ def compose_family(
         training = with_system(job, given_overrides(job), overrides)
         member = read_config(job.compose([*training, "task=frontier"]))
         crossval = replace(member.crossval, share=str(job.directory / NETWORKS))
-        member = replace(member, task="crossval", crossval=crossval)
+        # no curves over thresholds: they are no part of the chart
+        decision = replace(member.decision, alphas=[], confidence_thresholds=[])
+        member = replace(member, task="crossval", crossval=crossval, decision=decision)
         check_config(member)
         trust(member)
         yield Member(name, overrides, member.data, member.recipe)
@@ -179,7 +181,8 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
     rows, folds = workspace.recordings, workspace.data.folds
     apart = Recordings(tuple(row for row in rows if row.group % folds == pair[1]))
     kept = Recordings(tuple(row for row in rows if row.group % folds != pair[1]))
-    networks = fit_fold(replace(workspace, recordings=kept).on_fold(pair[0], directory))
+    on_fold = replace(workspace, recordings=kept).on_fold(pair[0], directory)
+    networks = fit_fold(on_fold, test_parts=False)
     entry = networks[workspace.kind]
     recipe = workspace.recipe
     samples = make_samples(apart, recipe.model.modalities)
@@ -211,14 +214,16 @@ def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measure
 def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[str]:
     """What trains a system with what else the user asked for.
 
-    One source of weights is meant for the published trunks: a system without goes without it.
+    One source of weights is meant for the published trunks: a system without goes without it, and
+    without those that a preset names.
     """
     without = [item for item in given if not item.startswith("weights=")]
-    if len(without) < len(given):
+    preset = [item for item in given if item.startswith("experiment=")]
+    if preset or len(without) < len(given):
         composed = job.compose([*given, *system])
         published = any("trunk" in composed.model[sense] for sense in composed.model.senses)
         if not published and isinstance(composed.weights, str):
-            return [*without, *system]
+            return [*without, *system, *(["weights=null"] if preset else [])]
     return [*given, *system]
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
-from tex_lightning.card import Card
+from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.config.model import FUSION
 from tex_lightning.config.recipe import Recipe
 from tex_lightning.data.folds import Split, make_samples
@@ -55,12 +55,15 @@ def weights(recipe: Recipe) -> dict[str, str]:
     return {name: RANDOM if path is None else name_source(path) for name, path in given.items()}
 
 
-def fit_fold(workspace: Workspace, *, draw: bool = False) -> dict[str, Any]:
+def fit_fold(
+    workspace: Workspace, *, draw: bool = False, test_parts: bool = True
+) -> dict[str, Any]:
     """Train and test all networks that the model consists of on one fold.
 
     Args:
         workspace: Opened, on its fold.
         draw: Whether figures are drawn; of several folds they are drawn of all together.
+        test_parts: Whether the networks that a FusionNet consists of are tested, too.
 
     Returns:
         By network its entry of ``results.json``.
@@ -74,7 +77,9 @@ def fit_fold(workspace: Workspace, *, draw: bool = False) -> dict[str, Any]:
             starting_card(workspace, name, path)  # before time is spent on the other networks
         for name in model.senses:
             if name not in given:
-                networks[name] = _fit_network(workspace, parts, [name], {}, draw=draw)
+                networks[name] = _fit_network(
+                    workspace, parts, [name], {}, draw=draw, test=test_parts
+                )
             unimodal[name] = given.get(name) or Path(networks[name]["checkpoint"])
     networks[workspace.kind] = _fit_network(workspace, parts, model.senses, unimodal, draw=draw)
     return networks
@@ -87,6 +92,7 @@ def _fit_network(
     unimodal: dict[str, Path],
     *,
     draw: bool,
+    test: bool = True,
 ) -> dict[str, Any]:
     card, shared = make_card(workspace, senses, unimodal), workspace.recipe.share
     training = make_training(workspace, card, parts, unimodal)
@@ -98,6 +104,9 @@ def _fit_network(
         checkpoint = train_network(training)
     if not is_rank_zero():  # it alone tests and writes
         return {"checkpoint": str(checkpoint)}
+    if not test:
+        fit_seconds = read_checkpoint(checkpoint)["fit_seconds"]
+        return {"checkpoint": str(checkpoint), "fit_seconds": fit_seconds}
     return _tested_network(workspace, checkpoint, parts, draw=draw)
 
 

@@ -68,7 +68,8 @@ def report_network(
         "val_loss": stored.get("val_loss"),  # None where nothing was validated
         "checkpoint": str(checkpoint.resolve()),
     }
-    if isinstance(decider, SequentialClassifier):
+    drawn = running.decision.alphas or running.decision.confidence_thresholds
+    if isinstance(decider, SequentialClassifier) and drawn:
         entry["sequential"] = report_sequential(
             decider, running.decision, samples, store, directory
         )

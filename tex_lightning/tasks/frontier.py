@@ -12,9 +12,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
+from math import ceil
 from pathlib import Path
-from statistics import fmean
-from typing import Any
+from statistics import fmean, median
+from typing import Any, NamedTuple
 
 from torch import Tensor
 
@@ -25,6 +26,7 @@ from tex_lightning.config.job import Job
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
+from tex_lightning.data.recordings import Recordings
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.choice import (
     Candidate,
@@ -33,8 +35,10 @@ from tex_lightning.evaluation.choice import (
     within_budget,
 )
 from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
+from tex_lightning.evaluation.pairing import correct_shares
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.profiling.timing import interleaved, waiting
+from tex_lightning.report.added_senses import print_added_senses, write_added_senses
 from tex_lightning.report.frontier_chart import (
     PROCEDURE,
     Point,
@@ -52,16 +56,32 @@ from tex_lightning.runs.family import (
     with_system,
 )
 from tex_lightning.runs.opening import Opening
-from tex_lightning.runs.workspace import open_workspace
+from tex_lightning.runs.subsets import added_senses, chain, with_subsets
+from tex_lightning.runs.workspace import Workspace, open_workspace
 from tex_lightning.tasks.crossval import chosen_folds
 
 log = logging.getLogger(__name__)
 
 WARM_UP = 3
-TIMED = 10  # samples that every system is timed on
+TIMED = 15  # tested samples, at most, that every system is timed on
 RULE = "one_standard_error_rule"
 
-Timings = dict[str, tuple[float, float]]
+
+class Latency(NamedTuple):
+    """Time of one sample in ms.
+
+    Attributes:
+        mean: Over the samples: that of a sequential decision is short for some and long for others.
+        median: Of all calls.
+        p95: Their 95th percentile.
+    """
+
+    mean: float
+    median: float
+    p95: float
+
+
+Timings = dict[str, Latency]
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -79,19 +99,25 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """
     begin, directory = time.perf_counter(), job.directory
     held, tested = _earlier(directory)
-    members = list(compose_family(config.frontier, job, held))
+    frontier = with_subsets(config, job)
+    members = list(compose_family(frontier, job, held))
     check_libraries(members)
     folds = sorted({*chosen_folds(config), *tested})
     opening = Opening(config.data, _described(members), folds)
     measured = measure_family(members, folds, directory / "systems", opening)
     timings = _latencies(measured, config.frontier.rounds, opening)
-    candidates = [_candidate(system, timings, system.tests) for system in measured]
+    candidates = _candidates(measured, timings, [system.tests for system in measured])
     procedure = _procedure(measured, timings)
     chosen = one_standard_error(candidates).name
     points = _points(measured, timings, chosen, procedure)
     shown = [*points, _procedure_point(procedure, points)]
     write_frontier(shown, directory / "frontier.csv")
-    draw_frontier(shown, directory)
+    means = {name: latency.mean for name, latency in timings.items()}
+    added = added_senses(frontier.senses or [], measured, means)
+    steps = chain(frontier.senses or [], chosen, means, added)
+    draw_frontier(shown, directory, steps)
+    if frontier.senses is not None:
+        write_added_senses(added, directory / "senses.csv")
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -106,8 +132,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "procedure": procedure,
         "systems": {point.system: asdict(point) for point in points},
     }
+    if frontier.senses is not None:
+        results |= {"senses": frontier.senses, "added_senses": list(map(asdict, added))}
     write_results(directory / "results.json", results)
     print_frontier(shown, directory, str(results["command"]))
+    print_added_senses(steps)
     _print_budget(config.frontier, job, members, candidates)
     return results
 
@@ -126,8 +155,13 @@ def _described(members: list[Member]) -> str:
 
 
 def _latencies(measured: list[Measured], rounds: int, opening: Opening) -> Timings:
-    """Median and 95th percentile in ms of one sample, all systems interleaved in one run."""
+    """Times of one sample, all systems interleaved in one run.
+
+    The samples are of the first tested fold: of those that a network was trained on it is surer,
+    and a sequential decision quicker, than it will be.
+    """
     functions: dict[str, Callable[[], object]] = {}
+    counts: dict[str, int] = {}
     recordings: dict[tuple[tuple[str, Decoder], ...], list[dict[str, Tensor]]] = {}
     for system in measured:
         member, running = system.member, system.member.recipe.running
@@ -138,13 +172,31 @@ def _latencies(measured: list[Measured], rounds: int, opening: Opening) -> Timin
         if decoded not in recordings:  # such systems classify the same samples
             home = Path(system.entry["checkpoint"]).parent
             workspace = open_workspace(member.data, member.recipe, home, opening)
-            samples = make_samples(workspace.recordings, member.recipe.model.modalities)
-            timed = samples[:: max(1, len(samples) // TIMED)][:TIMED]
+            samples = make_samples(_tested(system, workspace), member.recipe.model.modalities)
+            timed = samples[:: ceil(len(samples) / TIMED)]
             recordings[decoded] = [load_sample(sample, workspace.store) for sample in timed]
+        counts[member.name] = len(recordings[decoded])
         call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
         functions[system.member.name] = waiting(call, device)
     timings = interleaved(functions, rounds, WARM_UP)
-    return {name: (timing.median, timing.p95) for name, timing in timings.items()}
+    return {
+        name: Latency(_mean_of_samples(timing.calls, counts[name]), timing.median, timing.p95)
+        for name, timing in timings.items()
+    }
+
+
+def _tested(system: Measured, workspace: Workspace) -> Recordings:
+    """Recordings of the first tested fold, which the first network has not seen."""
+    outcomes = next(iter(system.tests.values()))
+    files = {path for outcome in outcomes for path in outcome.files.values()}
+    return workspace.recordings.without(
+        row for row in workspace.recordings if str(row.path) not in files
+    )
+
+
+def _mean_of_samples(calls: Sequence[float], count: int) -> float:
+    """Mean over samples that take turns of each one's median time."""
+    return fmean(median(calls[sample::count]) for sample in range(min(count, len(calls))))
 
 
 def _classify_next(classifier: SurfaceClassifier, samples: Iterator[dict[str, Tensor]]) -> object:
@@ -166,16 +218,26 @@ def _macs(system: Measured) -> int | None:
     return round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
 
 
-def _candidate(
-    system: Measured, timings: Timings, votes: Mapping[int, Sequence[Outcome]]
-) -> Candidate:
-    """A system by its time and some of its votes, by fold."""
-    correct = {
-        (fold, item.sample): item.label == item.predicted
-        for fold, outcomes in votes.items()
-        for item in outcomes
-    }
-    return Candidate(system.member.name, timings[system.member.name][0], correct)
+def _candidates(
+    measured: list[Measured],
+    timings: Timings,
+    votes: Sequence[Mapping[int, Sequence[Outcome]]],
+) -> list[Candidate]:
+    """The systems by their times and some of their votes, by fold, on samples of all senses."""
+    widths = [len(system.member.recipe.model.modalities) for system in measured]
+    joint = votes[widths.index(max(widths))]
+    return [
+        Candidate(
+            system.member.name,
+            timings[system.member.name].mean,
+            {
+                (fold, recording): share
+                for fold, outcomes in own.items()
+                for recording, share in correct_shares(outcomes, joint[fold]).items()
+            },
+        )
+        for system, own in zip(measured, votes, strict=True)
+    ]
 
 
 def _procedure(measured: list[Measured], timings: Timings) -> dict[str, Any]:
@@ -187,7 +249,8 @@ def _procedure(measured: list[Measured], timings: Timings) -> dict[str, Any]:
     named = {system.member.name: system for system in measured}
     folds, all_votes = [], []
     for fold in measured[0].tests:
-        family = [_candidate(each, timings, {fold: each.partners[fold]}) for each in measured]
+        own = [{fold: each.partners[fold]} for each in measured]
+        family = _candidates(measured, timings, own)
         system = named[one_standard_error(family).name]
         votes = system.tests[fold]
         all_votes += votes
@@ -208,7 +271,7 @@ def _points(
     named = {system.member.name: system for system in measured}
     summaries = {name: summarise(system.outcomes) for name, system in named.items()}
     line = pareto(
-        {name: (timings[name][0], summaries[name]["vote_accuracy"]) for name in summaries}
+        {name: (timings[name].mean, summaries[name]["vote_accuracy"]) for name in summaries}
     )
     choices = [fold["chosen"] for fold in procedure["folds"]]
     return [
@@ -217,8 +280,8 @@ def _points(
             kind=system.member.recipe.model.kind,
             parameters=system.entry["parameters"],
             macs=_macs(system),
-            latency_ms_median=timings[name][0],
-            latency_ms_p95=timings[name][1],
+            latency_ms_median=timings[name].median,
+            latency_ms_p95=timings[name].p95,
             fit_seconds=system.fit_seconds,
             vote_accuracy=summaries[name]["vote_accuracy"],
             ci_low=summaries[name]["vote_ci95"][0],
@@ -227,6 +290,7 @@ def _points(
             chosen=name == chosen,
             test_samples=summaries[name]["test_samples"],
             chosen_in_folds=choices.count(name),
+            latency_ms_mean=timings[name].mean,
         )
         for name, system in named.items()
     ]
@@ -252,6 +316,7 @@ def _procedure_point(procedure: dict[str, Any], points: list[Point]) -> Point:
         chosen=False,
         test_samples=procedure["test_samples"],
         chosen_in_folds=None,
+        latency_ms_mean=fmean(point.latency_ms_mean for point in used),
     )
 
 
