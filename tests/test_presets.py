@@ -1,7 +1,5 @@
 """Presets compose, and the rows of tables and frontiers exist."""
 
-from pathlib import Path
-
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
@@ -33,12 +31,25 @@ def test_experiment_composes_and_its_rows_exist(experiment):
         assert config.hydra.mode.name == "MULTIRUN"
 
 
-@pytest.mark.parametrize("path", sorted((CONF / "frontier").glob("*.yaml")), ids=lambda p: p.stem)
-def test_every_system_of_a_frontier_composes(path: Path):
-    systems = OmegaConf.load(path).systems
+@pytest.mark.parametrize("family", ["haptic", "visual", "fusion"])
+def test_every_system_of_a_frontier_composes(family):
+    systems = OmegaConf.load(CONF / "frontier" / f"{family}.yaml").systems
     assert len(systems) >= 12
     for overrides in systems.values():
         assert composed(*overrides.split()).model.name in MODELS
+
+
+@pytest.mark.parametrize(
+    ("given", "model"),
+    [
+        ([], "fusion_sum"),
+        (["model=fusion"], "fusion"),
+        (["experiment=few/fusion"], "fusion_efficientnet"),
+    ],
+)
+def test_subsets_of_senses_are_of_the_model_that_is_asked_for(given, model):
+    config = composed("task=frontier", "frontier=senses", *given)
+    assert (config.frontier.senses, config.model.name) == ("auto", model)
 
 
 def test_tiny_frontier_has_two_folds_and_a_tiny_cross_validation_all():

@@ -28,6 +28,7 @@ PRETRAINED = {
 }
 # whoever gives one of these has chosen
 CHOSEN = ("weights=", "trunk=", "experiment=", "model.visual.", "model.fusion.visual_checkpoint=")
+SUBSETS = ("frontier=senses", "frontier.senses=")  # of the senses of one model
 PAPERS_RATE = 10_000.0  # Hz; more is not kept unless asked for
 LOOKED_AT = 20  # recordings, beside one of each class, that the rate is taken from
 RATE = "data.sampling_rate"
@@ -54,7 +55,8 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
 
 def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
     """Let VisualNet on a user's own photos start from ImageNet's weights, if they are there."""
-    if task not in TRAINING or data.name not in OWN_DATA:
+    one_model = task in TRAINING or any(item.startswith(SUBSETS) for item in job.overrides)
+    if not one_model or data.name not in OWN_DATA:
         return job
     if model.name not in PRETRAINED or "visual" not in model.senses:
         return job

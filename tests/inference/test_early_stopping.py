@@ -11,7 +11,9 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
+from tex_lightning.decision.voting import max_vote, random_tuples
 from tex_lightning.errors import UserError
+from tex_lightning.inference import early_stopping
 from tex_lightning.inference.costs import Costs
 from tex_lightning.inference.early_stopping import SequentialClassifier, decide, needs_threshold
 
@@ -267,6 +269,30 @@ def test_of_three_senses_the_cheapest_is_asked_alone_where_it_is_sure(monkeypatc
     assert unsure.relative_macs >= 1
 
 
+@pytest.mark.parametrize("rule", ["vote", "mean"])
+def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monkeypatch, rule):
+    model = classifier("three")
+    model.card = replace(model.card, decision={**model.card.decision, "rule": rule})
+    sample = given("three", 0)
+    costs = {
+        name: Costs(model.card).of(name, *branch.input_size(sample[branch.modality]))
+        for name, branch in model.branches.items()
+    }
+    cheap, middle, dear = sorted(costs, key=costs.get)
+    rows = count_positions(monkeypatch, model.branch(dear).network)
+    monkeypatch.setattr(early_stopping, "beginnings", lambda *_: iter(()))
+    answers = iter([False, True])
+    monkeypatch.setattr(early_stopping, "is_confident", lambda *_: next(answers))
+    vote = SequentialClassifier(model, CONFIG).classify(**sample)
+    assert rows == []
+    assert vote.relative_macs == (costs[cheap] + costs[middle]) / sum(costs.values())
+    senses = [name for name in model.card.senses if name != dear]  # in the order of the tuples
+    summands = [model.summand(name, sample[model.branch(name).modality]) for name in senses]
+    tuples = random_tuples([each.shape[1] for each in summands], 200, model.seed(**sample))
+    scores = sum(each[:, tuples[:, place]] for place, each in enumerate(summands))
+    torch.testing.assert_close(vote.probabilities, max_vote(scores).probabilities)
+
+
 def test_a_fusion_of_signals_alone_decides_as_the_full_one():
     torch.manual_seed(0)
     card = make_card("haptic", "sound", pairs=200, width=0.1)
@@ -295,11 +321,13 @@ def test_a_single_photo_alone_needs_no_threshold():
     assert needs == {"haptic": True, "visual": False, "fusion": True, "three": True}
 
 
-def test_a_mean_of_probabilities_is_refused():
-    model = classifier("haptic")
+@pytest.mark.parametrize("kind", SENSES)
+def test_a_mean_of_probabilities_is_that_of_the_full_decision_if_nothing_is_sure(kind):
+    model = classifier(kind)
     model.card = replace(model.card, decision={**model.card.decision, "rule": "mean"})
-    with pytest.raises(UserError, match="counts votes"):
-        decide(model, CONFIG)
+    vote, full = (m.classify(**given(kind, 0)) for m in (decide(model, CONFIG), model))
+    assert vote.label == full.label == int(full.probabilities.argmax())
+    torch.testing.assert_close(vote.probabilities, full.probabilities)
 
 
 def test_a_baseline_is_refused():

@@ -20,7 +20,7 @@ from tex_lightning.tasks import frontier
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
     "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen", "test_samples",
-    "chosen_in_folds",
+    "chosen_in_folds", "latency_ms_mean",
 )  # fmt: skip
 
 
@@ -64,7 +64,7 @@ def test_table_has_the_columns_and_one_choice(measured):
     assert list(rows[0]) == list(CONTRACT)
     assert len(rows) == 6
     assert [row["system"] for row in rows if row["chosen"] == "True"] == ["minirocket"]
-    latencies = [float(row["latency_ms_median"]) for row in rows]
+    latencies = [float(row["latency_ms_mean"]) for row in rows]
     assert latencies == sorted(latencies)
 
 
@@ -96,9 +96,10 @@ def test_no_vote_takes_part_in_the_choice_that_it_measures(
     run = tmp_path / "run"
     shutil.copytree(two_folds, run)
     spoil(predictions(run, "mfcc_gmm", 5))  # the quicker one, so that it is chosen if in doubt
-    monkeypatch.setattr(
-        frontier, "_latencies", lambda *_: {"mfcc_gmm": (1.0, 1.0), "mfcc_nb": (2.0, 2.0)}
-    )
+    latencies = {
+        name: frontier.Latency(ms, ms, ms) for name, ms in (("mfcc_gmm", 1.0), ("mfcc_nb", 2.0))
+    }
+    monkeypatch.setattr(frontier, "_latencies", lambda *_: latencies)
     only = "frontier.only=[mfcc_gmm,mfcc_nb]"
     outcome = cli("task=frontier", *given, only, f"hydra.run.dir={run}")
     assert outcome.status == 0, outcome.err
@@ -130,9 +131,9 @@ def test_later_systems_and_folds_join_what_the_folder_holds(
     run, trained = tmp_path / "run", []
     shutil.copytree(two_folds, run)
 
-    def fit_fold(workspace):
+    def fit_fold(workspace, **how):
         trained.append((workspace.directory.parts[-3], workspace.directory.name))
-        return fold.fit_fold(workspace)
+        return fold.fit_fold(workspace, **how)
 
     monkeypatch.setattr(family, "fit_fold", fit_fold)
     again = "task=frontier", *given, f"hydra.run.dir={run}"
@@ -250,6 +251,10 @@ def test_one_source_of_weights_is_for_published_trunks(tmp_path):
     job = Job(tuple(given), tmp_path, "command", True, (), OmegaConf.create())
     assert with_system(job, given, ["model=haptic"]) == ["seed=3", "model=haptic"]
     assert with_system(job, given, ["model=minirocket"]) == ["seed=3", "model=minirocket"]
+    preset = ["experiment=few/fusion", "frontier=senses"]
+    alone = ["model.senses=[haptic]"]
+    assert with_system(job, preset, alone) == [*preset, *alone, "weights=null"]
+    assert with_system(job, preset, ["seed=1"]) == [*preset, "seed=1"]
     for model in ("model=visual_squeezenet", "model=fusion_squeezenet"):
         assert with_system(job, given, [model]) == [*given, model]
 

@@ -30,6 +30,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.inference.beginnings import beginnings, signal_stream
 from tex_lightning.inference.costs import Costs
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.macs import count_macs
 
 log = logging.getLogger(__name__)
 
@@ -93,6 +94,7 @@ class SequentialClassifier(SurfaceClassifier):
         self.costs = Costs(classifier.card)
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
         self.counts = classifier.card.rule == "vote"
+        self.densities: dict[str, float] = {}
         chosen = self.card.calibration if config.calibrated else {}
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
         self.streams = {
@@ -149,12 +151,7 @@ class SequentialClassifier(SurfaceClassifier):
     def _several(self, branches: dict[str, Branch], recordings: dict[str, Tensor]) -> Vote:
         """Ask one sense after another, the cheapest first; a photo that comes last by windows."""
         own = {name: recordings[branch.modality] for name, branch in branches.items()}
-        for name, branch in branches.items():
-            branch.check(own[name])
-        costs = {
-            name: self.costs.of(name, *branch.input_size(own[name]))
-            for name, branch in branches.items()
-        }
+        costs = {name: self._cost(branch, own[name]) for name, branch in branches.items()}
         full, (first, *others) = sum(costs.values()), sorted(costs, key=costs.__getitem__)
         summand, vote, spent = self._listen(branches[first], own[first], costs[first])
         if is_confident(vote.probability, self.threshold):
@@ -170,6 +167,20 @@ class SequentialClassifier(SurfaceClassifier):
                 if is_confident(vote.probability, self.threshold):
                     return _spent(vote, spent, full)
         return _spent(self._tuples_vote(summands, seed, self.card.temperature), spent, full)
+
+    def _cost(self, branch: Branch, recording: Tensor) -> int:
+        """Multiply-accumulates of one sense, of a recording that is large enough.
+
+        Of a network that does not say what it makes of a recording they are counted on the first
+        one, and taken as proportional to its size for others: computing tells, but costs as much.
+        """
+        if branch.knows_min_size:
+            branch.check(recording)
+            return self.costs.of(branch.name, *branch.input_size(recording))
+        if branch.name not in self.densities:
+            macs = count_macs(lambda: self.full.summand(branch.name, recording))
+            self.densities[branch.name] = macs / recording.numel()
+        return max(1, round(self.densities[branch.name] * recording.numel()))
 
     def _tuples_vote(self, summands: dict[str, Tensor], seed: int, temperature: float) -> Vote:
         """The vote of the senses asked so far; of all of them it is the full one."""

@@ -60,11 +60,10 @@ class FusionStart(Callback):
         pl_module.head_factor = self.head_factor
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """State both rates; each step's are logged as lr/backbone and lr/head."""
-        rates = {group["name"]: group["lr"] for group in trainer.optimizers[0].param_groups}
+        """State the rates; each step's are logged as lr/backbone and lr/head."""
+        groups = trainer.optimizers[0].param_groups  # no backbone where nothing in it is trained
         log.info(
-            "FusionNet starts from %s; learning rate %.3g, head %.3g.",
+            "FusionNet starts from %s; learning rate of the %s.",
             " and ".join(path.name for path in self.checkpoints.values()),
-            rates["backbone"],
-            rates["head"],
+            " and ".join(f"{group['name']} {group['lr']:.3g}" for group in groups),
         )

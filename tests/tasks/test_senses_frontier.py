@@ -1,0 +1,119 @@
+"""Which senses a scene needs: every subset, one's own sense among them, by the command line."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+SYSTEMS = {"haptic", "force", "haptic+force", "haptic+force_sequential"}
+
+
+@pytest.fixture(scope="module")
+def table(surfaces, tmp_path_factory) -> tuple[Path, Path]:
+    """Folder with a sense of one's own, and a manifest with its recordings."""
+    folder = tmp_path_factory.mktemp("force")
+    (folder / "conf/branch").mkdir(parents=True)
+    (folder / "conf/branch/force.yaml").write_text(
+        "defaults: [signal, bands, _self_]\nmodality: force\n"
+    )
+    lines = []
+    for path in sorted(surfaces.glob("*/haptic/*.wav")):
+        label, group = path.stem.split("_")
+        lines.append(f"{label},haptic,{path},{group}")
+        same = "beta" if label == "gamma" else label  # which force cannot tell apart
+        force = folder / f"{label}_{group}.wav"
+        shutil.copyfile(surfaces / same / "haptic" / f"{same}_{group}.wav", force)
+        lines.append(f"{label},force,{force},{group}")
+    manifest = folder / "recordings.csv"
+    manifest.write_text("\n".join(["label,modality,path,group", *lines]) + "\n")
+    return folder / "conf", manifest
+
+
+@pytest.fixture(scope="module")
+def command(table) -> list[object]:
+    conf, manifest = table
+    return [
+        "--config-dir", conf, "task=frontier", "frontier=senses", "experiment=few/fusion",
+        "data=manifest", f"data.manifest={manifest}", "data.classes=3", "debug=tiny",
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def measured(run_once, command):
+    return run_once(*command)
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    with path.open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def correct(run: Path, system: str, kind: str) -> dict[str, bool]:
+    """By the trace of the sample, on both folds."""
+    folder = run / "systems" / system / "folds/0-5/predictions"
+    rows = [row for name in (kind, f"{kind}_partner") for row in read_csv(folder / f"{name}.csv")]
+    return {row.get("haptic", row.get("force")): row["label"] == row["predicted"] for row in rows}
+
+
+def test_every_subset_of_the_senses_in_the_data_is_a_system(measured):
+    results = json.loads((measured / "results.json").read_text())
+    assert results["senses"] == ["haptic", "force"]
+    assert set(results["systems"]) == SYSTEMS
+    assert "model.senses=" in results["command"]
+
+
+def test_each_network_is_trained_once(measured):
+    kinds = sorted(path.name.split("-")[0] for path in (measured / "networks").iterdir())
+    assert kinds == ["force", "fusion", "haptic"]
+
+
+def test_what_a_sense_adds_is_counted_on_the_same_samples(measured):
+    rows = read_csv(measured / "senses.csv")
+    assert {(row["before"], row["after"]) for row in rows} == {
+        (one, f"haptic+force{order}")
+        for one in ("haptic", "force")
+        for order in ("", "_sequential")
+    }
+    (row,) = (row for row in rows if (row["before"], row["order"]) == ("haptic", "together"))
+    old, new = correct(measured, "haptic", "haptic"), correct(measured, "haptic+force", "fusion")
+    assert int(row["test_samples"]) == len(new) == 6
+    assert int(row["repaired"]) == sum(new[key] and not old[key] for key in new)
+    assert int(row["broken"]) == sum(old[key] and not new[key] for key in new)
+    results = json.loads((measured / "results.json").read_text())
+    means = {name: each["latency_ms_mean"] for name, each in results["systems"].items()}
+    assert float(row["added_ms"]) == pytest.approx(means["haptic+force"] - means["haptic"])
+    assert len(results["added_senses"]) == len(rows)
+    with Image.open(measured / "frontier.png") as image:
+        assert min(image.size) > 300
+
+
+@pytest.mark.parametrize(
+    ("senses", "message"),
+    [
+        ("[haptic,taste]", "frontier.senses is taste"),
+        ("every", "frontier.senses is every"),
+        ("[]", "frontier.senses names nothing"),
+    ],
+)
+def test_senses_that_cannot_be_meant_are_refused(cli, command, tmp_path, senses, message):
+    outcome = cli(*command, f"frontier.senses={senses}", f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 2
+    assert message in outcome.err
+
+
+def test_data_that_no_sense_reads_is_refused(cli, surfaces, tmp_path):
+    lines = [
+        f"{path.parents[1].name},force,{path},{path.stem.split('_')[1]}"
+        for path in sorted(surfaces.glob("*/haptic/*.wav"))
+    ]
+    manifest = tmp_path / "forces.csv"
+    manifest.write_text("\n".join(["label,modality,path,group", *lines]) + "\n")
+    outcome = cli(
+        "task=frontier", "frontier=senses", "data=manifest", f"data.manifest={manifest}",
+        f"hydra.run.dir={tmp_path}/r",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "recordings of force, and no sense reads these" in outcome.err
