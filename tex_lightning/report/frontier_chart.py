@@ -142,7 +142,7 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
         "each fold's votes by the system chosen on another fold",
     )
     axes.title.set_fontsize(9)
-    axes.margins(x=0.15)
+    axes.margins(x=0.15, y=0.08)
     for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         formatter(LogFormatter(minor_thresholds=(2, 0.5)))
     axes.grid(alpha=0.3, which="both")
