@@ -11,7 +11,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
-from tex_lightning.decision.voting import max_vote, random_tuples
+from tex_lightning.decision.voting import RULES, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.inference import early_stopping
 from tex_lightning.inference.costs import Costs
@@ -269,7 +269,7 @@ def test_of_three_senses_the_cheapest_is_asked_alone_where_it_is_sure(monkeypatc
     assert unsure.relative_macs >= 1
 
 
-@pytest.mark.parametrize("rule", ["vote", "mean"])
+@pytest.mark.parametrize("rule", ["vote", "score"])
 def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monkeypatch, rule):
     model = classifier("three")
     model.card = replace(model.card, decision={**model.card.decision, "rule": rule})
@@ -290,7 +290,7 @@ def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monk
     summands = [model.summand(name, sample[model.branch(name).modality]) for name in senses]
     tuples = random_tuples([each.shape[1] for each in summands], 200, model.seed(**sample))
     scores = sum(each[:, tuples[:, place]] for place, each in enumerate(summands))
-    torch.testing.assert_close(vote.probabilities, max_vote(scores).probabilities)
+    torch.testing.assert_close(vote.probabilities, RULES[rule](scores, 1.0).probabilities)
 
 
 def test_a_fusion_of_signals_alone_decides_as_the_full_one():
@@ -321,10 +321,11 @@ def test_a_single_photo_alone_needs_no_threshold():
     assert needs == {"haptic": True, "visual": False, "fusion": True, "three": True}
 
 
+@pytest.mark.parametrize("rule", ["mean", "score"])
 @pytest.mark.parametrize("kind", SENSES)
-def test_a_mean_of_probabilities_is_that_of_the_full_decision_if_nothing_is_sure(kind):
+def test_a_mean_over_fragments_is_that_of_the_full_decision_if_nothing_is_sure(kind, rule):
     model = classifier(kind)
-    model.card = replace(model.card, decision={**model.card.decision, "rule": "mean"})
+    model.card = replace(model.card, decision={**model.card.decision, "rule": rule})
     vote, full = (m.classify(**given(kind, 0)) for m in (decide(model, CONFIG), model))
     assert vote.label == full.label == int(full.probabilities.argmax())
     torch.testing.assert_close(vote.probabilities, full.probabilities)

@@ -10,8 +10,8 @@
 - Of several senses the cheapest comes first, and the next cheapest is added as long as the vote of
   those that were asked is not sure enough.
 
-Under ``rule=mean`` no majority ends a vote: a photo is taken whole, and of the rest as much as a
-confident mean probability needs.
+Where fragments are averaged (``rule`` is not ``vote``) no majority ends a vote: a photo is taken
+whole, and of the rest as much as a confident probability needs; mean scores take a trace whole.
 """
 
 import logging
@@ -97,8 +97,9 @@ class SequentialClassifier(SurfaceClassifier):
         self.densities: dict[str, float] = {}
         chosen = self.card.calibration if config.calibrated else {}
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
+        by_score = classifier.card.rule == "score"  # a stream keeps votes and probabilities
         self.streams = {
-            name: None if branch.windowed else signal_stream(classifier, name)
+            name: None if branch.windowed or by_score else signal_stream(classifier, name)
             for name, branch in classifier.branches.items()
         }
 
