@@ -13,8 +13,9 @@ from PIL import Image
 
 from tex_lightning.card import read_checkpoint
 from tex_lightning.config.job import Job
-from tex_lightning.runs import family, fold
+from tex_lightning.runs import family, fold, latencies
 from tex_lightning.runs.family import with_system
+from tex_lightning.runs.latencies import Latency
 from tex_lightning.tasks import frontier
 
 CONTRACT = (
@@ -64,8 +65,8 @@ def test_table_has_the_columns_and_one_choice(measured):
     assert list(rows[0]) == list(CONTRACT)
     assert len(rows) == 6
     assert [row["system"] for row in rows if row["chosen"] == "True"] == ["minirocket"]
-    latencies = [float(row["latency_ms_mean"]) for row in rows]
-    assert latencies == sorted(latencies)
+    means = [float(row["latency_ms_mean"]) for row in rows]
+    assert means == sorted(means)
 
 
 def test_systems_are_trained_without_the_tested_fold_and_its_partner(measured):
@@ -96,10 +97,8 @@ def test_no_vote_takes_part_in_the_choice_that_it_measures(
     run = tmp_path / "run"
     shutil.copytree(two_folds, run)
     spoil(predictions(run, "mfcc_gmm", 5))  # the quicker one, so that it is chosen if in doubt
-    latencies = {
-        name: frontier.Latency(ms, ms, ms) for name, ms in (("mfcc_gmm", 1.0), ("mfcc_nb", 2.0))
-    }
-    monkeypatch.setattr(frontier, "_latencies", lambda *_: latencies)
+    timings = {name: Latency(ms, ms, ms) for name, ms in (("mfcc_gmm", 1.0), ("mfcc_nb", 2.0))}
+    monkeypatch.setattr(frontier, "measure_latencies", lambda *_: timings)
     only = "frontier.only=[mfcc_gmm,mfcc_nb]"
     outcome = cli("task=frontier", *given, only, f"hydra.run.dir={run}")
     assert outcome.status == 0, outcome.err
@@ -202,7 +201,7 @@ def test_every_system_is_timed_on_photos_of_its_own_size(given, cli, monkeypatch
         half_scale = classifier.card.branches["visual"]["decode"]["half_scale"]
         sides[half_scale] = next(samples)["image"].shape[0]
 
-    monkeypatch.setattr(frontier, "_classify_next", classify)
+    monkeypatch.setattr(latencies, "_classify_next", classify)
     systems = "frontier.only=[visualnet_squeezenet,visualnet_squeezenet_half]"
     only = "crossval.only=[0]", "data.half_scale=false"
     assert cli("task=frontier", "frontier=fusion", *given, *only, systems).status == 0
