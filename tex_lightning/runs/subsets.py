@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import combinations
 
 from tex_lightning.config import Config, FrontierConfig
+from tex_lightning.config.check_tasks import AUTO
 from tex_lightning.config.job import Job
 from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.data.readers import read_recordings
@@ -29,8 +30,7 @@ def with_subsets(config: Config, job: Job) -> FrontierConfig:
     if frontier.senses is None:
         return frontier
     senses = frontier.senses if frontier.senses != EVERY_SENSE else _senses_of_data(config)
-    chosen = [item for item in job.overrides if item.startswith(MODEL)]
-    model = chosen[-1] if chosen else f"{MODEL}{config.model.name}"
+    model = _model(job)
     systems: dict[str, str | None] = {
         _name(subset, order): f"{model} model.senses=[{','.join(subset)}]"
         + (f" decision={SEQUENTIAL}" if order == SEQUENTIAL else "")
@@ -39,6 +39,13 @@ def with_subsets(config: Config, job: Job) -> FrontierConfig:
         if order == TOGETHER or len(subset) > 1
     }
     return replace(frontier, senses=senses, systems=systems | frontier.systems)
+
+
+def _model(job: Job) -> str:
+    """The override that names the model: the user's or a preset's, else the family's."""
+    given = [item for item in job.overrides if item != f"{MODEL}{AUTO}"]  # that is yet to be chosen
+    chosen = [item for item in given if item.startswith(MODEL)]
+    return chosen[-1] if chosen else f"{MODEL}{job.compose(given).model.name}"
 
 
 def _senses_of_data(config: Config) -> list[str]:
