@@ -83,9 +83,9 @@ class LiveSignal:
         """What is wrong with the signal.
 
         Args:
-            level: That is compared with the training; None takes that of all that came.
+            level: That is compared with the training; None compares none.
         """
         if not self.monitor.count:
             return Quality()
-        measures = {"level": self.monitor.level if level is None else level, **self.measures}
+        measures = self.measures if level is None else {"level": level, **self.measures}
         return self.monitor.quality(self.ranges, **measures)
