@@ -151,7 +151,7 @@ class StreamConfig:
     )  # fmt: skip
     odds: float | None = key(
         "with a window: how many times as probable as the label another one has to be in the last "
-        "0.6 s, twice in succession, for the vote to begin anew there; null never does",
+        "0.7 s, twice in succession, for the vote to begin anew there; null never does",
         least=1, most=1e9, default=None,
     )  # fmt: skip
     contact: float = key(

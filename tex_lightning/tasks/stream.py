@@ -52,6 +52,11 @@ def run(config: Config, job: Job) -> None:
             signals[name] = _open(config, branch, str(given))
         else:
             photos[name] = str(given)
+    if not signals:
+        raise UserError(
+            "A stream takes a signal as it goes on, and photos beside it; give a signal too, or "
+            "use task=predict."
+        )
     rates = {name: signal.rate for name, signal in signals.items()}
     stream = predictor.stream(*signals, rate=rates, **photos)
     first = next(iter(stream.signals.values()))

@@ -49,7 +49,7 @@ class StreamingClassifier:
         network, features = branch.network, branch.features
         if len(classifier.card.senses) > 1 or not isinstance(network, HapticNet):
             raise UserError(
-                f"This checkpoint holds a {classifier.card.kind} network, and a live stream is "
+                f"This checkpoint holds a {classifier.card.title}, and a live stream is "
                 "classified by HapticNet; give the checkpoint of a run with model=haptic or "
                 "model=sound, or set stream.window=2 for a vote over the last seconds."
             )

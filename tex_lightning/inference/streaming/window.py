@@ -22,7 +22,7 @@ from tex_lightning.features.spectrogram import SETTLING_SECONDS
 
 STEP_SECONDS = 0.1  # between votes
 LEAST = 3  # steps that vote
-RECENT = 6  # steps that may contradict the vote before them; chosen on recordings of lmt16
+RECENT = 7  # steps that may contradict the vote before them; chosen on recordings of lmt16
 CONFIRMED = 2  # contradictions in succession that are another surface
 SILENT = 3  # steps below the least level that are a pause; a stroke turns round more quickly
 SETTLING = round(SETTLING_SECONDS / STEP_SECONDS)  # steps to steady movement, after that of a touch
@@ -70,7 +70,8 @@ class WindowVote:
         self.steps = self.silent = self.unsettled = 0
         self.contact = False
         self.changed_at: float | None = None
-        self.failure: UserError | None = None  # of the last attempt at a vote
+        self.failure: UserError | None = None  # why there was no vote yet
+        self.voted = False
         self.signs = 0
         self.vote: Vote | None = None
         self._begin_anew()
@@ -110,7 +111,7 @@ class WindowVote:
         Raises:
             UserError: Saying what prevented it.
         """
-        if self.failure is not None:
+        if self.failure is not None and not self.voted:
             raise self.failure
         if self.steps < LEAST:
             raise UserError(
@@ -203,7 +204,7 @@ class WindowVote:
         except UserError as error:
             self.failure = error
             return None
-        self.failure = None
+        self.voted = True
         logits = whole.join(summands, whole.card.decision["seed"])
         return whole.decide(logits, whole.card.temperature)
 
