@@ -71,7 +71,9 @@ def test_a_photo_is_the_same_in_every_form(fusion, tmp_path):
     assert essence(fusion.predict(image=grey)) == essence(fusion.predict(image=as_colours))
 
 
-def test_a_stream_ends_with_the_prediction_of_the_whole(haptic):
+@pytest.mark.parametrize("rule", ["vote", "mean", "score"])
+def test_a_stream_ends_with_the_prediction_of_the_whole(untrained, rule):
+    haptic = tl.load(untrained / "checkpoints" / "haptic.ckpt", f"decision.rule={rule}")
     stream = haptic.stream()
     first, *_, last = (stream.push(TRACE[start : start + 2500]) for start in range(0, 24_000, 2500))
     assert (first.label, first.probability, first.fragments) == (None, None, 0)

@@ -99,6 +99,7 @@ def test_samples_from_standard_input(cli, checkpoint, tmp_path, monkeypatch):
         (["haptic=-", "stream.odds=0.5"], "stream.odds is 0.5: choose from 1 to"),
         (["haptic=-", "stream.contact=2"], "stream.contact is 2: choose from 0 to 1"),
         (["haptic=-", "stream.wait=1", "stream.window=2"], "leave it out with a window"),
+        (["haptic=-", "stream.wait=1", "decision.rule=score"], "decision.rule=vote or mean"),
         (["haptic=-", "stream.window=2"], "too soon for a vote"),
         (["haptic=-", "data.file_rate=1"], "too far from 10000 Hz"),
         (["haptic=-"], "record a longer stroke"),

@@ -261,7 +261,10 @@ READS = {
     "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
     "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
-    "stream": (*_CLASSIFYING, "image", "sound", "own", "stream", "decision.reject_below"),
+    "stream": (
+        *_CLASSIFYING, "image", "sound", "own", "stream", "decision.pairs", "decision.rule",
+        "decision.seed", "decision.reject_below",
+    ),
     "record": (
         "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
         *_RUNNING, "decision.reject_below",

@@ -34,15 +34,16 @@ class WholeVote:
         self, classifier: SurfaceClassifier, fixed: Mapping[str, Tensor], wait: float
     ) -> None:
         self.classifier, self.fixed = classifier, fixed
-        self.alone = len(classifier.card.senses) == 1
-        if wait > 0 and not self.alone:
+        # scores of fragments are kept where they are joined or averaged, else votes alone
+        self.counted = len(classifier.card.senses) == 1 and classifier.card.rule != "score"
+        if wait > 0 and not self.counted:
             raise UserError(
-                "stream.wait is for a single sense, and here several decide together: set "
-                "stream.wait=0."
+                "stream.wait is for a single sense that decides by decision.rule=vote or mean, and "
+                "this is none: set stream.wait=0."
             )
         self.streams = {
             name: StreamingClassifier(
-                classifier.part([name]), wait=wait, keep_scores=not self.alone
+                classifier.part([name]), wait=wait, keep_scores=not self.counted
             )
             for name in classifier.card.senses
             if name not in fixed
@@ -79,8 +80,8 @@ class WholeVote:
     def _vote(self) -> Vote | None:
         """Of several senses over random tuples of their fragments, of the same seed every time."""
         votes = [stream.vote for stream in self.streams.values()]
-        if self.alone or None in votes:
-            return votes[0] if self.alone else None
+        if self.counted or None in votes:
+            return votes[0] if self.counted else None
         whole = self.classifier
         summands = [
             self.fixed[name] if name in self.fixed else self._summand(name)
