@@ -138,7 +138,7 @@ def test_the_label_of_a_window_follows_the_tool(cli, bands, tmp_path):
     soundfile.write(tmp_path / "a.wav", np.concatenate(parts), RATE, subtype="FLOAT")
     common = [f"checkpoint={bands}", f"haptic={tmp_path / 'a.wav'}"]
     run = f"hydra.run.dir={tmp_path / 'run'}"
-    said = lines(cli("task=stream", *common, run, "stream.window=2"))
+    said = lines(cli("task=stream", *common, run, "stream.window=2", "stream.odds=4"))
     labels = [line["label"] for line in said]
     assert set(labels[2:40]) == {"alpha"}
     assert set(labels[50:80]) == {"beta"}

@@ -34,7 +34,7 @@ def noise(seconds: float, level: float = 2.0, axes: int = 1) -> torch.Tensor:
 @pytest.fixture(scope="module")
 def surface(bands):
     """Votes of the rule fitted to the surfaces."""
-    return lambda: tl.load(bands, "stream.window=2").stream()
+    return lambda: tl.load(bands, "stream.window=2", "stream.odds=4").stream()
 
 
 def labels(stream, trace: np.ndarray) -> list:
