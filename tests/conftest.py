@@ -181,6 +181,12 @@ def make_card(
     )
 
 
+@pytest.fixture(scope="session")
+def bands(run_once, surfaces) -> Path:
+    """A run folder of the rule on proportions of bands, fitted to the surfaces in a moment."""
+    return run_once("experiment=few/haptic", "data=folder", f"data.root={surfaces}")
+
+
 @pytest.fixture(scope="session", autouse=True)
 def no_pretrained_default() -> Iterator[None]:
     """Let VisualNet on folders begin with random weights, whatever is installed."""

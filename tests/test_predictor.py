@@ -71,7 +71,9 @@ def test_a_photo_is_the_same_in_every_form(fusion, tmp_path):
     assert essence(fusion.predict(image=grey)) == essence(fusion.predict(image=as_colours))
 
 
-def test_a_stream_ends_with_the_prediction_of_the_whole(haptic):
+@pytest.mark.parametrize("rule", ["vote", "mean", "score"])
+def test_a_stream_ends_with_the_prediction_of_the_whole(untrained, rule):
+    haptic = tl.load(untrained / "checkpoints" / "haptic.ckpt", f"decision.rule={rule}")
     stream = haptic.stream()
     first, *_, last = (stream.push(TRACE[start : start + 2500]) for start in range(0, 24_000, 2500))
     assert (first.label, first.probability, first.fragments) == (None, None, 0)
@@ -157,6 +159,67 @@ def test_some_of_three_senses_are_enough(tmp_path):
         predictor.predict()
 
 
-def test_a_stream_of_a_fusion_network_is_refused(fusion):
-    with pytest.raises(tl.UserError, match="classified by HapticNet"):
-        fusion.stream()
+def test_a_stream_adds_what_a_photo_says_once(fusion):
+    stream = fusion.stream("haptic", image=PHOTO)
+    *_, last = (stream.push(part) for part in np.split(TRACE, 8))
+    assert (last.modalities, last.fragments) == (("haptic", "image"), 50)
+    classifier = fusion.classifier
+    trace, photo = torch.from_numpy(TRACE)[None], torch.from_numpy(PHOTO)
+    photo = photo[::2, ::2] if classifier.branch("visual").decoder.half_scale else photo
+    with torch.inference_mode():
+        summands = classifier.summand("haptic", trace), classifier.summand("visual", photo)
+        vote = classifier.decide(classifier.join(summands, classifier.card.decision["seed"]), 1.0)
+    assert last.label == fusion.card.classes[vote.label]
+    assert last.probability == pytest.approx(vote.probability, abs=1e-5)
+    alone, expected = fusion.stream("haptic").push(TRACE), fusion.predict(haptic=TRACE)
+    assert (alone.label, alone.fragments) == (expected.label, expected.fragments)
+    assert alone.probability == pytest.approx(expected.probability)
+
+
+@pytest.mark.parametrize(
+    ("live", "photos", "said"),
+    [
+        ((), {"sound": None, "image": None, "depth": 1}, "does not look at depth"),
+        (("image",), {}, "image is given as the other"),
+        ((), {"image": "gone.png"}, "gone.png does not exist"),
+    ],
+)
+def test_what_no_stream_takes_is_said(fusion, live, photos, said):
+    with pytest.raises(tl.UserError, match=said):
+        fusion.stream(*live, **photos)
+
+
+def test_a_stream_of_another_rate_is_resampled(haptic):
+    fast = np.interp(np.arange(48_000) / 2, np.arange(24_000), TRACE)
+    stream = haptic.stream(rate=2 * RATE)
+    for part in np.split(fast, 30):
+        stream.push(part)
+    assert stream.waiting
+    found, whole = stream.finish(), haptic.predict(haptic=fast, rate=2 * RATE)
+    assert (found.label, found.fragments) == (whole.label, whole.fragments)
+    assert found.probability == pytest.approx(whole.probability, abs=1e-6)
+    with pytest.raises(tl.UserError, match="rate is -1; give"):
+        haptic.stream(rate=-1)
+    with pytest.raises(tl.UserError, match="haptic has a sampling rate of 1 Hz, too far"):
+        haptic.stream(rate=1)
+
+
+def test_signals_of_a_stream_come_together(tmp_path):
+    torch.manual_seed(0)
+    model = SurfaceClassifier(make_card("haptic", "sound", width=0.1))
+    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
+    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
+    torch.save(content, tmp_path / "fusion.ckpt")
+    sound = np.random.default_rng(0).standard_normal(105_840).astype(np.float32)
+    for window, fragments in (("null", 50), ("1", 50)):
+        stream = tl.load(tmp_path / "fusion.ckpt", f"stream.window={window}").stream()
+        for trace, heard in zip(np.split(TRACE, 24), np.split(sound, 24), strict=True):
+            found = stream.push(haptic=trace, sound=heard)
+        assert (found.modalities, found.fragments) == (("haptic", "sound"), fragments)
+        assert found.contact is (None if window == "null" else True)
+        with pytest.raises(tl.UserError, match="takes haptic and sound with every push"):
+            stream.push(TRACE)
+    with pytest.raises(tl.UserError, match="more than a second of haptic that the other"):
+        stream.push(haptic=TRACE, sound=sound[:10])
+    with pytest.raises(tl.UserError, match=r"set stream\.wait=0"):
+        tl.load(tmp_path / "fusion.ckpt", "stream.wait=1").stream()

@@ -3,7 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
+
+import tex_lightning as tl
 
 
 def networks(directory: Path) -> dict:
@@ -21,6 +25,25 @@ def test_real_recordings_run_from_reading_to_results(cli, shared, tmp_path):
     )
     assert outcome.status == 0, outcome.err
     assert networks(tmp_path)["haptic"]["test_samples"] == 3
+
+
+def test_the_live_label_of_a_real_surface_follows_within_a_second(cli, shared, tmp_path):
+    outcome = cli(
+        "experiment=few/haptic",
+        "data=folder",
+        f"data.root={shared}/data/lmt16",
+        "data.classes=3",
+        f"hydra.run.dir={tmp_path}",
+    )
+    assert outcome.status == 0, outcome.err
+    model = tl.load(tmp_path, "stream.window=2")
+    old, new = model.card.classes[0], model.card.classes[2]
+    files = [min((shared / "data/lmt16" / name / "haptic").iterdir()) for name in (old, new)]
+    traces = [soundfile.read(file, dtype="float32")[0][:47_000] for file in files]
+    stream = model.stream()
+    said = [stream.push(chunk).label for chunk in np.split(np.concatenate(traces), 94)]
+    assert set(said[5:47]) == {old}
+    assert set(said[57:]) == {new}
 
 
 @pytest.mark.slow

@@ -29,6 +29,10 @@ class Prediction:
         warnings: What is wrong with the input, one sentence each.
         modalities: What a FusionNet looked at, ``haptic``, ``image`` or both; empty of others.
         latency_ms: From file or array to label in milliseconds.
+        contact: Whether the last signal of a stream with ``stream.window`` touches something; None
+            where that is not looked at.
+        changed_at: Where in such a stream, in seconds, the last touch after a pause was, or the
+            last change to another surface.
 
     Example:
         >>> import tex_lightning as tl
@@ -47,14 +51,18 @@ class Prediction:
     warnings: tuple[str, ...]
     modalities: tuple[str, ...]
     latency_ms: float
+    contact: bool | None = None
+    changed_at: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; ``rejected`` and ``modalities`` only where they say something."""
+        """Plain values for JSON; those of some kinds only where they say something."""
         values = asdict(self)
         if self.rejected is None:
             del values["rejected"]
         if not self.modalities:
             del values["modalities"]
+        if self.contact is None:
+            del values["contact"], values["changed_at"]
         return values
 
 

@@ -128,15 +128,49 @@ class Predictor:
         said = decider.card.modalities if fused else ()
         return describe(vote, decider.card, quality, self.how.top_k, latency, said)
 
-    def stream(self) -> LiveStream:
+    def stream(
+        self,
+        *live: str,
+        rate: float | Mapping[str, float] | None = None,
+        colour: str = "rgb",
+        **photos: Input,
+    ) -> LiveStream:
         """Begin a recording that is classified while it goes on.
 
+        How it votes is said when it is loaded, as by ``tl.load("RUN", "stream.window=2")``.
+
+        Args:
+            *live: Modalities of the signals that will come; none are all that this looks at.
+            rate: Of their samples in Hz, of all or by modality; None is the checkpoint's.
+            colour: As for :meth:`predict`.
+            **photos: As for :meth:`predict`; they stay as they are.
+
         Raises:
-            UserError: If this is no HapticNet, or its features need the whole recording.
+            UserError: If there is no signal, the network is none for the whole recording, or a
+                photo cannot be used.
         """
-        engine = accelerate(self.classifier, self.how.running.engine)
-        engine.card = self.card
-        return LiveStream(engine, wait=self.how.wait, top_k=self.how.top_k)
+        branches = {each.modality: each for each in self.classifier.branches.values()}
+        signals = live or [name for name, each in branches.items() if each.medium == "signal"]
+        fixed = {name: photo for name, photo in photos.items() if photo is not None}
+        given = [*signals, *fixed]
+        self.check_senses(given)
+        unfit = [name for name in given if (branches[name].medium == "signal") != (name in signals)]
+        if unfit or not signals:
+            raise UserError(
+                "A live stream takes signals as they come and photos as they are; "
+                + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
+            )
+        engine = accelerate(self.classifier.part(self._senses(given)), self.how.running.engine)
+        engine.card = engine.card.deciding(self.how.running.decision)
+        decoded = {
+            name: branches[name].decode_input(
+                photo, self.card.input_ranges.get(name, {}),
+                colour=colour, fast=self.how.fast_decode,
+            )
+            for name, photo in fixed.items()
+        }  # fmt: skip
+        rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
+        return LiveStream(engine, rates, decoded, self.how.stream, self.how.top_k)
 
     def check_senses(self, given: Collection[str]) -> None:
         """Refuse to be given nothing, or what this checkpoint does not look at.

@@ -8,7 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import soundfile
-from conftest import RATE, make_trace
+from conftest import RATE, make_photo, make_trace
+from PIL import Image
+from scipy.signal import resample_poly
 
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
 
@@ -91,7 +93,15 @@ def test_samples_from_standard_input(cli, checkpoint, tmp_path, monkeypatch):
         (["haptic=-", "stream.wait=-1"], "stream.wait is -1: choose from 0 to 60"),
         (["haptic=-", "stream.wait=1", "decision.reject_below=0.5"], "set stream.wait=0"),
         (["haptic=-", "engine.precision=bf16"], "computed in float32"),
-        (["haptic=-", "image=a.jpg"], "task=stream reads one signal"),
+        (["haptic=-", "image=a.jpg"], "does not look at image"),
+        (["haptic=-", "sound=-"], "only one signal can be standard input"),
+        (["haptic=-", "stream.window=0.4"], "stream.window is 0.4: choose from 0.5 to 600"),
+        (["haptic=-", "stream.odds=0.5"], "stream.odds is 0.5: choose from 1 to"),
+        (["haptic=-", "stream.contact=2"], "stream.contact is 2: choose from 0 to 1"),
+        (["haptic=-", "stream.wait=1", "stream.window=2"], "leave it out with a window"),
+        (["haptic=-", "stream.wait=1", "decision.rule=score"], "decision.rule=vote or mean"),
+        (["haptic=-", "stream.window=2"], "too soon for a vote"),
+        (["haptic=-", "data.file_rate=1"], "too far from 10000 Hz"),
         (["haptic=-"], "record a longer stroke"),
         ([], "give haptic=FILE, or haptic=-"),
     ],
@@ -103,6 +113,58 @@ def test_mistakes_are_told(cli, checkpoint, tmp_path, monkeypatch, arguments, sa
     assert outcome.status == 2
     assert said in outcome.err
     assert "Traceback" not in outcome.err
+
+
+@pytest.mark.parametrize("rate", [2000, 16_000])
+def test_another_rate_is_resampled_on_the_way(cli, checkpoint, tmp_path, monkeypatch, rate):
+    wav = tmp_path / "a.wav"
+    samples = resample_poly(make_trace(1, 42, seconds=3.05), rate, RATE).astype("<f4")
+    soundfile.write(wav, samples, rate, subtype="FLOAT")
+    pipe(monkeypatch, samples.tobytes())
+    common = [f"checkpoint={checkpoint}", f"hydra.run.dir={tmp_path / 'run'}"]
+    from_file = lines(cli("task=stream", *common, f"haptic={wav}"))
+    from_pipe = lines(cli("task=stream", *common, "haptic=-", f"data.file_rate={rate}"))
+    (whole,) = lines(cli("task=predict", *common, f"haptic={wav}"))
+    keys = ("label", "confidence", "fragments")
+    for said in (from_file, from_pipe):
+        assert [line["time"] for line in said[-3:]] == [3.0, 3.05, 3.05]  # the last of the filter
+        assert [said[-1][key] for key in keys] == [whole[key] for key in keys]
+        assert said[-1]["probability"] == pytest.approx(whole["probability"], abs=1e-6)
+
+
+def test_the_label_of_a_window_follows_the_tool(cli, bands, tmp_path):
+    pause = 1e-4 * np.random.default_rng(0).standard_normal(RATE)
+    parts = [make_trace(0, 42, 4.0), make_trace(1, 42, 4.0), pause, make_trace(0, 43, 2.0)]
+    soundfile.write(tmp_path / "a.wav", np.concatenate(parts), RATE, subtype="FLOAT")
+    common = [f"checkpoint={bands}", f"haptic={tmp_path / 'a.wav'}"]
+    run = f"hydra.run.dir={tmp_path / 'run'}"
+    said = lines(cli("task=stream", *common, run, "stream.window=2", "stream.odds=4"))
+    labels = [line["label"] for line in said]
+    assert set(labels[2:40]) == {"alpha"}
+    assert set(labels[50:80]) == {"beta"}
+    assert set(labels[84:90]) == {None}
+    assert set(labels[95:]) == {"alpha"}
+    assert [line["contact"] for line in said] == [True] * 82 + [False] * 8 + [True] * 20
+    assert said[30]["changed_at"] is None
+    assert 3.5 < said[60]["changed_at"] < 4.5
+    assert said[-1]["changed_at"] == 9.0
+    assert said[85]["fragments"] == 0
+
+
+def test_a_photo_and_two_files_are_joined_with_the_live_trace(cli, untrained, tmp_path):
+    soundfile.write(tmp_path / "a.wav", make_trace(1, 42, seconds=3.0), RATE, subtype="FLOAT")
+    Image.fromarray(make_photo(1, 0)).save(tmp_path / "a.png")
+    fusion = untrained / "checkpoints" / "fusion.ckpt"
+    common = ["task=stream", f"checkpoint={fusion}", f"hydra.run.dir={tmp_path / 'run'}"]
+    trace, photo = f"haptic={tmp_path / 'a.wav'}", f"image={tmp_path / 'a.png'}"
+    for more in ([], ["stream.window=1"]):
+        said = lines(cli(*common, trace, photo, *more))
+        assert [line["time"] for line in said] == [round(0.1 * n, 1) for n in range(1, 31)]
+        assert said[-1]["fragments"] == 50
+        assert lines(cli(*common, trace, *more))[-1]["fragments"] < 50
+    for wrong, why in ((photo, "give a signal too"), ("sound=-", "does not look at sound")):
+        outcome = cli(*common, wrong)
+        assert (outcome.status, why in outcome.err) == (2, True)
 
 
 def test_ctrl_c_ends_it_as_elsewhere(cli, checkpoint, surfaces, tmp_path, monkeypatch):

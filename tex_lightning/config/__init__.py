@@ -130,7 +130,7 @@ class Config:
             top_k=self.top_k,
             file_rate=self.data.file_rate,
             fast_decode=self.predict.fast_decode,
-            wait=self.stream.wait,
+            stream=self.stream,
         )
 
     @property

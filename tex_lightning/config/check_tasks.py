@@ -61,8 +61,7 @@ def check_task(config: Config) -> Iterator[str]:
             f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
             "task=predict, task=profile, task=record, task=stream or model.fusion.haptic_checkpoint"
         )
-    if config.task == "stream" and len(config.files) != 1:
-        yield "task=stream reads one signal: give haptic=FILE, or haptic=- for a pipe"
+    yield from _stream(config)
     if config.files and config.task not in ("predict", "profile", "record", "stream"):
         yield (
             f"{' and '.join(config.files)}: files are read by task=predict and task=profile, not "
@@ -133,6 +132,17 @@ def _is_plain_name(name: str) -> bool:
     """Whether a folder can be called so on any system."""
     forbidden = set('/\\:*?"<>|')
     return name.isprintable() and name == name.strip(" .") != "" and not forbidden & {*name}
+
+
+def _stream(config: Config) -> Iterator[str]:
+    if config.task != "stream":
+        return
+    if not config.files:
+        yield "task=stream reads signals: give haptic=FILE, or haptic=- for a pipe"
+    if list(config.files.values()).count("-") > 1:
+        yield "only one signal can be standard input: give files for the others"
+    if config.stream.wait > 0 and config.stream.window is not None:
+        yield "stream.wait is for the vote over the whole recording: leave it out with a window"
 
 
 def _unread(config: Config) -> Iterator[str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tex_lightning.config.model import FUSION, ModelConfig
-from tex_lightning.config.tasks import DecisionConfig, EngineConfig, TrainerConfig
+from tex_lightning.config.tasks import DecisionConfig, EngineConfig, StreamConfig, TrainerConfig
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class PredictionRecipe:
         top_k: Candidates that are listed.
         file_rate: Rate in Hz of traces that carry none; None takes the checkpoint's.
         fast_decode: Whether the JPEG decoder halves photos.
-        wait: Seconds of a stream that may stay uncomputed.
+        stream: How a stream votes.
     """
 
     running: Running
     top_k: int
     file_rate: float | None
     fast_decode: bool
-    wait: float
+    stream: StreamConfig
 
 
 @dataclass(frozen=True)

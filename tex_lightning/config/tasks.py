@@ -148,6 +148,20 @@ class StreamConfig:
         "most signal left uncomputed while it cannot change the label",
         unit="s", least=0, most=60,
     )  # fmt: skip
+    window: float | None = key(
+        "signal that votes, the last so many seconds; null takes the whole recording so far",
+        unit="s", least=0.5, most=600, default=None,
+    )  # fmt: skip
+    odds: float | None = key(
+        "with a window: how many times as probable as the label another one has to be in the last "
+        "0.7 s, twice in succession, for the vote to begin anew there; null never does",
+        least=1, most=1e9, default=None,
+    )  # fmt: skip
+    contact: float = key(
+        "with a window: level below which nothing is touched, as a share of that of the quietest "
+        "training recordings",
+        **SHARE,
+    )
     axes: int = key("axes of the samples on standard input, of haptic=-", choices=(1, 3))
 
 
@@ -255,7 +269,10 @@ READS = {
     "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
     "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
-    "stream": (*_CLASSIFYING, "stream", "decision.reject_below"),
+    "stream": (
+        *_CLASSIFYING, "image", "sound", "own", "stream", "decision.pairs", "decision.rule",
+        "decision.seed", "decision.reject_below",
+    ),
     "record": (
         "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
         *_RUNNING, "decision.reject_below",

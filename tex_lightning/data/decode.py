@@ -160,15 +160,25 @@ def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name:
     Raises:
         UserError: If the rates are too far apart, beginning with ``name``.
     """
+    ratio = rate_ratio(source, target, name)
+    if ratio != 1:
+        trace = resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
+    return np.ascontiguousarray(trace, dtype=np.float32)
+
+
+def rate_ratio(source: float, target: float, name: str) -> Fraction:
+    """By how much samples become more from the rate ``source`` to the rate ``target`` in Hz.
+
+    Raises:
+        UserError: If the rates are too far apart, beginning with ``name``.
+    """
     ratio = Fraction(target / source).limit_denominator(10_000)
     if not 0.001 < ratio < 1000:
         raise UserError(
             f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz; correct "
             "that rate (data.file_rate where it is assumed) or data.sampling_rate."
         )
-    if ratio != 1:
-        trace = resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
-    return np.ascontiguousarray(trace, dtype=np.float32)
+    return ratio
 
 
 def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> Photo:

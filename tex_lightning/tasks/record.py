@@ -177,8 +177,8 @@ class _RunningLabel:
 
     def __init__(self, config: Config) -> None:
         self.predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
+        self.modality = next(iter(self.predictor.stream().signals))
         self.begin()
-        self.modality = self.predictor.card.modalities[0]
         self.ranges: dict[str, Ranges] = dict(self.predictor.card.input_ranges)
 
     def check_recorded(self, names: Sequence[str]) -> None:
@@ -200,7 +200,7 @@ class _RunningLabel:
 
     def begin(self) -> None:
         """Forget the last recording."""
-        self.stream = self.predictor.stream()
+        self.stream = self.predictor.stream(self.modality)
 
     def push(self, chunk: Chunk) -> dict[str, Any]:
         """Take the next samples; what is known by then."""

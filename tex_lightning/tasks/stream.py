@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -9,71 +10,105 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
-from tex_lightning.data.decode import usable_samples
+from tex_lightning.data.decode import read_trace, usable_samples
 from tex_lightning.errors import UserError
-from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.lines import print_line
 from tex_lightning.prediction import Prediction
 from tex_lightning.predictor import Predictor
 
 SAMPLE = np.dtype("<f4")  # of standard input
-KEYS = ("label", "rejected", "probability", "confidence", "fragments", "warnings", "latency_ms")
+KEYS = (
+    "label", "rejected", "probability", "confidence", "fragments", "contact", "changed_at",
+    "warnings", "latency_ms",
+)  # fmt: skip
+PIPE = "-"
 
-Chunk = npt.NDArray[np.float32]
+Chunk = npt.NDArray[np.floating]
 
 
 def run(config: Config, job: Job) -> None:
-    """Push the file, or standard input, chunk by chunk and print the vote after each.
+    """Push the signals, from files or standard input, chunk by chunk; print the vote after each.
 
-    Where samples wait at the end (``stream.wait``), one more line gives the vote of all.
+    Where samples wait at the end (``stream.wait``, or for the filter of another rate), one more
+    line gives the vote of all.
 
     Raises:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
             before there is one fragment.
     """
     predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
-    stream = predictor.stream()
-    samples = 0
+    predictor.check_senses(config.files)
+    branches = {each.modality: each for each in predictor.classifier.branches.values()}
+    signals: dict[str, Signal] = {}
+    photos = {}
+    for name, given in config.files.items():
+        branch = branches[name]
+        if isinstance(given, list | dict):
+            raise UserError(f"{name}={given} is several; give one file, or - for a pipe.")
+        if isinstance(branch, SignalBranch):
+            signals[name] = _open(config, branch, str(given))
+        else:
+            photos[name] = str(given)
+    if not signals:
+        raise UserError(
+            "A stream takes a signal as it goes on, and photos beside it; give a signal too, or "
+            "use task=predict."
+        )
+    rates = {name: signal.rate for name, signal in signals.items()}
+    stream = predictor.stream(*signals, rate=rates, **photos)
+    first = next(iter(stream.signals.values()))
 
     def say(push: Callable[[], Prediction]) -> None:
         found = push().to_dict()
-        time = round(samples / stream.rate, 6)
+        time = round(first.samples / first.rate, 6)
         print_line({"time": time, **{key: found[key] for key in KEYS if key in found}})
 
-    for chunk in _chunks(config, predictor, stream):
-        samples += chunk.shape[1]
-        say(partial(stream.push, chunk))
+    every = zip(*(signal.chunks(config) for signal in signals.values()), strict=False)
+    for chunks in every:  # until the shortest ends
+        say(partial(stream.push, **dict(zip(signals, chunks, strict=True))))
     if stream.waiting:
         say(stream.finish)
     stream.check()
 
 
-def _chunks(config: Config, predictor: Predictor, stream: LiveStream) -> Iterator[Chunk]:
-    """Chunks (axes, samples) of the file, or of standard input."""
-    size = max(1, round(config.stream.chunk * stream.rate))
-    predictor.check_senses(config.files)
-    ((modality, given),) = config.files.items()
-    if given == "-":
-        yield from _from_standard_input(config, stream.rate, size)
-        return
-    if isinstance(given, list | dict):
-        raise UserError(f"{modality}={given} is several; give one file, or - for a pipe.")
-    path, decoder = Path(str(given)).expanduser(), stream.classifier.branch.decoder
-    trace, _ = decoder.assuming(config.data.file_rate).decode(path)
-    for start in range(0, trace.shape[1], size):
-        yield trace[:, start : start + size]
+@dataclass(frozen=True)
+class Signal:
+    """What is replayed or read.
+
+    Attributes:
+        rate: In Hz.
+        trace: (axes, samples) of a file; None for standard input.
+    """
+
+    rate: float
+    trace: Chunk | None
+
+    def chunks(self, config: Config) -> Iterator[Chunk]:
+        """Chunks (axes, samples) of ``stream.chunk`` seconds."""
+        size = max(1, round(config.stream.chunk * self.rate))
+        if self.trace is None:
+            yield from _from_standard_input(config.stream.axes, size)
+        else:
+            for start in range(0, self.trace.shape[1], size):
+                yield self.trace[:, start : start + size]
 
 
-def _from_standard_input(config: Config, rate: float, size: int) -> Iterator[Chunk]:
+def _open(config: Config, branch: SignalBranch, given: str) -> Signal:
+    """A file, or standard input at ``data.file_rate``, of itself the checkpoint's."""
+    if given == PIPE:
+        rate = config.data.file_rate
+        return Signal(branch.decoder.sampling_rate if rate is None else rate, None)
+    decoder = branch.decoder.assuming(config.data.file_rate)
+    trace, source = read_trace(Path(given).expanduser(), decoder)
+    return Signal(source.hz, trace)
+
+
+def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:
     """Chunks (axes, samples) of raw float32, little-endian, all axes of a sample together."""
-    if config.data.file_rate not in (None, rate):
-        raise UserError(
-            f"data.file_rate is {config.data.file_rate:g}, but standard input is read at the "
-            f"checkpoint's {rate:g} Hz; bring the samples to that rate."
-        )
-    axes, place = config.stream.axes, 0
+    place = 0
     while content := sys.stdin.buffer.read(size * axes * SAMPLE.itemsize):
         if len(content) % (axes * SAMPLE.itemsize):
             raise UserError(

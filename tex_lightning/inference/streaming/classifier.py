@@ -49,14 +49,14 @@ class StreamingClassifier:
         network, features = branch.network, branch.features
         if len(classifier.card.senses) > 1 or not isinstance(network, HapticNet):
             raise UserError(
-                f"This checkpoint holds a {classifier.card.kind} network, and a live stream is "
+                f"This checkpoint holds a {classifier.card.title}, and a live stream is "
                 "classified by HapticNet; give the checkpoint of a run with model=haptic or "
-                "model=sound."
+                "model=sound, or set stream.window=2 for a vote over the last seconds."
             )
         if not isinstance(features, SpectrogramFeatures):
             raise UserError(
                 f"A live stream takes spectrograms, and the features of {branch.name} are "
-                f"{type(features).__name__}; give another checkpoint."
+                f"{type(features).__name__}; set stream.window=2 for a vote over the last seconds."
             )
         self.branch: SignalBranch = branch
         _check_local(features, network)
@@ -212,7 +212,8 @@ def _check_local(features: SpectrogramFeatures, network: HapticNet) -> None:
         raise UserError(
             f"This checkpoint was trained with axes={features.axes} and "
             f"normalisation={features.normalisation}, which look at the whole recording; "
-            "for a live stream train with axes=frame and normalisation=standard."
+            "for a live stream train with axes=frame and normalisation=standard, or set "
+            "stream.window=2 for a vote over the last seconds."
         )
     if any(parameter.dtype != torch.float32 for parameter in network.parameters()):
         raise UserError(

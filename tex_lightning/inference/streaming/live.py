@@ -1,101 +1,153 @@
 """A recording that goes on, as a person follows it: samples in, predictions out."""
 
 import time
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import torch
+from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.arrays import as_trace
-from tex_lightning.data.quality import Quality, TraceMonitor
+from tex_lightning.config import StreamConfig
+from tex_lightning.data.quality import Quality, together
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import synchronise
 from tex_lightning.errors import UserError
-from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.inference.streaming.signal import LiveSignal
+from tex_lightning.inference.streaming.whole import WholeVote
+from tex_lightning.inference.streaming.window import WindowVote
 from tex_lightning.prediction import Prediction, describe
 
 
 class LiveStream:
-    """Take samples as they come and predict from all of them so far.
+    """Take samples as they come and predict from all of them so far, or from the last seconds.
 
     Args:
-        classifier: Accelerated; see :class:`StreamingClassifier` for what it has to be.
-        wait: Most seconds of signal that are left uncomputed while they cannot change the label.
+        classifier: Accelerated, of the senses that are given.
+        rates: Of the samples in Hz by modality of each signal; None is the checkpoint's.
+        photos: Decoded, by modality, with what is wrong with them; they stay as they are.
+        config: Window and waiting.
         top_k: How many classes a prediction lists.
 
     Attributes:
-        rate: In Hz, that samples must have.
+        signals: By modality, with their ``rate``.
 
     Raises:
         UserError: If the classifier cannot be streamed, or is to reject while samples wait.
     """
 
-    def __init__(self, classifier: SurfaceClassifier, *, wait: float, top_k: int) -> None:
+    def __init__(
+        self,
+        classifier: SurfaceClassifier,
+        rates: Mapping[str, float | None],
+        photos: Mapping[str, tuple[Tensor, Quality]],
+        config: StreamConfig,
+        top_k: int,
+    ) -> None:
         self.card = classifier.card
-        if self.card.baseline:
-            raise UserError(
-                f"This checkpoint holds {self.card.title}, and a live stream is classified by "
-                "HapticNet; give the checkpoint of a run with model=haptic or model=sound."
-            )
-        if wait > 0 and self.card.reject_below:
+        if config.wait > 0 and self.card.reject_below:
             raise UserError(
                 "decision.reject_below needs the probability after every chunk, and with "
                 "stream.wait it is left behind: set stream.wait=0, or decision.reject_below=0."
             )
         self.device, self.top_k = classifier.device, top_k
-        self.classifier = StreamingClassifier(classifier, wait=wait)
-        self.monitor = TraceMonitor(self.classifier.branch.what)
-        self.axes: int | None = None  # not known yet
-        self.rate = self.classifier.features.sampling_rate
+        branches: dict[str, Any] = {each.modality: each for each in classifier.branches.values()}
+        self.signals = {
+            name: LiveSignal(branches[name], rate, self.card.input_ranges.get(name, {}))
+            for name, rate in rates.items()
+        }
+        self.photo_quality = [quality for _, quality in photos.values()]
+        fixed = _summands(classifier, {name: photo for name, (photo, _) in photos.items()})
+        self.classifier: WholeVote | WindowVote
+        if config.window is None:
+            self.classifier = WholeVote(classifier, fixed, config.wait)
+        else:
+            self.classifier = WindowVote(classifier, fixed, config)
+
+    @property
+    def rate(self) -> float:
+        """In Hz, that samples must have; of several signals the first."""
+        return next(iter(self.signals.values())).rate
 
     @property
     def waiting(self) -> bool:
         """Whether samples were left uncomputed, which :meth:`finish` computes."""
-        return self.classifier.waiting is not None
+        held = self.classifier.contact is None and any(
+            signal.resampler is not None for signal in self.signals.values()
+        )
+        return self.classifier.waiting or held
 
-    def push(self, samples: Any) -> Prediction:  # noqa: ANN401  (what NumPy can read)
-        """Take more samples and predict from all so far.
+    def push(self, samples: Any = None, /, **chunks: Any) -> Prediction:  # noqa: ANN401  (what NumPy can read)
+        """Take more samples and predict.
 
         Args:
             samples: (samples,) or (axes, samples) at :attr:`rate`, in the unit of the training; as
                 many axes as before.
+            **chunks: The same by modality, of several signals as many seconds each.
 
         Returns:
-            A prediction without a label while there is not one fragment.
+            A prediction without a label while there is not one fragment, or nothing is touched.
 
         Raises:
             UserError: If they are no such samples.
         """
         begin = time.perf_counter()
-        chunk = as_trace(samples, self.classifier.branch.modality)
-        axes, shape = self.axes or len(chunk), tuple(np.shape(samples))
-        if shape != (axes, chunk.size // axes) and not (axes == len(shape) == 1):
+        if samples is not None and len(self.signals) == 1:
+            chunks = dict.fromkeys(self.signals, samples)
+        if set(chunks) != set(self.signals):
             raise UserError(
-                f"A chunk has the shape {shape}; give (axes, samples) with as many axes as before, "
-                f"{axes}."
+                f"This stream takes {' and '.join(self.signals)} with every push; give "
+                f"{', '.join(f'{name}=SAMPLES' for name in self.signals)}."
             )
-        self.axes = axes
-        self.monitor.update(chunk)
-        return self._describe(self.classifier.push(torch.from_numpy(chunk).float()), begin)
+        touched = self.classifier.contact, self.classifier.changed_at
+        taken = {name: self.signals[name].take(chunk) for name, chunk in chunks.items()}
+        vote = self.classifier.push(taken)
+        if touched != (self.classifier.contact, self.classifier.changed_at):
+            for signal in self.signals.values():
+                signal.forget()
+        return self._describe(vote, begin)
 
     def finish(self) -> Prediction:
-        """Compute what waits, so that the prediction is that of all samples so far."""
+        """Compute what waits, so that the prediction is that of all samples; the stream ends."""
         begin = time.perf_counter()
+        rests = {name: signal.rest() for name, signal in self.signals.items()}
+        if self.classifier.contact is None:
+            self.classifier.push({name: rest for name, rest in rests.items() if rest is not None})
         return self._describe(self.classifier.finish(), begin)
 
     def check(self) -> None:
-        """Make sure that there was a fragment.
+        """Make sure that there was a vote, if anything was touched.
 
         Raises:
             UserError: Saying how much signal it takes.
         """
-        self.classifier.branch.check_frames(self.classifier.frames)
+        self.classifier.check()
 
     def _describe(self, vote: Vote | None, begin: float) -> Prediction:
-        quality = Quality()
-        if self.monitor.count:
-            ranges = self.card.input_ranges.get(self.classifier.branch.modality, {})
-            quality = self.monitor.quality(ranges, level=self.monitor.level)
         synchronise(self.device)
-        return describe(vote, self.card, quality, self.top_k, time.perf_counter() - begin)
+        levels = self._levels()
+        found = [signal.quality(levels.get(name)) for name, signal in self.signals.items()]
+        quality = together([*found, *self.photo_quality])
+        latency = time.perf_counter() - begin
+        said = self.card.modalities if len(self.card.senses) > 1 else ()
+        prediction = describe(vote, self.card, quality, self.top_k, latency, said)
+        voter = self.classifier
+        return replace(prediction, contact=voter.contact, changed_at=voter.changed_at)
+
+    def _levels(self) -> dict[str, float]:
+        """Of what votes, by modality, to be compared with the training's."""
+        if isinstance(self.classifier, WindowVote):
+            return self.classifier.levels
+        every = self.signals.items()
+        return {name: signal.monitor.level for name, signal in every if signal.monitor.count}
+
+
+@torch.inference_mode()
+def _summands(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """What the senses of photos add to the scores, once for all."""
+    return {
+        name: classifier.summand(name, photos[branch.modality])
+        for name, branch in classifier.branches.items()
+        if branch.modality in photos
+    }
