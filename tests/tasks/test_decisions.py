@@ -114,8 +114,10 @@ def test_rule_and_pairs_are_the_checkpoints_unless_others_are_given(cli, sequent
     ]
     assert json.loads(cli("task=predict", *files).out)["fragments"] == 50
     assert json.loads(cli("task=predict", *files, "decision.pairs=7").out)["fragments"] == 7
-    refused = cli("task=predict", *files, "decision=sequential", "decision.rule=mean")
-    assert "decision.rule=mean does not: choose one" in refused.err
+    mean = json.loads(cli("task=predict", *files, "decision.rule=mean").out)
+    unsure = ["decision=sequential", "decision.calibrated=false", "decision.confidence_threshold=1"]
+    asked = json.loads(cli("task=predict", *files, "decision.rule=mean", *unsure).out)
+    assert asked["probability"] == pytest.approx(mean["probability"])
     assert "decision.seed is null" in cli("decision.seed=null").err
 
 
