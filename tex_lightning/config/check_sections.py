@@ -31,6 +31,8 @@ def check_data(data: DataConfig) -> Iterator[str]:
         yield "data.half_scale and data.resize both decide the size of photos: turn one off"
     if data.inverted and data.test_fold is None:
         yield "data.inverted trains on data.test_fold, which is null: give its number"
+    if data.group_by is not None and "group_by" not in data.reader:
+        yield f"data.group_by is not read by data={data.name}: leave it out"
     if data.test_where is not None:
         yield from _test_where(data)
     for name in ("test_fold", "val_fold"):

@@ -55,6 +55,11 @@ class DataConfig(Folding):
     reader: dict[str, Any] = key(
         "class that reads the data set and its own keys, set by data=NAME", factory=dict
     )
+    group_by: str | None = key(
+        "what makes the groups, and so the folds, of a data set that can be grouped in several "
+        "ways",
+        default=None,
+    )
     classes: int | None = key(
         "only the first so many classes in the order of their names; null takes all",
         least=2, default=None,

@@ -35,7 +35,6 @@ TYPES = {
 }
 # Keys that were called otherwise, or their ends behind a dot.
 RENAMED = {
-    "data.group_by": "data.reader.group_by",
     "data.split": "data.reader.split",
     "decision.enough": "decision.confidence_threshold",
     "decision.enoughs": "decision.confidence_thresholds",

@@ -67,7 +67,7 @@ def test_strokes_of_cluster_have_conditions_and_the_rate_of_their_stamps(cluster
     [("direction", "0 135"), ("speed", "20 60"), ("force", "500 1000"), ("repetition", "0 1")],
 )
 def test_a_group_is_a_value_and_has_a_strip_of_the_photo(cluster, group_by, values):
-    given = ["data=cluster", f"data.root={cluster}", f"data.reader.group_by={group_by}"]
+    given = ["data=cluster", f"data.root={cluster}", f"data.group_by={group_by}"]
     rows = read(*given, "data.folds=2")
     groups = {(row.group, dict(row.conditions)[group_by]) for row in rows.of("haptic")}
     assert groups == set(enumerate(values.split()))
@@ -77,11 +77,11 @@ def test_a_group_is_a_value_and_has_a_strip_of_the_photo(cluster, group_by, valu
     assert "divided into 2 strips" in note.text
     assert f"group_by={group_by}" in note.text
     with pytest.raises(UserError, match=r"makes 2 groups, but data.folds is 5: give data.folds=2"):
-        read(*given)
+        read(*given, "data.folds=5")
 
 
 def test_photos_alone_have_as_many_strips_as_the_condition_has_values(cluster):
-    off = ["data.reader.folders.haptic=null", "data.reader.group_by=direction", "data.folds=8"]
+    off = ["data.reader.folders.haptic=null", "data.group_by=direction"]
     rows = read("data=cluster", f"data.root={cluster}", *off)
     strips = [row.part for row in rows.in_classes(["0"])]
     assert len(strips) == 8
@@ -89,7 +89,7 @@ def test_photos_alone_have_as_many_strips_as_the_condition_has_values(cluster):
 
 
 def test_recordings_of_hatt_are_read_in_both_layouts(hatt, tmp_path):
-    given = ["data=hatt", "data.reader.group_by=recording", "data.folds=2"]
+    given = ["data=hatt", "data.group_by=recording"]
     rows = read(*given, f"data.root={hatt}")
     assert rows.classes == ["ABS Plastic", "Carpet 1", "Carpet 2"]
     assert [(row.group, row.conditions) for row in rows.in_classes(["Carpet 2"])] == [
@@ -126,13 +126,13 @@ def test_cluster_is_fitted_cross_validated_and_evaluated(cli, cluster, tmp_path)
     assert results(tmp_path / "crossval")["correct"] == len(SURFACES) * len(STROKES)
     table = (tmp_path / "crossval/folds/1/predictions/haptic.csv").read_text().splitlines()
     assert {re.search(r"_(\d+)_\d+_\d\.csv", line)[1] for line in table[1:]} == {"60"}
-    by = ["data.reader.group_by=repetition", *TWO_FOLDS]
+    by = ["data.group_by=repetition", *TWO_FOLDS]
     fit = cli(*given, *by, f"hydra.run.dir={tmp_path}/fit")
     assert fit.status == 0, fit.err
     assert "48 uneven, interpolated" in " ".join(fit.err.split() + fit.out.split())
     found = cli(
         *("task=evaluate", f"checkpoint={tmp_path}/fit", *given[1:], "data.folds=2"),
-        *("data.reader.group_by=repetition", f"hydra.run.dir={tmp_path}/evaluate"),
+        *("data.group_by=repetition", f"hydra.run.dir={tmp_path}/evaluate"),
     )
     assert found.status == 0, found.err
     assert results(tmp_path / "evaluate")["correct"] == results(tmp_path / "fit")["correct"] == 24
@@ -190,7 +190,10 @@ def without(folder: str) -> Callable[[Path], None]:
     return lambda root: shutil.rmtree(root / folder)
 
 
-FOLDERS = OmegaConf.load(CONF / "data" / "cluster.yaml").reader.folders
+FOLDERS, SPEEDS = (
+    OmegaConf.load(CONF / "data" / "cluster.yaml").reader[key] for key in ("folders", "groups")
+)
+STRETCHES = {"stretch": 3, "recording": 2}
 
 
 @pytest.mark.parametrize(
@@ -211,15 +214,15 @@ def test_a_defect_of_cluster_is_named(few, tmp_path, damage, message):
     root = shutil.copytree(few, tmp_path / "data")
     damage(root)
     with pytest.raises(UserError, match=message):
-        ClusterReader(str(root), FOLDERS, "speed", 2).read()
+        ClusterReader(str(root), FOLDERS, "speed", SPEEDS, 2).read()
 
 
 def test_folders_that_hold_nothing_are_named(tmp_path):
     with pytest.raises(UserError, match=r"holds none of haptic, sound, image; check data.root"):
-        ClusterReader(str(tmp_path), {**FOLDERS, "haptic": None}, "speed", 2).read()
+        ClusterReader(str(tmp_path), {**FOLDERS, "haptic": None}, "speed", SPEEDS, 2).read()
     (tmp_path / "sensor_data" / "accel").mkdir(parents=True)
     with pytest.raises(UserError, match="accel holds no ID/ID_DIRECTION_SPEED_FORCE_REPETITION"):
-        ClusterReader(str(tmp_path), FOLDERS, "speed", 2).read()
+        ClusterReader(str(tmp_path), FOLDERS, "speed", SPEEDS, 2).read()
 
 
 @pytest.mark.parametrize(
@@ -275,7 +278,7 @@ def test_defects_of_hatt_are_named(cli, hatt, tmp_path):
     for name, damage in zip(names, damages.values(), strict=False):
         change(f"RecordedData/{name}", *damage)(root)
     given = ["experiment=few/haptic", "data=hatt", f"data.root={root}", *TWO_FOLDS]
-    by = "data.reader.group_by=recording"
+    by = "data.group_by=recording"
     outcome = cli(*given, by, "trainer.threads=1", f"hydra.run.dir={tmp_path}/run")
     assert outcome.status == 2
     assert "4 of 6 files cannot be used" in outcome.err
@@ -284,16 +287,16 @@ def test_defects_of_hatt_are_named(cli, hatt, tmp_path):
     last = root / "RecordedData" / names[-1]
     last.rename(last.with_name("Carpet 2_Trial01.xml"))
     with pytest.raises(UserError, match="are both recording 1 of Carpet 2; keep one"):
-        HattReader(str(root), "stretch", 3).read()
+        HattReader(str(root), "stretch", STRETCHES, 3).read()
     shutil.rmtree(root / "RecordedData")
     with pytest.raises(UserError, match=r"holds no TEXTURE/RECORDING\.xml and no TEXTURE_Rec"):
-        HattReader(str(root), "stretch", 3).read()
+        HattReader(str(root), "stretch", STRETCHES, 3).read()
     with pytest.raises(UserError, match="nowhere does not exist"):
-        HattReader("nowhere", "stretch", 3).read()
+        HattReader("nowhere", "stretch", STRETCHES, 3).read()
 
 
 def test_groupings_that_there_are_not_are_refused():
-    with pytest.raises(UserError, match="choose direction, speed, force, repetition"):
-        ClusterReader("", FOLDERS, "velocity", 5)
+    with pytest.raises(UserError, match="choose speed, direction, force, repetition"):
+        ClusterReader("", FOLDERS, "velocity", SPEEDS, 5)
     with pytest.raises(UserError, match="choose stretch, recording"):
-        HattReader("", "texture", 2)
+        HattReader("", "texture", STRETCHES, 2)

@@ -187,7 +187,7 @@ def test_kylberg_groups_by_patch_or_by_surface(tiny):
     assert sorted(row.group for row in rows) == sorted([*range(160)] * 2)
     fold = {row.path.stem.split("-")[1] for row in rows if row.group % 10 == 3}
     assert fold == set("abcd")
-    surfaces = read(*given, "data.reader.group_by=surface", "data.folds=4")
+    surfaces = read(*given, "data.group_by=surface")
     for row in surfaces:
         assert row.path.stem.split("-")[1] == "abcd"[row.group]
 
@@ -247,8 +247,9 @@ def test_kth_tips2b_names_what_is_wrong(copy):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["data=kylberg", "data.reader.group_by=surface"], "give data.folds=4"),
-        (["data=kylberg", "data.reader.group_by=surfaces"], "did you mean surface?"),
+        (["data=kylberg", "data.group_by=surface", "data.folds=10"], "give data.folds=4"),
+        (["data=folder", "data.group_by=surface"], "is not read by data=folder"),
+        (["data=kylberg", "data.group_by=surfaces"], "did you mean surface?"),
         (["data=lmt108", "data.reader.split=both"], "choose training, testing"),
         (["data=lmt108", "data.split=testing"], "data.split is data.reader.split now"),
         (["data=tum", "data.reader.splt=testing"], "no key data.reader.splt"),

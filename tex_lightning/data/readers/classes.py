@@ -16,7 +16,7 @@ def check_group_by(value: str, groups: int, folds: int) -> None:
     """
     if folds > groups:
         raise UserError(
-            f"data.reader.group_by={value} makes {groups} groups, but data.folds is {folds}: give "
+            f"data.group_by={value} makes {groups} groups, but data.folds is {folds}: give "
             f"data.folds={groups}."
         )
 

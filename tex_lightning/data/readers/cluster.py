@@ -58,6 +58,7 @@ class ClusterReader:
             may be missing.
         group_by: Condition whose values make the groups, and so the folds: ``direction``,
             ``speed``, ``force`` or ``repetition``.
+        groups: What ``group_by`` may be, and how many groups that usually makes.
         folds: Number of folds.
 
     Raises:
@@ -67,10 +68,11 @@ class ClusterReader:
     root: str
     folders: Mapping[str, str | None]
     group_by: str
+    groups: Mapping[str, int]
     folds: int
 
     def __post_init__(self) -> None:
-        for complaint in choice("data.reader.group_by", self.group_by, tuple(CONDITIONS)):
+        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
             raise UserError(f"{complaint}.")
 
     def read(self) -> Recordings:
@@ -128,7 +130,7 @@ class ClusterReader:
     def _note(self, count: int) -> Note:
         text = (
             f"There is one photo of a surface, so it is divided into {count} strips, one for each "
-            f"group (data.reader.group_by={self.group_by}): what is tested lies beside what was "
+            f"group (data.group_by={self.group_by}): what is tested lies beside what was "
             "trained on, which flatters figures of photos."
         )
         return Note("divided photo", 0, text, "image")

@@ -13,6 +13,7 @@ fold is one stretch of all recordings. With ``recording`` a fold is a recording.
 
 import re
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +24,6 @@ from tex_lightning.data.recordings import Note, Recording, Recordings, natural_k
 from tex_lightning.errors import UserError
 
 FOLDER = "RecordedData"
-GROUPS = ("stretch", "recording")
 
 
 @dataclass
@@ -33,6 +33,7 @@ class HattReader:
     Attributes:
         root: Folder with the recordings, or the one that holds them as ``RecordedData``.
         group_by: What makes a fold: a ``stretch`` of every recording, or a ``recording``.
+        groups: What ``group_by`` may be, and how many groups that usually makes.
         folds: Number of folds.
 
     Raises:
@@ -41,10 +42,11 @@ class HattReader:
 
     root: str
     group_by: str
+    groups: Mapping[str, int]
     folds: int
 
     def __post_init__(self) -> None:
-        for complaint in choice("data.reader.group_by", self.group_by, GROUPS):
+        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
             raise UserError(f"{complaint}.")
 
     def read(self) -> Recordings:

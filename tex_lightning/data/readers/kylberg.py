@@ -10,6 +10,7 @@ a patch always stay together.
 
 import re
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from tex_lightning.errors import UserError
 
 PATCHES = 160
 SURFACES = "abcd"  # from which the patches of one class are cut
-GROUPS = ("patch", "surface")
 
 
 @dataclass
@@ -30,6 +30,7 @@ class KylbergReader:
     Attributes:
         root: Folder with a folder for each class, or the one that holds it as ``kylberg``.
         group_by: What makes a fold: ``patch`` of all surfaces, or one of four source ``surface``s.
+        groups: What ``group_by`` may be, and how many groups that usually makes.
         folds: Number of folds.
 
     Raises:
@@ -38,14 +39,15 @@ class KylbergReader:
 
     root: str
     group_by: str
+    groups: Mapping[str, int]
     folds: int
 
     def __post_init__(self) -> None:
-        for complaint in choice("data.reader.group_by", self.group_by, GROUPS):
+        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
             raise UserError(f"{complaint}.")
         if self.group_by == "surface" and self.folds != len(SURFACES):
             raise UserError(
-                f"data.reader.group_by=surface makes a fold of each source surface, but data.folds "
+                f"data.group_by=surface makes a fold of each source surface, but data.folds "
                 f"is {self.folds}: give data.folds={len(SURFACES)}."
             )
 
