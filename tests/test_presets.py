@@ -31,10 +31,10 @@ def test_experiment_composes_and_its_rows_exist(experiment):
         assert config.hydra.mode.name == "MULTIRUN"
 
 
-@pytest.mark.parametrize("family", ["haptic", "visual", "fusion"])
+@pytest.mark.parametrize("family", ["haptic", "visual", "sound", "fusion"])
 def test_every_system_of_a_frontier_composes(family):
     systems = OmegaConf.load(CONF / "frontier" / f"{family}.yaml").systems
-    assert len(systems) >= 12
+    assert len(systems) >= 8
     for overrides in systems.values():
         assert composed(*overrides.split()).model.name in MODELS
 
