@@ -26,10 +26,10 @@ def test_a_card_knows_the_parts_that_it_was_trained_on(tmp_path):
     card = make_card("haptic")
     card = replace(card, trained_on=trained_on(card, split(halves, FOLDS), FOLDS, None))
     assert [entry.partition("#")[2] for entry in card.trained_on["seen"]] == ["0.5-1"]
-    refuse_leak(Recordings(halves.rows[:1]), card, "FILE")
+    refuse_leak(Recordings(halves.rows[:1]), card, "FILE", FOLDS)
     for part in ((0.5, 1), (0.4, 0.6), None):
         with pytest.raises(UserError, match=r"trained on 1 of the 1 test recordings, a\.wav"):
-            refuse_leak(rows(tmp_path, part), card, "FILE")
+            refuse_leak(rows(tmp_path, part), card, "FILE", FOLDS)
 
 
 def test_a_whole_file_is_known_in_every_part(tmp_path):
@@ -37,4 +37,4 @@ def test_a_whole_file_is_known_in_every_part(tmp_path):
     whole = rows(tmp_path, (0, 0.1), None)
     card = replace(card, trained_on=trained_on(card, split(whole, FOLDS), FOLDS, None))
     with pytest.raises(UserError, match="trained on 1 of the 1"):
-        refuse_leak(rows(tmp_path, (0.8, 0.9)), card, "FILE")
+        refuse_leak(rows(tmp_path, (0.8, 0.9)), card, "FILE", FOLDS)

@@ -5,7 +5,7 @@ from collections import defaultdict
 from typing import Any
 
 from tex_lightning.card import Card
-from tex_lightning.config import DataConfig
+from tex_lightning.config import DataConfig, Folding
 from tex_lightning.data.conditions import as_override
 from tex_lightning.data.folds import Split
 from tex_lightning.data.parts import Part, overlap, read_part, write_part
@@ -70,7 +70,7 @@ def _digest(row: Recording) -> str:
     return digest if row.part is None else f"{digest}#{write_part(row.part)}"
 
 
-def refuse_leak(test: Recordings, card: Card, who: str, data: DataConfig) -> None:
+def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
     """Refuse weights that were trained, or chosen, on what is to be tested.
 
     Recordings are compared by content, so that neither another reader nor other folds hide one; two
