@@ -4,9 +4,12 @@ import csv
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from PIL import Image
+
+from tex_lightning.tasks.frontier import _tested_folds
 
 SYSTEMS = {"haptic", "force", "haptic+force", "haptic+force_sequential"}
 
@@ -44,6 +47,25 @@ def command(table) -> list[object]:
 @pytest.fixture(scope="module")
 def measured(run_once, command):
     return run_once(*command)
+
+
+@pytest.mark.parametrize(
+    ("trainings", "only", "folds", "tested"),
+    [
+        (2, None, 10, [0, 1, 5, 6]),
+        (2, None, 3, [0, 1, 2]),
+        (9, None, 4, [0, 1, 2, 3]),
+        (2, [3], 10, [3]),
+        (None, None, 4, [0, 1, 2, 3]),
+    ],
+)
+def test_trainings_decide_which_folds_are_tested(trainings, only, folds, tested):
+    config = SimpleNamespace(
+        frontier=SimpleNamespace(trainings=trainings),
+        crossval=SimpleNamespace(only=only),
+        data=SimpleNamespace(folds=folds),
+    )
+    assert _tested_folds(config) == tested
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:

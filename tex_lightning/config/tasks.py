@@ -210,6 +210,11 @@ class FrontierConfig:
         default=None,
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
+    trainings: int | None = key(
+        "trainings of each network, every one without two folds, which are both tested; null tests "
+        "all folds, and crossval.only goes before",
+        least=1, most=100_000, default=None,
+    )  # fmt: skip
     rounds: int = key("rounds of timing; in each every system is timed", **ROUNDS)
     max_latency_ms: float | None = key(
         "budget: prints the best system within it and the command that trains it",

@@ -21,6 +21,7 @@ from tex_lightning.evaluation.choice import (
     Candidate,
     one_standard_error,
     pareto,
+    partner,
     within_budget,
 )
 from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
@@ -70,7 +71,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     frontier = with_subsets(config, job)
     members = list(compose_family(frontier, job, held))
     check_libraries(members)
-    folds = sorted({*chosen_folds(config), *tested})
+    folds = sorted({*_tested_folds(config), *tested})
     opening = Opening(config.data, _described(members), folds)
     measured = measure_family(members, folds, directory / "systems", opening)
     timings = measure_latencies(measured, config.frontier.rounds, opening)
@@ -107,6 +108,15 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     print_added_senses(steps)
     _print_budget(config.frontier, job, members, candidates)
     return results
+
+
+def _tested_folds(config: Config) -> list[int]:
+    """Those of ``crossval.only``, of the first ``frontier.trainings``, or all."""
+    trainings, folds = config.frontier.trainings, config.data.folds
+    if trainings is None or config.crossval.only is not None:
+        return chosen_folds(config)
+    without = range(min(trainings, folds))
+    return sorted({fold for each in without for fold in (each, partner(each, folds))})
 
 
 def _earlier(directory: Path) -> tuple[list[str], list[int]]:
