@@ -63,7 +63,14 @@ def test_a_pipe_is_written_whole_and_labelled_on_the_way(
     checkpoint = untrained / "checkpoints" / "haptic.ckpt"
     writer.start()
     *said, last = lines(
-        record(*OAK, "haptic=-", "record.seconds=3", f"checkpoint={checkpoint}", "top_k=1")
+        record(
+            *OAK,
+            "haptic=-",
+            "record.seconds=3",
+            f"checkpoint={checkpoint}",
+            "top_k=1",
+            "stream.window=null",
+        )
     )
     writer.join()
     os.close(reading)
@@ -76,6 +83,15 @@ def test_a_pipe_is_written_whole_and_labelled_on_the_way(
     keys = ("label", "fragments")
     assert [said[-1][key] for key in keys] == [whole[key] for key in keys]
     assert said[-1]["probability"] == pytest.approx(whole["probability"], abs=1e-4)
+
+
+def test_another_rate_than_the_checkpoints_is_resampled_for_its_label(record, untrained, tmp_path):
+    checkpoint = f"checkpoint={untrained}/checkpoints/haptic.ckpt"
+    given = [*OAK, "record.haptic.rate=8000", checkpoint]
+    outcome = record(*given, haptic=make_trace(0, 0, seconds=1))
+    *said, _ = lines(outcome)
+    assert said[-1]["label"] is not None
+    assert soundfile.info(tmp_path / "DATA/oak/haptic/oak_001.wav").samplerate == 8000
 
 
 def test_what_was_recorded_trains_at_once(record, cli, tmp_path):
@@ -187,7 +203,6 @@ def test_ctrl_c_keeps_what_is_long_enough(record, tmp_path, monkeypatch, chunks,
         ),
         (["image=camera:93"], ["image=camera:93 cannot be opened"]),
         (["record.seconds=1", "record.least_seconds=0.9"], ["has ended after 0.50 s"]),
-        (["checkpoint=RUN", "record.haptic.rate=8000"], ["comes at 8000 Hz; give record.haptic."]),
         (["checkpoint=RUN", "haptic=null", "sound=a"], ["looks at haptic, which is not recorded"]),
     ],
 )

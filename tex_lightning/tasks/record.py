@@ -65,7 +65,7 @@ def _tracks(config: Config, stack: ExitStack, label: "_RunningLabel | None") -> 
         for name in names
     }
     if label is not None:
-        label.check_rate(sources[label.modality].rate)
+        label.at_rate(sources[label.modality].rate)
     tracks = []
     for name, source in sources.items():
         feed = Feed(f"{name}={given[name]}", source, config.stream.chunk, settings.timeout)
@@ -177,6 +177,7 @@ class _RunningLabel:
 
     def __init__(self, config: Config) -> None:
         self.predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
+        self.rate: float | None = None  # the checkpoint's, until it is known
         self.modality = next(iter(self.predictor.stream().signals))
         self.begin()
         self.ranges: dict[str, Ranges] = dict(self.predictor.card.input_ranges)
@@ -189,18 +190,14 @@ class _RunningLabel:
                 f"recorded; give {self.modality}=SOURCE or leave checkpoint= out."
             )
 
-    def check_rate(self, rate: float) -> None:
-        """Refuse samples at another rate than its own."""
-        if rate != self.stream.rate:
-            raise UserError(
-                f"The checkpoint classifies {self.modality} at {self.stream.rate:g} Hz, and this "
-                f"comes at {rate:g} Hz; give record.{self.modality}.rate={self.stream.rate:g} if "
-                "the sensor can, or leave checkpoint= out."
-            )
+    def at_rate(self, rate: float) -> None:
+        """Take samples at this rate in Hz from now on."""
+        self.rate = rate
+        self.begin()
 
     def begin(self) -> None:
         """Forget the last recording."""
-        self.stream = self.predictor.stream(self.modality)
+        self.stream = self.predictor.stream(self.modality, rate=self.rate)
 
     def push(self, chunk: Chunk) -> dict[str, Any]:
         """Take the next samples; what is known by then."""
