@@ -1,12 +1,18 @@
 """Files that are whole or not there."""
 
+import csv
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, fields
 from glob import glob
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tex_lightning.errors import UserError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 
 def require_file(path: Path) -> None:
@@ -20,6 +26,19 @@ def require_file(path: Path) -> None:
 def matches(pattern: str) -> list[Path]:
     """Paths that match a pattern such as ``DIR/*.wav``; ``**`` stands for any folders."""
     return [Path(name) for name in glob(pattern, recursive=True)]  # noqa: PTH207  (may be absolute)
+
+
+def write_lines(target: Path, kind: "type[DataclassInstance]", lines: Iterable[Any]) -> None:
+    """Write a CSV that is whole or not there: a line for each dataclass of ``kind``."""
+
+    def write(path: Path) -> None:
+        with path.open("w", newline="", encoding="utf-8") as stream:
+            names = [entry.name for entry in fields(kind)]
+            writer = csv.DictWriter(stream, names, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(map(asdict, lines))
+
+    write_atomically(target, write)
 
 
 def write_text(target: Path, text: str) -> None:

@@ -4,6 +4,7 @@ import csv
 import json
 
 import pytest
+from conftest import write_forces
 
 import tex_lightning as tl
 
@@ -82,12 +83,7 @@ def test_a_sense_of_ones_own_is_a_file_that_begins_with_it(cli, surfaces, tmp_pa
     (tmp_path / "conf/branch/force.yaml").write_text(
         "defaults: [signal, bands, _self_]\nmodality: force\n"
     )
-    lines = [
-        f"{path.parents[1].name},force,{path},{path.stem.split('_')[1]}"
-        for path in sorted(surfaces.glob("*/haptic/*.wav"))
-    ]
-    manifest = tmp_path / "forces.csv"
-    manifest.write_text("\n".join(["label,modality,path,group", *lines]) + "\n")
+    manifest = write_forces(surfaces, tmp_path / "forces.csv")
     outcome = cli(
         "--config-dir", tmp_path / "conf", "model=haptic", "model.senses=[force]", "data=manifest",
         f"data.manifest={manifest}", f"hydra.run.dir={tmp_path}/run",

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from conftest import write_forces
 from PIL import Image
 
 from tex_lightning.tasks.frontier import _tested_folds
@@ -127,12 +128,7 @@ def test_senses_that_cannot_be_meant_are_refused(cli, command, tmp_path, senses,
 
 
 def test_data_that_no_sense_reads_is_refused(cli, surfaces, tmp_path):
-    lines = [
-        f"{path.parents[1].name},force,{path},{path.stem.split('_')[1]}"
-        for path in sorted(surfaces.glob("*/haptic/*.wav"))
-    ]
-    manifest = tmp_path / "forces.csv"
-    manifest.write_text("\n".join(["label,modality,path,group", *lines]) + "\n")
+    manifest = write_forces(surfaces, tmp_path / "forces.csv")
     outcome = cli(
         "task=frontier", "frontier=senses", "data=manifest", f"data.manifest={manifest}",
         f"hydra.run.dir={tmp_path}/r",

@@ -17,6 +17,7 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
 from tex_lightning.decision.temperature import fit_temperature
 from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
+from tex_lightning.evaluation.pairing import scarcest
 from tex_lightning.files import write_atomically
 from tex_lightning.inference.early_stopping import SEQUENTIAL, needs_threshold
 from tex_lightning.inference.engine import accelerate
@@ -98,9 +99,9 @@ def choose_confidence_threshold(
 
 def independent(samples: Sequence[Sample]) -> list[str]:
     """For each sample its recording of the modality that has fewest of them."""
-    modalities = samples[0].recordings
-    recorded = [[str(each.recordings[name].path) for each in samples] for name in modalities]
-    return min(recorded, key=lambda paths: len(set(paths)))
+    return scarcest(
+        [{name: str(row.path) for name, row in each.recordings.items()} for each in samples]
+    )
 
 
 def upper_bound(count: int, samples: int, confidence: float) -> float:

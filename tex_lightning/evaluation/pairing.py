@@ -1,7 +1,7 @@
 """Systems that look at different senses, compared on the samples of all these senses together."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import NamedTuple
 
@@ -26,6 +26,12 @@ class Difference(NamedTuple):
     p_value: float
 
 
+def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
+    """For each sample, its files by modality, that of the modality which has fewest of them."""
+    recorded = [[each[modality] for each in files] for modality in files[0]]
+    return min(recorded, key=lambda names: len(set(names)))
+
+
 def pair(
     outcomes: Sequence[Outcome], joint: Sequence[Outcome]
 ) -> list[tuple[str, bool, bool]] | None:
@@ -44,11 +50,11 @@ def pair(
     if not set(modalities) <= set(joint[0].files):
         return None
     known = {each.sample: each.label == each.predicted for each in outcomes}
-    fewest = min(joint[0].files, key=lambda name: len({each.files[name] for each in joint}))
+    recordings = scarcest([each.files for each in joint])
     names = ["|".join(each.files[modality] for modality in modalities) for each in joint]
     return [
-        (each.files[fewest], known[name], each.label == each.predicted)
-        for name, each in zip(names, joint, strict=True)
+        (recording, known[name], each.label == each.predicted)
+        for recording, name, each in zip(recordings, names, joint, strict=True)
         if name in known
     ] or None
 

@@ -1,14 +1,13 @@
 """What each further sense costs and repairs: ``senses.csv``, and the marks of the chart."""
 
-import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from math import log, sqrt
 from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from tex_lightning.files import write_atomically
+from tex_lightning.files import write_lines
 from tex_lightning.progress import console
 
 ROW = 0.06  # height of a label, as a share of the axes
@@ -52,15 +51,7 @@ class AddedSense:
 
 def write_added_senses(added: Sequence[AddedSense], path: Path) -> None:
     """Write one line per sense added to a subset."""
-
-    def write(partial: Path) -> None:
-        with partial.open("w", newline="", encoding="utf-8") as stream:
-            names = [entry.name for entry in fields(AddedSense)]
-            writer = csv.DictWriter(stream, names, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(map(asdict, added))
-
-    write_atomically(path, write)
+    write_lines(path, AddedSense, added)
 
 
 def print_added_senses(steps: Sequence[AddedSense]) -> None:

@@ -1,9 +1,8 @@
 """Table and charts of ``task=frontier``."""
 
-import csv
 import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
 from tex_lightning.config.model import FUSION
-from tex_lightning.files import write_atomically
+from tex_lightning.files import write_lines
 from tex_lightning.progress import console
 from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.figures import save_figure
@@ -77,15 +76,7 @@ class Point:
 
 def write_frontier(points: Sequence[Point], path: Path) -> None:
     """Write one line per system, quickest first."""
-
-    def write(partial: Path) -> None:
-        with partial.open("w", newline="", encoding="utf-8") as stream:
-            names = [entry.name for entry in fields(Point)]
-            writer = csv.DictWriter(stream, names, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(map(asdict, _by_latency(points)))
-
-    write_atomically(path, write)
+    write_lines(path, Point, _by_latency(points))
 
 
 def draw_frontier(

@@ -85,7 +85,7 @@ def _tested(system: Measured, workspace: Workspace) -> Recordings:
     outcomes = next(iter(system.tests.values()))
     files = {path for outcome in outcomes for path in outcome.files.values()}
     return workspace.recordings.without(
-        row for row in workspace.recordings if str(row.path) not in files
+        row for row in workspace.recordings if row.source not in files
     )
 
 

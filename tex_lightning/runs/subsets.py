@@ -83,7 +83,7 @@ def added_senses(
     Args:
         senses: Whose subsets are the family.
         measured: The systems.
-        latencies: Median ms of a sample, by system.
+        latencies: Mean ms of a sample, by system.
     """
     named = {system.member.name: system for system in measured}
     found: list[AddedSense] = []

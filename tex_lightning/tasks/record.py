@@ -166,7 +166,7 @@ class _Recorder:
 
 
 class _RunningLabel:
-    """What a checkpoint says of the recording so far.
+    """What a checkpoint says while a recording goes on.
 
     Args:
         config: Names the checkpoint.

@@ -152,6 +152,17 @@ def test_hatt_is_fitted_and_other_stretches_of_a_recording_are_no_leak(cli, hatt
     assert "has trained on 6 of the 6 test recordings" in leak.err
 
 
+def test_a_family_is_timed_on_parts_of_files(cli, hatt, tmp_path):
+    outcome = cli(
+        "task=frontier", "frontier=haptic", "frontier.only=[bands]", "frontier.rounds=3",
+        "crossval.only=[0]", "data=hatt", f"data.root={hatt}", "trainer.threads=1",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    (system,) = json.loads((tmp_path / "results.json").read_text())["systems"].values()
+    assert system["latency_ms_mean"] > 0
+
+
 def rename(file: str, name: str) -> Callable[[Path], None]:
     return lambda root: (root / file).rename((root / file).with_name(name))
 
@@ -214,15 +225,15 @@ def test_a_defect_of_cluster_is_named(few, tmp_path, damage, message):
     root = shutil.copytree(few, tmp_path / "data")
     damage(root)
     with pytest.raises(UserError, match=message):
-        ClusterReader(str(root), FOLDERS, "speed", SPEEDS, 2).read()
+        ClusterReader(str(root), "speed", SPEEDS, 2, FOLDERS).read()
 
 
 def test_folders_that_hold_nothing_are_named(tmp_path):
     with pytest.raises(UserError, match=r"holds none of haptic, sound, image; check data.root"):
-        ClusterReader(str(tmp_path), {**FOLDERS, "haptic": None}, "speed", SPEEDS, 2).read()
+        ClusterReader(str(tmp_path), "speed", SPEEDS, 2, {**FOLDERS, "haptic": None}).read()
     (tmp_path / "sensor_data" / "accel").mkdir(parents=True)
     with pytest.raises(UserError, match="accel holds no ID/ID_DIRECTION_SPEED_FORCE_REPETITION"):
-        ClusterReader(str(tmp_path), FOLDERS, "speed", SPEEDS, 2).read()
+        ClusterReader(str(tmp_path), "speed", SPEEDS, 2, FOLDERS).read()
 
 
 @pytest.mark.parametrize(
@@ -297,6 +308,6 @@ def test_defects_of_hatt_are_named(cli, hatt, tmp_path):
 
 def test_groupings_that_there_are_not_are_refused():
     with pytest.raises(UserError, match="choose speed, direction, force, repetition"):
-        ClusterReader("", FOLDERS, "velocity", SPEEDS, 5)
+        ClusterReader("", "velocity", SPEEDS, 5, FOLDERS)
     with pytest.raises(UserError, match="choose stretch, recording"):
         HattReader("", "texture", STRETCHES, 2)

@@ -1,24 +1,49 @@
-"""Checks that the readers of published data sets share."""
+"""What the readers of published data sets share."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+from tex_lightning.config.check_ranges import choice
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.errors import UserError, listed
 
 
-def check_group_by(value: str, groups: int, folds: int) -> None:
-    """Refuse more folds than there are groups: some would be empty.
+@dataclass
+class GroupedReader:
+    """Of a data set whose recordings can be grouped in several ways.
+
+    Attributes:
+        root: Folder of the data set.
+        group_by: What makes a group, and so a fold.
+        groups: What ``group_by`` may be, and how many groups that usually makes.
+        folds: Number of folds.
 
     Raises:
-        UserError: Saying how many there may be.
+        UserError: If ``group_by`` is unknown.
     """
-    if folds > groups:
-        raise UserError(
-            f"data.group_by={value} makes {groups} groups, but data.folds is {folds}: give "
-            f"data.folds={groups}."
-        )
+
+    root: str
+    group_by: str
+    groups: Mapping[str, int]
+    folds: int
+
+    def __post_init__(self) -> None:
+        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
+            raise UserError(f"{complaint}.")
+
+    def check_folds(self, groups: int) -> None:
+        """Refuse more folds than there are groups: some would be empty.
+
+        Raises:
+            UserError: Saying how many there may be.
+        """
+        if self.folds > groups:
+            raise UserError(
+                f"data.group_by={self.group_by} makes {groups} groups, but data.folds is "
+                f"{self.folds}: give data.folds={groups}."
+            )
 
 
 def check_same_classes(root: Path, rows: Iterable[Recording]) -> None:

@@ -23,10 +23,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tex_lightning.config.check_ranges import choice
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.parts import equal_parts
-from tex_lightning.data.readers.classes import check_group_by, check_same_classes
+from tex_lightning.data.readers.classes import GroupedReader, check_same_classes
 from tex_lightning.data.recordings import (
     MODALITIES,
     Note,
@@ -49,7 +48,7 @@ SOUND_RATE = 44_100.0
 
 
 @dataclass
-class ClusterReader:
+class ClusterReader(GroupedReader):
     """The Cluster Haptic Texture Dataset.
 
     Attributes:
@@ -58,22 +57,9 @@ class ClusterReader:
             may be missing.
         group_by: Condition whose values make the groups, and so the folds: ``direction``,
             ``speed``, ``force`` or ``repetition``.
-        groups: What ``group_by`` may be, and how many groups that usually makes.
-        folds: Number of folds.
-
-    Raises:
-        UserError: If there is no such condition.
     """
 
-    root: str
     folders: Mapping[str, str | None]
-    group_by: str
-    groups: Mapping[str, int]
-    folds: int
-
-    def __post_init__(self) -> None:
-        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
-            raise UserError(f"{complaint}.")
 
     def read(self) -> Recordings:
         """Read all senses; group numbers count the values of the condition that are there.
@@ -89,7 +75,7 @@ class ClusterReader:
             row for sense, folder in folders.items() for row in self._read_sensor(folder, sense)
         ]
         values = sorted({row.group for row in strokes}) or list(CONDITIONS[self.group_by])
-        check_group_by(self.group_by, len(values), self.folds)
+        self.check_folds(len(values))
         rows = [replace(row, group=values.index(row.group)) for row in strokes]
         if photos is not None:
             rows += _read_photos(photos, len(values))

@@ -13,13 +13,11 @@ fold is one stretch of all recordings. With ``recording`` a fold is a recording.
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config.check_ranges import choice
 from tex_lightning.data.parts import equal_parts
-from tex_lightning.data.readers.classes import check_group_by
+from tex_lightning.data.readers.classes import GroupedReader
 from tex_lightning.data.recordings import Note, Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
 
@@ -27,27 +25,13 @@ FOLDER = "RecordedData"
 
 
 @dataclass
-class HattReader:
+class HattReader(GroupedReader):
     """The Penn Haptic Texture Toolkit.
 
     Attributes:
         root: Folder with the recordings, or the one that holds them as ``RecordedData``.
         group_by: What makes a fold: a ``stretch`` of every recording, or a ``recording``.
-        groups: What ``group_by`` may be, and how many groups that usually makes.
-        folds: Number of folds.
-
-    Raises:
-        UserError: If ``group_by`` is unknown.
     """
-
-    root: str
-    group_by: str
-    groups: Mapping[str, int]
-    folds: int
-
-    def __post_init__(self) -> None:
-        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
-            raise UserError(f"{complaint}.")
 
     def read(self) -> Recordings:
         """Read all textures.
@@ -57,7 +41,7 @@ class HattReader:
         """
         textures = _textures(Path(self.root).expanduser())
         if self.group_by == "recording":
-            check_group_by(self.group_by, max(map(len, textures.values())), self.folds)
+            self.check_folds(max(map(len, textures.values())))
         rows = [
             row
             for label, files in textures.items()

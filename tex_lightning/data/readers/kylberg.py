@@ -10,11 +10,10 @@ a patch always stay together.
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config.check_ranges import choice
+from tex_lightning.data.readers.classes import GroupedReader
 from tex_lightning.data.readers.folder import class_folders
 from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
@@ -24,27 +23,19 @@ SURFACES = "abcd"  # from which the patches of one class are cut
 
 
 @dataclass
-class KylbergReader:
+class KylbergReader(GroupedReader):
     """The Kylberg texture data set.
 
     Attributes:
         root: Folder with a folder for each class, or the one that holds it as ``kylberg``.
         group_by: What makes a fold: ``patch`` of all surfaces, or one of four source ``surface``s.
-        groups: What ``group_by`` may be, and how many groups that usually makes.
-        folds: Number of folds.
 
     Raises:
         UserError: If ``group_by`` is unknown, or surfaces do not make so many folds.
     """
 
-    root: str
-    group_by: str
-    groups: Mapping[str, int]
-    folds: int
-
     def __post_init__(self) -> None:
-        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
-            raise UserError(f"{complaint}.")
+        super().__post_init__()
         if self.group_by == "surface" and self.folds != len(SURFACES):
             raise UserError(
                 f"data.group_by=surface makes a fold of each source surface, but data.folds "
