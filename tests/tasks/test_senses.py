@@ -61,13 +61,14 @@ def test_it_predicts_by_whichever_are_given(cli, every, files, senses):
     assert prediction["fragments"] == 50 or len(given) == 1  # `debug=tiny` draws so many tuples
 
 
-def test_a_sweep_trains_every_set(cli, tmp_path):
-    swept = ",".join(listed(senses) for senses in SUBSETS)
+def test_a_sweep_trains_one_set_after_the_other(cli, tmp_path):
+    sets = SUBSETS[2:5:2]  # sound, and haptic with sound
+    swept = ",".join(map(listed, sets))
     outcome = cli(
         "-m", "model=fusion", f"model.senses={swept}", *SMALL, f"hydra.sweep.dir={tmp_path}"
     )
     assert outcome.status == 0, outcome.err
-    for number, senses in enumerate(SUBSETS):
+    for number, senses in enumerate(sets):
         results = json.loads((tmp_path / str(number) / "results.json").read_text())
         assert list(results["networks"]) == [*senses, *(["fusion"] if len(senses) > 1 else [])]
     assert (tmp_path / "report.md").is_file()

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -137,8 +138,12 @@ def _named(source: str) -> str:
 def run_data(run: Path) -> dict[str, Any]:
     """The section ``data`` of a run's configuration; empty where it is not kept."""
     path = run / ".hydra" / "config.yaml"
-    if not path.is_file():
-        return {}
+    return _data_section(path, path.stat().st_mtime_ns) if path.is_file() else {}
+
+
+@lru_cache(maxsize=1024)
+def _data_section(path: Path, changed: int) -> dict[str, Any]:
+    """Read again when the file has ``changed``: a report of many runs asks often."""
     data: dict[str, Any] = OmegaConf.to_container(OmegaConf.load(path).data)  # type: ignore[assignment]
     return data
 
