@@ -52,8 +52,10 @@ def test_every_public_name_has_an_example_that_runs(name):
     assert not said, "".join(said)
 
 
-def test_the_python_of_the_readme_runs():
-    text = (CONF.parent / "README.md").read_text(encoding="utf-8")
+def test_the_python_of_the_readme_and_its_chapters_runs():
+    root = CONF.parent
+    pages = [root / "README.md", root / "docs" / "python.md", root / "docs" / "live.md"]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     samples = make_trace(0, 0)
     known = {"samples": samples, "frame": make_photo(0, 0), "chunks": np.split(samples, 4)}

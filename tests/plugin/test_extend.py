@@ -1,4 +1,4 @@
-"""What the README says on extending the package runs as it stands there."""
+"""What the documentation says on extending the package runs as it stands there."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from PIL import Image
 
 from tex_lightning.config.search import use_config_dir
 
-README = Path(__file__).parents[2] / "README.md"
+PAGE = Path(__file__).parents[2] / "docs" / "extend.md"
 MODULE = "my_ext"
 
 
@@ -29,9 +29,8 @@ def empty(tmp_path, monkeypatch) -> Path:
     use_config_dir([])
 
 
-def test_the_parts_of_the_readme_run_from_an_empty_folder(cli, empty):
-    section = README.read_text().partition("## Extend it\n")[2].partition("\n## ")[0]
-    blocks = re.findall(r"^```(\w+)\n(.*?)^```$", section, re.DOTALL | re.MULTILINE)
+def test_the_parts_of_the_page_run_from_an_empty_folder(cli, empty):
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE.read_text(), re.DOTALL | re.MULTILINE)
     files = [text for language, text in blocks if language in ("python", "yaml")]
     for text in files:
         path = empty / re.search(r"^# (\S+\.\w+)$", text, re.MULTILINE)[1]
