@@ -65,3 +65,10 @@ def test_the_python_of_the_readme_and_its_chapters_runs():
     assert all(f"tl.{name}(" in used for name in ("load", "train"))
     assert ".predict(" in used
     assert ".stream()" in used
+
+
+def test_every_public_name_is_in_the_reference():
+    page = (CONF.parent / "docs" / "api.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\.\. auto\w+:: tex_lightning\.(\w+)$", page, re.M)) == sorted(
+        tl.__all__
+    )

@@ -54,4 +54,5 @@ def test_links_lead_somewhere(page):
 def test_the_readme_is_short_and_names_every_chapter():
     text = PAGES[0].read_text()
     assert len(text.splitlines()) <= 200
-    assert [page.name for page in PAGES[1:] if f"(docs/{page.name})" not in text] == []
+    chapters = [page for page in PAGES[1:] if page.name != "index.md"]
+    assert [page.name for page in chapters if f"(docs/{page.name})" not in text] == []

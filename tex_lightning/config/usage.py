@@ -48,7 +48,7 @@ More to read:
   --cfg job          the configuration that a command line composes
   --hydra-help       flags of Hydra; --version is that of tex_lightning
 Results land in hydra.run.dir: results.json, checkpoints, figures, metrics.csv
-and TensorBoard events. README.md has data sets, models, presets and figures."""
+and TensorBoard events. README.md leads to the chapters in docs/."""
 
 
 def asks(arguments: Sequence[str]) -> bool:

@@ -94,7 +94,7 @@ class FusionNet(nn.Module):
         ]
 
     def features(self, index: int, x: Tensor) -> Tensor:
-        """Return the features (B, D, *positions) of the sense at ``index`` that are fused."""
+        """Return the features ``(B, D, *positions)`` of the sense at ``index`` that are fused."""
         network: Any = self.networks[index]
         found: Tensor = network.features(x, self.levels[index])
         return found

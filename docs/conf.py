@@ -1,0 +1,33 @@
+"""Sphinx's settings: `sphinx-build -W docs OUT` makes the documentation, without a network."""
+
+import os
+from datetime import date
+
+import tex_lightning as tl
+
+project = "tex_lightning"
+author = "the developers of tex_lightning"
+project_copyright = f"{date.today():%Y}, {author}"
+release = tl.__version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.intersphinx"]
+source_suffix = {".md": "markdown"}
+myst_heading_anchors = 4  # links between chapters name headings
+html_theme = "furo"
+html_title = "tex_lightning"
+
+autodoc_typehints = "description"
+autodoc_member_order = "bysource"
+autodoc_mock_imports: list[str] = []
+
+# An inventory that cannot be fetched is a warning, and warnings are errors: links into other
+# projects only where a network is promised.
+intersphinx_mapping = (
+    {
+        "python": ("https://docs.python.org/3", None),
+        "torch": ("https://docs.pytorch.org/docs/stable", None),
+        "numpy": ("https://numpy.org/doc/stable", None),
+    }
+    if os.environ.get("DOCS_ONLINE")
+    else {}
+)
