@@ -20,6 +20,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
+from tex_lightning.report.page.writing import write_page
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder, find_checkpoint
 from tex_lightning.tasks import (
@@ -86,7 +87,9 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         if config.model.name == AUTO:
             config = resolve_auto(config.frontier.run, config.data.test_fold, job)
         results = TASKS[config.task](config, job)
-    if config.task in TRAINING and results:  # other ranks have none
+    if results:  # other ranks have none
+        write_page(job.directory)
+    if config.task in TRAINING and results:
         return optimized_value(results, config.optimized_metric)
     return None
 

@@ -75,8 +75,11 @@ class SweepSummary(Callback):
             writer.writerows({**row, "overrides": " ".join(row["overrides"])} for row in rows)
         _print(rows, directory)
         from tex_lightning.report.document import write_report  # heavy, and only now needed
+        from tex_lightning.report.page.writing import write_page
 
-        write_report(directory, jobs, rerun_command(config, directory))
+        command = rerun_command(config, directory)
+        write_report(directory, jobs, command)
+        write_page(directory, command)
 
 
 def rerun_command(config: DictConfig, directory: Path) -> str:

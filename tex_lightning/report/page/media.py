@@ -1,0 +1,144 @@
+"""Pictures and sounds as they are put into a page, and the samples that they are shown of."""
+
+import base64
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import soundfile
+from matplotlib import colormaps
+from PIL import Image, ImageOps
+from scipy.signal import spectrogram
+
+from tex_lightning.data.decode import IMAGE_SUFFIXES, SignalDecoder, read_trace, to_rate
+from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
+
+MOST_SAMPLES = 10
+SIDE = 280  # pixels of a photo
+SECONDS = 5.0  # of a signal
+AUDIBLE = 8_000.0  # Hz; browsers refuse much lower rates
+RANGE_DB = 60.0  # of a spectrogram
+
+Samples = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Medium:
+    """A recording that can be seen or heard.
+
+    Attributes:
+        kind: ``image`` or ``audio``.
+        name: Of the file.
+        content: A data URI.
+    """
+
+    kind: str
+    name: str
+    content: str
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A sample with its recordings.
+
+    Attributes:
+        network: That classified it.
+        label: The true class.
+        predicted: The label it got.
+        probability: Of that.
+        own: Probability of the true class.
+        media: Of its recordings those that can be shown.
+    """
+
+    network: str
+    label: str
+    predicted: str
+    probability: float
+    own: float
+    media: list[Medium]
+
+
+def embedded(path: Path) -> str:
+    """A PNG as a data URI."""
+    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"
+
+
+def shown_samples(directory: Path, networks: Sequence[str]) -> list[Shown]:
+    """The worst samples of the last network: wrong and sure first, then right and unsure."""
+    file = directory / "predictions" / f"{networks[-1]}.csv" if networks else directory
+    if not file.is_file():
+        return []
+    worst = sorted(read_outcomes(file), key=_margin)[:MOST_SAMPLES]
+    return [_shown(outcome, networks[-1]) for outcome in worst]
+
+
+def _margin(outcome: Outcome) -> float:
+    """By how much the true class is more probable than the most probable other."""
+    known = outcome.class_probabilities
+    others = [value for name, value in known.items() if name != outcome.label]
+    return known.get(outcome.label, 0.0) - max(others, default=0.0)
+
+
+def _shown(outcome: Outcome, network: str) -> Shown:
+    known = outcome.class_probabilities
+    return Shown(
+        network,
+        outcome.label,
+        outcome.predicted,
+        known.get(outcome.predicted, outcome.share),
+        known.get(outcome.label, 0.0),
+        [medium for file in outcome.files.values() for medium in _media(Path(file))],
+    )
+
+
+def _media(path: Path) -> Iterator[Medium]:
+    """What can be shown of a file; nothing of one that is gone, or of a part of one."""
+    try:
+        if path.suffix.lower() in IMAGE_SUFFIXES:
+            yield Medium("image", path.name, _thumbnail(path))
+        elif path.is_file():
+            samples, source = read_trace(path, SignalDecoder())
+            heard = samples[:, : int(SECONDS * source.hz)]
+            yield Medium("image", "spectrogram", _spectrogram(heard))
+            yield Medium("audio", path.name, _sound(heard, source.hz))
+    except (UserError, OSError):
+        return
+
+
+def _thumbnail(path: Path) -> str:
+    with Image.open(path) as image:
+        image.draft("RGB", (2 * SIDE, 2 * SIDE))  # let the JPEG decoder leave out what is not seen
+        small = ImageOps.exif_transpose(image).convert("RGB")
+    small.thumbnail((SIDE, SIDE))
+    return _jpeg(small)
+
+
+def _jpeg(image: Image.Image) -> str:
+    stream = io.BytesIO()
+    image.save(stream, "JPEG", quality=80)
+    return f"data:image/jpeg;base64,{base64.b64encode(stream.getvalue()).decode()}"
+
+
+def _spectrogram(samples: Samples) -> str:
+    """Power of all axes over time, low frequencies below, 60 dB from dark to bright."""
+    length = min(512, samples.shape[1])
+    _, _, power = spectrogram(samples, nperseg=length, axis=-1)
+    decibels = 10 * np.log10(power.sum(axis=0) + 1e-30)
+    shares = np.clip(1 + (decibels - decibels.max()) / RANGE_DB, 0, 1)
+    pixels = (255 * colormaps["magma"](shares[::-1])[..., :3]).astype(np.uint8)
+    return _jpeg(Image.fromarray(pixels).resize((SIDE, SIDE // 3)))
+
+
+def _sound(samples: Samples, source: float) -> str:
+    """A signal as 16-bit WAV, its axes added, as loud as can be."""
+    rate = round(max(AUDIBLE, source))
+    heard = to_rate(samples, source, rate, "The signal").sum(axis=0)
+    heard = heard - heard.mean()
+    heard = heard / max(float(np.abs(heard).max()), 1e-12)
+    stream = io.BytesIO()
+    soundfile.write(stream, heard, rate, format="WAV", subtype="PCM_16")
+    return f"data:audio/wav;base64,{base64.b64encode(stream.getvalue()).decode()}"

@@ -1,0 +1,130 @@
+"""Write ``report.html`` from what a run folder holds."""
+
+import csv
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+from markdown_it import MarkdownIt
+
+from tex_lightning.files import write_text
+from tex_lightning.report.page.curves import Curve, read_curves
+from tex_lightning.report.page.media import embedded, shown_samples
+from tex_lightning.report.table import (
+    FACTS,
+    TINY,
+    is_tiny,
+    python_command,
+    run_overrides,
+)
+
+PAGE = "report.html"
+REPORT = "report.md"
+TABLES = ("frontier.csv", "senses.csv", "breaking_points.csv", "conditions.csv", "sweep.csv")
+MOST_LINES = 200  # of a table that are shown; the file has all
+HIDDEN = ("probabilities", "votes")  # columns that a person does not read
+
+
+def write_page(directory: Path, command: str | None = None) -> None:
+    """Write ``report.html``: headline, curves, tables, figures, worst samples, settings, command.
+
+    Everything is inside: pictures, and the recordings of the worst samples, small. Nothing is
+    fetched, and what comes out of files is text, never markup.
+
+    Args:
+        directory: A run folder, or that of a sweep.
+        command: What repeats it; None takes what the run folder says.
+    """
+    results = _read_json(directory / "results.json")
+    settings = _read_json(directory / "settings.json")
+    given = run_overrides(directory)
+    report = directory / REPORT
+    shown = _rendered(report, directory) if report.is_file() else ""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    template = environment.from_string(
+        files("tex_lightning.report.page").joinpath("page.html").read_text(encoding="utf-8")
+    )
+    networks = {
+        name: {fact: read(entry) for fact, read in FACTS.items()}
+        for name, entry in results.get("networks", {}).items()
+        if "vote_accuracy" in entry
+    }
+    page = template.render(
+        title=" · ".join(str(results[key]) for key in ("task", "model", "data") if results.get(key))
+        or directory.name,
+        tiny=TINY if is_tiny(given) else "",
+        networks=networks,
+        curves=[_drawn(curve) for curve in read_curves(directory)],
+        report=shown,
+        tables={name: _table(directory / name) for name in TABLES if (directory / name).is_file()},
+        figures=_figures(directory, shown),
+        samples=shown_samples(directory, list(networks)),
+        settings=settings,
+        environment=results.get("environment", {}),
+        seconds=results.get("wall_seconds"),
+        command=command or python_command(*given, f"hydra.run.dir={directory}"),
+    )
+    write_text(directory / PAGE, page)
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return found
+
+
+def _rendered(report: Path, directory: Path) -> str:
+    """``report.md`` as HTML, its title and command left out, its figures inside."""
+    text = report.read_text(encoding="utf-8")
+    _, _, rest = text.partition("```bash")
+    body = rest.partition("```")[2] if rest else text
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = parser.parse(body)
+    for token in tokens:
+        for child in token.children or ():
+            source = directory / str(child.attrs.get("src", ""))
+            if child.type == "image" and source.is_file():
+                child.attrs["src"] = embedded(source)
+    html: str = parser.renderer.render(tokens, parser.options, {})
+    return html.replace("<table>", '<div class="wide"><table>').replace(
+        "</table>", "</table></div>"
+    )
+
+
+def _figures(directory: Path, shown: str) -> list[tuple[str, str]]:
+    """Name and content of every figure that the report does not show."""
+    paths = [*sorted(directory.glob("*.png")), *sorted((directory / "figures").glob("*.png"))]
+    found = [(path.stem.replace("_", " "), embedded(path)) for path in paths]
+    return [(name, content) for name, content in found if content not in shown]
+
+
+def _table(path: Path) -> dict[str, Any]:
+    """Heading and lines of a CSV, figures with four digits."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        lines = list(csv.DictReader(stream))
+    heading = [name for name in (lines[0] if lines else {}) if name not in HIDDEN]
+    return {
+        "heading": heading,
+        "lines": [[_short(line[name]) for name in heading] for line in lines[:MOST_LINES]],
+        "left_out": max(0, len(lines) - MOST_LINES),
+    }
+
+
+def _short(value: str | None) -> str:
+    try:
+        number = float(value or "")
+    except ValueError:
+        return value or ""
+    return value or "" if number == int(number) else f"{number:.4g}"
+
+
+def _drawn(curve: Curve, width: int = 560, height: int = 150) -> dict[str, Any]:
+    """A curve with the corners of its polyline in a box of so many units."""
+    low, high = min(curve.values), max(curve.values)
+    across, span = max(1, len(curve.values) - 1), (high - low) or 1
+    corners = [
+        f"{index / across * width:.1f},{height - (value - low) / span * height:.1f}"
+        for index, value in enumerate(curve.values)
+    ]
+    return {"curve": curve, "low": low, "high": high, "points": " ".join(corners)}
