@@ -13,6 +13,7 @@ release = tl.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.intersphinx"]
 source_suffix = {".md": "markdown"}
 myst_heading_anchors = 4  # links between chapters name headings
+exclude_patterns = ["notebooks"]  # they are run as they are, and linked
 html_theme = "furo"
 html_title = "tex_lightning"
 
