@@ -19,7 +19,7 @@ START = "python -m tex_lightning"
 
 
 def commands(page: Path) -> list[str]:
-    """Arguments of this package in the blocks of a page, with the page's own variables filled in."""
+    """Arguments of this package in the blocks of a page, its own variables filled in."""
     text = page.read_text(encoding="utf-8")
     lines = [
         line.strip()
