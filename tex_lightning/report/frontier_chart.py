@@ -3,11 +3,16 @@
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
+from adjustText import adjust_text
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogFormatter
+from matplotlib.transforms import Bbox
 
 from tex_lightning.config.model import FUSION
 from tex_lightning.files import write_lines
@@ -29,6 +34,7 @@ COLOURS = {
 }
 OTHER = "#ccbb44"  # a sense of the user's
 GREY = "#bbbbbb"  # dominated
+DIM = "#666666"  # their names
 
 
 @dataclass(frozen=True)
@@ -95,13 +101,13 @@ def draw_frontier(
 def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -> Figure:
     """Accuracy with intervals over latency (log axis); dominated systems are grey.
 
-    The procedure that chooses is a hollow diamond. Points bear numbers, from the quickest on, and a
-    list beside them says whose they are: names would cover each other where systems are alike.
-    Senses that are added one after another are arrows, with what they cost and repair.
+    The procedure that chooses is a hollow diamond. Every point has its name beside it, moved to
+    where it covers neither points nor other names. Senses that are added one after another are
+    arrows, with what they cost and repair.
     """
-    figure = Figure(figsize=(11, 6), layout="constrained")
+    figure = Figure(figsize=(11, 7), layout="constrained")
     axes = figure.subplots()
-    for number, point in enumerate(_by_latency(points), 1):
+    for point in _by_latency(points):
         colour, procedure = _colour(point), point.kind == PROCEDURE
         low, high = point.vote_accuracy - point.ci_low, point.ci_high - point.vote_accuracy
         axes.errorbar(
@@ -113,11 +119,6 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
             zorder=5 if procedure else 3,
             facecolors="none" if procedure else colour, marker="D" if procedure else "o",
             edgecolors="black" if point.chosen or procedure else "none", linewidths=1.5,
-            label=_entry(number, point),
-        )  # fmt: skip
-        axes.annotate(
-            str(number), (point.latency_ms_mean, point.vote_accuracy), fontsize=7,
-            xytext=(0, 5 + 9 * (number % 2)), textcoords="offset points", zorder=4,
         )  # fmt: skip
     line = _line(points)
     axes.plot([item.latency_ms_mean for item in line], [item.vote_accuracy for item in line],
@@ -133,26 +134,51 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
         "each fold's votes by the system chosen on another fold",
     )
     axes.title.set_fontsize(9)
-    axes.margins(x=0.15, y=0.08)
+    axes.margins(x=0.15, y=0.15)  # room for names
     for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         formatter(LogFormatter(minor_thresholds=(2, 0.5)))
     axes.grid(alpha=0.3, which="both")
     places = {item.system: (item.latency_ms_mean, item.vote_accuracy) for item in points}
     mark_added_senses(axes, steps, places)
-    figure.legend(loc="outside right center", fontsize=7, handlelength=0, markerscale=0)
+    figure.draw_without_rendering()  # only then it is known where points and names are
+    _name_points(axes, points)
     return figure
+
+
+def _name_points(axes: Axes, points: Sequence[Point]) -> None:
+    """Names beside the points, with a line to a point that its name could not stay at."""
+    across = [point.latency_ms_mean for point in points]
+    upwards = [point.vote_accuracy for point in points]
+    halo = [withStroke(linewidth=2, foreground="white")]
+    names = [
+        axes.text(x, y, _entry(point), fontsize=7, zorder=6, color=_ink(point), path_effects=halo)
+        for x, y, point in zip(across, upwards, points, strict=True)
+    ]
+    adjust_text(
+        names, across, upwards, objects=[_disc(axes, point) for point in points], ax=axes,
+        expand=(1.1, 1.5), force_static=(0.5, 1), max_move=30, iter_lim=200,
+        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.6},
+    )  # fmt: skip
 
 
 def _by_latency(points: Sequence[Point]) -> list[Point]:
     return sorted(points, key=lambda item: item.latency_ms_mean)
 
 
-def _entry(number: int, point: Point) -> str:
+def _disc(axes: Axes, point: Point) -> Bbox:
+    """What a point covers, in pixels."""
+    place = axes.transData.transform((point.latency_ms_mean, point.vote_accuracy))
+    radius = sqrt(_area(point)) / 2 * axes.figure.dpi / 72
+    return Bbox([place - radius, place + radius])
+
+
+def _entry(point: Point) -> str:
     remark = ", chosen" if point.chosen else ", the choice" if point.kind == PROCEDURE else ""
-    return (
-        f"{number}  {point.system}\n     {point.latency_ms_mean:.1f} ms, "
-        f"{point.vote_accuracy:.1%}{remark}"
-    )
+    return f"{point.system}{remark}"
+
+
+def _ink(point: Point) -> str:
+    return "black" if point.on_frontier or point.kind == PROCEDURE else DIM
 
 
 def _colour(point: Point) -> str:
@@ -166,7 +192,7 @@ def _line(points: Sequence[Point]) -> list[Point]:
 
 
 def _area(point: Point) -> float:
-    area: float = 20 + 25 * (max(point.parameters or 0, 1000) / 1000) ** 0.4
+    area: float = 12 + 10 * (max(point.parameters or 0, 1000) / 1000) ** 0.4
     return area
 
 
