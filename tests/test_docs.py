@@ -6,12 +6,16 @@ from pathlib import Path
 
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.utils import get_class
 
+import tex_lightning as tl
 from tex_lightning.config import CONF
 from tex_lightning.config.arguments import quote_files
 from tex_lightning.config.check import check_known
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
+from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.networks.tiles import layer_windows
 
 ROOT = CONF.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -69,3 +73,38 @@ def test_a_command_of_the_documentation_composes(page, command):
     composed = compose_config(CONF, [*jobs, "crossval.share=null"])  # of a sweep: the job's folder
     check_known(composed)
     read_config(composed)
+
+
+def reach(windows) -> int:
+    """Elements along one axis that one position depends on."""
+    total = 1
+    for window in reversed(windows):
+        total = (total - 1) * window.stride + window.kernel
+    return total
+
+
+def test_the_geometry_of_the_networks_is_that_of_the_code():
+    page = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", page, re.MULTILINE)
+    assert {name for name, _ in rows} == {path.stem for path in (CONF / "trunk").glob("*.yaml")}
+    for name, cells in rows:
+        visual = compose_config(CONF, ["model=visual", f"trunk={name}"]).model.visual
+        trunk = get_class(visual.trunk._target_)(width=1.0, norm=visual.norm)
+        network = tl.VisualNet(69, trunk, head=visual.head)
+        places = "{} x {}".format(*network.output_size(1224, 1632))
+        sizes = network.window_size[0], network.min_size[0], network.stride
+        parameters = sum(each.numel() for each in network.parameters())
+        facts = (*sizes, reach(layer_windows(network, 1)), places, f"{parameters:,}")
+        assert cells == " | ".join(map(str, facts)), name
+
+
+def test_the_fragments_of_hapticnet_are_those_of_the_code():
+    page = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
+    network, features = tl.HapticNet(3, width=0.1), SpectrogramFeatures()
+    seconds = [features.samples(frames) / 10_000 for frames in (192, 177)]
+    assert (network.window_size[1], network.min_size[1]) == (192, 177)
+    words = " ".join(page.split())
+    assert f"192 frames ({seconds[0]:.2f} s, at least 177 frames or {seconds[1]:.2f} s)" in words
+    assert f"sees {network.receptive_field} in a longer" in words
+    found = network.output_size(50, features.frames(200_000))[1]
+    assert f"20 s give {found} fragments" in words
