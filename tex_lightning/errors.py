@@ -23,8 +23,8 @@ class UserError(Exception):
 
 
 def shorten(value: object) -> str:
-    """Text for a message: a long value keeps its beginning and end."""
-    text = str(value)
+    """Text for a message, in one line: a long value keeps its beginning and end."""
+    text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in str(value))
     if len(text) <= SHOWN:
         return text
     half = SHOWN // 2

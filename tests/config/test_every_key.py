@@ -1,0 +1,42 @@
+"""Whatever a key is given, it is taken or refused in one sentence."""
+
+import copy
+import math
+
+import pytest
+from omegaconf import OmegaConf
+
+from tex_lightning.config import CONF, flatten
+from tex_lightning.config.check import check_config, check_known, check_missing
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.mistakes import MISTAKES
+from tex_lightning.config.weights import read_config
+from tex_lightning.errors import UserError
+
+VALUES = ["abc", -1, 0, math.nan, math.inf, 1e300, 10**30, "", [], {}, [1], ["a"], {"a": 1}]
+VALUES += [None, True, [[1]], "a\nb", "\x00"]
+LONG = 900  # characters; the longest lists all perturbations
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["fit", "predict", "stability"])
+def test_every_key_takes_or_refuses_every_value(task):
+    composed = compose_config(CONF, [f"task={task}", "model=fusion"])
+    keys = sorted(flatten(OmegaConf.to_container(composed, resolve=False)))
+    accepted = refused = 0
+    for key in keys:
+        for value in VALUES:
+            given = copy.deepcopy(composed)
+            try:
+                OmegaConf.update(given, key, value)
+                check_known(given)
+                check_missing(given)
+                check_config(read_config(given))
+                accepted += 1
+            except UserError as error:
+                assert "\n" not in str(error), key
+                assert len(str(error)) < LONG, key
+                refused += 1
+            except MISTAKES:  # which the command line puts into words
+                refused += 1
+    assert refused > accepted > len(keys)
