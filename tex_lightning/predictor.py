@@ -1,7 +1,7 @@
 """A trained system that classifies files and arrays, as the command line and Python use it."""
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,15 @@ from tex_lightning.config.recipe import PredictionRecipe
 from tex_lightning.config.trust import trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.quality import Quality, together
+from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import pick_device, synchronise
 from tex_lightning.errors import UserError
-from tex_lightning.inference.early_stopping import prepare
+from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.evidence import Evidence, gather, refuse_baseline
 from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.prediction import Prediction, describe
+from tex_lightning.report.explanation import Explanation
 from tex_lightning.runfolder import find_checkpoint
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
@@ -111,6 +114,40 @@ class Predictor:
         Raises:
             UserError: If the input cannot be used, or is not what this checkpoint looks at.
         """
+        return self._classified(recordings, rate, colour, _classify)[0]
+
+    def explain(
+        self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
+    ) -> Explanation:
+        """Classify one sample, and keep what every position said and where it looked.
+
+        Takes what :meth:`predict` takes, and gives the same prediction, but for
+        ``decision=sequential``, in place of which the full decision is made. Draw it by
+        ``explain(...).figure()`` or ``.save("WHY.png")``.
+
+        Raises:
+            UserError: As :meth:`predict`, and of a baseline, which has no positions.
+        """
+        refuse_baseline(self.classifier)
+        found: dict[str, Evidence] = {}
+
+        def classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
+            whole = decider.full if isinstance(decider, SequentialClassifier) else decider
+            vote, senses = gather(whole, decoded)
+            found.update(senses)
+            return vote
+
+        prediction, vote = self._classified(recordings, rate, colour, classify)
+        return Explanation.of(prediction, self.card.classes, vote.label, found)
+
+    def _classified(
+        self,
+        recordings: Mapping[str, Input],
+        rate: float | None,
+        colour: str,
+        classify: Callable[[SurfaceClassifier, dict[str, Tensor]], Vote],
+    ) -> tuple[Prediction, Vote]:
+        """One sample, by ``classify`` of what decides and the decoded recordings."""
         given = {name: each for name, each in recordings.items() if each is not None}
         self.check_senses(given)
         senses = self._senses(given)
@@ -118,7 +155,7 @@ class Predictor:
         begin = time.perf_counter()
         try:
             decoded, quality = self._decoded(given, senses, rate, colour)
-            vote = decider.classify(**decoded)
+            vote = classify(decider, decoded)
         except UserError as error:
             files = [str(each) for each in given.values() if isinstance(each, str | Path)]
             named = not files or any(file in str(error) for file in files)
@@ -126,7 +163,7 @@ class Predictor:
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         said = decider.card.modalities if fused else ()
-        return describe(vote, decider.card, quality, self.how.top_k, latency, said)
+        return describe(vote, decider.card, quality, self.how.top_k, latency, said), vote
 
     def stream(
         self,
@@ -218,3 +255,7 @@ class Predictor:
                 decoded[branch.modality] = recording
                 found.append(quality)
         return decoded, together(found)
+
+
+def _classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
+    return decider.classify(**decoded)

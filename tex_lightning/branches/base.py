@@ -161,18 +161,26 @@ class Branch(ABC):
         Raises:
             UserError: If the recording is too small, or not finite.
         """
+        return self.position_grid(recording, level).flatten(1)
+
+    def position_grid(self, recording: Tensor, level: Level) -> Tensor:
+        """The same features as they lie (D, rows, columns); a signal's have one row.
+
+        Raises:
+            UserError: As :meth:`positions`.
+        """
         if not self.knows_min_size:
             return self._tried(recording, level)
         self.check_size(recording)
-        return self.dense(self.dense_input(recording), level)
+        return self._dense_grid(self.dense_input(recording), level)
 
     def _tried(self, recording: Tensor, level: Level) -> Tensor:
         """Features by a network that does not say how much it needs."""
         try:
-            found = self.dense(self.dense_input(recording), level)
+            found = self._dense_grid(self.dense_input(recording), level)
         except RuntimeError as error:  # of a kernel that is larger than its input
             raise self._unusable(recording, " ".join(str(error).split())) from error
-        if not found.shape[1]:
+        if not found[0].numel():
             raise self._unusable(recording, "it gives no position")
         return found
 
@@ -248,15 +256,19 @@ class Branch(ABC):
 
     def dense(self, x: Tensor, level: Level) -> Tensor:
         """Features (D, positions) of a network input, piece by piece if it is large."""
-        if self.tile is None or not self.declares_geometry:
-            return self._features(x, level).flatten(2)[0]
+        return self._dense_grid(x, level).flatten(1)
+
+    def _dense_grid(self, x: Tensor, level: Level) -> Tensor:
+        """The same (D, rows, columns)."""
 
         def features(part: Tensor) -> Tensor:
             found = self._features(part, level)
-            return found if found.dim() == 4 else found[:, :, None]
+            return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
 
+        if self.tile is None or not self.declares_geometry:
+            return features(x)[0]
         windows = layer_windows(self.network, 0), layer_windows(self.network, 1)
-        return in_tiles(features, x, windows, self.tile)[0].flatten(1)
+        return in_tiles(features, x, windows, self.tile)[0]
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
         """Features (1, D, *positions), float32, of a network input."""

@@ -1,0 +1,292 @@
+"""What every position of a network says, and where in the recording it looked.
+
+A position is given the fragment that it begins with: the window that gives exactly one prediction,
+and on which the network was trained. In a longer recording it also sees a margin around it, as far
+as the network's receptive field reaches (of HapticNet 15 frames on either side).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from tex_lightning.branches import Branch
+from tex_lightning.branches.signal import SignalBranch
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.decision.voting import Vote
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import FLOOR, SpectrogramFeatures, movement_start
+
+Floats = npt.NDArray[np.floating[Any]]
+Labels = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Dense scores of one sense, and where they lie.
+
+    Attributes:
+        name: Of the sense.
+        what: What its recordings are called.
+        scores: (classes, rows, columns) float32, before softmax: a network's class scores, or what
+            the sense adds to those of a FusionNet. Signals have one row.
+        rows: (rows, 2) first pixel of each row of fragments and one past the last, from the top;
+            not used of signals. The last may reach beyond the photo.
+        columns: (columns, 2) the same from the left, in pixels; of signals begin and end in
+            seconds of the recording.
+        declared: Whether the network says where its positions lie; else the photo or the movement
+            is taken as cut into as many equal parts.
+        temperature: What scores are divided by before they become probabilities.
+    """
+
+    name: str
+    what: str
+    scores: Floats
+    rows: Floats
+    columns: Floats
+    declared: bool
+    temperature: float
+
+    @property
+    def labels(self) -> Labels:
+        """(rows, columns) class of every position."""
+        found: Labels = self.scores.argmax(axis=0)
+        return found
+
+    def probabilities(self, label: int) -> Floats:
+        """(rows, columns) probability of a class at every position, 0 to 1."""
+        found = torch.from_numpy(self.scores).double().div(self.temperature).softmax(dim=0)
+        return cast(Floats, found[label].numpy())
+
+    def rivals(self, label: int) -> Labels:
+        """(rows, columns) the best other class of every position."""
+        found: Labels = self._others(label).argmax(axis=0)
+        return found
+
+    def margins(self, label: int) -> Floats:
+        """(rows, columns) score of a class less that of the best other one there."""
+        found: Floats = self.scores[label] - self._others(label).max(axis=0)
+        return found
+
+    def extremes(self, label: int) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Row and column of the positions with the largest and the smallest margin."""
+        margins = self.margins(label)
+        most, least = (
+            np.unravel_index(int(place), margins.shape)
+            for place in (margins.argmax(), margins.argmin())
+        )
+        return (int(most[0]), int(most[1])), (int(least[0]), int(least[1]))
+
+    def _others(self, label: int) -> Floats:
+        others = self.scores.copy()
+        others[label] = -np.inf
+        return others
+
+
+@dataclass(frozen=True)
+class PhotoEvidence(Evidence):
+    """That of a photo.
+
+    Attributes:
+        pixels: (height, width, 3) uint8 as the network reads it: halved if the checkpoint says so.
+    """
+
+    pixels: npt.NDArray[np.uint8]
+
+    def label_map(self, step: int = 1) -> Labels:
+        """Class of the middle of squares of pixels: that of the fragment whose centre is nearest.
+
+        Args:
+            step: Side of a square.
+
+        Returns:
+            (height, width) over ``step``, rounded up; -1 where no fragment reaches.
+        """
+        height, width = self.pixels.shape[:2]
+        places = [
+            nearest(extents, (np.arange(0, size, step) + step / 2).clip(max=size - 0.5))
+            for extents, size in ((self.rows, height), (self.columns, width))
+        ]
+        found: Labels = self.labels[np.ix_(*places)]
+        found[places[0] < 0] = -1
+        found[:, places[1] < 0] = -1
+        return found
+
+
+@dataclass(frozen=True)
+class SignalEvidence(Evidence):
+    """That of a signal.
+
+    Attributes:
+        samples: (axes, samples) float32 in the unit of the recording.
+        rate: Of the samples in Hz.
+        start: Seconds of the recording before steady movement, which the network does not read.
+        input: (bands, frames) the spectrogram that the network reads, normalised; where it reads
+            something else, logarithmic magnitudes of the recording. None of one too short.
+        frequencies: (bands,) in Hz.
+        times: (frames,) centre of each frame in seconds of the recording.
+        is_read: Whether ``input`` is what the network reads.
+    """
+
+    samples: Floats
+    rate: float
+    start: float
+    input: Floats | None
+    frequencies: Floats
+    times: Floats
+    is_read: bool
+
+    @property
+    def seconds(self) -> float:
+        """Length of the recording."""
+        return self.samples.shape[-1] / self.rate
+
+    @cached_property
+    def edges(self) -> Floats:
+        """(columns + 1,) where the class changes hands, halfway between the fragments' centres."""
+        return cell_edges(self.columns).clip(0, self.seconds)
+
+
+def cell_edges(extents: Floats) -> Floats:
+    """(places + 1,) what is nearest to each of some (places, 2) begins and ends, in order."""
+    centres = extents.mean(axis=1)
+    between = (centres[1:] + centres[:-1]) / 2
+    return np.concatenate((extents[:1, 0], between, extents[-1:, 1]))
+
+
+def nearest(extents: Floats, values: Floats) -> Labels:
+    """Index of the (places, 2) begins and ends whose centre is nearest; -1 outside of all."""
+    edges = cell_edges(extents)
+    found: Labels = np.searchsorted(edges, values, side="right") - 1
+    found[(found >= len(extents)) | (found < 0)] = -1
+    return found
+
+
+@torch.inference_mode()
+def gather(
+    classifier: SurfaceClassifier, recordings: Mapping[str, Tensor]
+) -> tuple[Vote, dict[str, Evidence]]:
+    """Decide on one sample as ``classify`` does, and keep what every position said.
+
+    Args:
+        classifier: A network, in evaluation mode.
+        recordings: Decoded, by modality.
+
+    Returns:
+        The decision, and by sense what it is made of.
+
+    Raises:
+        UserError: If a recording cannot be used, or it is a baseline, which has no positions.
+    """
+    card = classifier.card
+    refuse_baseline(classifier)
+    classifier.require(dict(recordings))
+    alone = classifier.fusion is None
+    summands, found = [], {}
+    for name, branch in classifier.branches.items():
+        recording = recordings[branch.modality]
+        grid = branch.position_grid(recording, classifier.level(name))
+        summand = classifier.project(name, grid.flatten(1))
+        summands.append(summand)
+        scores = summand.reshape(-1, *grid.shape[1:]).cpu().numpy()
+        # a temperature is fitted to the sum of all senses
+        found[name] = _evidence(branch, recording, scores, card.temperature if alone else 1.0)
+    logits = classifier.join(summands, 0 if alone else classifier.seed(**recordings))
+    return classifier.decide(logits, card.temperature), found
+
+
+def refuse_baseline(classifier: SurfaceClassifier) -> None:
+    """Refuse what has no dense scores.
+
+    Raises:
+        UserError: Naming the baseline.
+    """
+    if classifier.card.baseline:
+        raise UserError(
+            f"{classifier.card.title} looks at the whole recording at once, so it has no map to "
+            "draw; leave predict.figure out, or give the checkpoint of a network."
+        )
+
+
+def _evidence(branch: Branch, recording: Tensor, scores: Floats, temperature: float) -> Evidence:
+    common = {"name": branch.name, "what": branch.what, "scores": scores}
+    common["temperature"] = temperature
+    if isinstance(branch, SignalBranch):
+        return _of_signal(branch, recording, common)
+    height, width = recording.shape[:2]
+    counts = scores.shape[1:]
+    if branch.declares_geometry:
+        rows, columns = (
+            window_extents(count, branch.stride, window)
+            for count, window in zip(counts, branch.window_size, strict=True)
+        )
+    else:
+        rows, columns = (
+            equal_parts(count, 0, size) for count, size in zip(counts, (height, width), strict=True)
+        )
+    pixels = recording.cpu().numpy()
+    declared = branch.declares_geometry
+    return PhotoEvidence(**common, rows=rows, columns=columns, declared=declared, pixels=pixels)
+
+
+def _of_signal(branch: SignalBranch, recording: Tensor, common: dict[str, Any]) -> SignalEvidence:
+    rate, features = branch.decoder.sampling_rate, branch.spectrogram
+    skips = getattr(branch.features, "skip_impact", False)
+    start = movement_start(recording, rate) / rate if skips else 0.0
+    count, seconds = common["scores"].shape[2], recording.shape[-1] / rate
+    if features is not None and branch.declares_geometry:
+        frames = window_extents(count, branch.stride, branch.window_size[1])
+        frames[:, 1] -= 1  # the last frame begins there
+        columns = start + frames * features.hop_length / rate
+        columns[:, 1] += features.window_length / rate
+    else:
+        columns = equal_parts(count, start, seconds)
+    shown = _mel(recording, rate) if features is None else (features, branch(recording)[0, 0])
+    values, times, frequencies = None, np.empty(0), np.empty(0)
+    if shown is not None:
+        reader, found = shown
+        values, frequencies = found.cpu().numpy(), reader.frequencies.numpy()
+        begins = np.arange(found.shape[1]) * reader.hop_length + reader.window_length / 2
+        times = (start if features is not None else 0.0) + begins / rate
+    return SignalEvidence(
+        **common,
+        rows=np.array([[0.0, 1.0]]),
+        columns=columns,
+        declared=features is not None and branch.declares_geometry,
+        samples=recording.cpu().numpy(),
+        rate=rate,
+        start=start,
+        input=values,
+        frequencies=frequencies,
+        times=times,
+        is_read=features is not None,
+    )
+
+
+def _mel(recording: Tensor, rate: float) -> tuple[SpectrogramFeatures, Tensor] | None:
+    """A spectrogram for the eye, of a signal that the network reads in another way."""
+    if recording.shape[-1] < 2:
+        return None
+    seconds = min(0.05, recording.shape[-1] / rate)
+    reader = SpectrogramFeatures(
+        sampling_rate=rate, scale="mel", skip_impact=False, window_seconds=seconds
+    )
+    magnitudes = reader.magnitudes(recording.cpu())
+    return reader, (magnitudes / magnitudes.mean().clamp(min=1e-30) + FLOOR).log()
+
+
+def window_extents(count: int, stride: int, window: int) -> Floats:
+    """(count, 2) begin and end of windows that begin a stride apart."""
+    begins = np.arange(count, dtype=np.float64) * stride
+    return np.stack((begins, begins + window), axis=1)
+
+
+def equal_parts(count: int, begin: float, end: float) -> Floats:
+    """(count, 2) begin and end of equal parts of a length."""
+    edges = np.linspace(begin, end, count + 1)
+    return np.stack((edges[:-1], edges[1:]), axis=1)

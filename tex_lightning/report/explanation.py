@@ -1,0 +1,175 @@
+"""Why a sample got its label: the dense scores of every sense, and a picture of them."""
+
+import textwrap
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Patch
+
+from tex_lightning.files import write_atomically
+from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvidence
+from tex_lightning.prediction import Prediction
+from tex_lightning.report.evidence_panels import OTHERS, SMALL, Key, draw_photo, draw_signal
+
+SUFFIXES = (".png", ".pdf", ".svg")
+# Tol's bright palette for colour-blind readers, the winner's first, and two of his vibrant one
+COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
+WIDTH = 12.0  # inches
+HEIGHTS = {"signal": 3.7, "photo": 3.1, "fused": 1.3, "line": 0.22}
+COLUMNS = 5  # of the legend
+LINE = 150  # characters
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What a label is made of.
+
+    Attributes:
+        prediction: What ``predict`` says of the sample, of the same pass.
+        classes: Names in the order of the scores.
+        label: Index of the class that won the vote, also where it was rejected.
+        rival: Index of the class with the largest mean score beside it.
+        senses: Dense scores by the name of each sense that was looked at.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> found = tl.load("RUN").explain(haptic="A.wav", image="B.jpg")
+        >>> found.senses["haptic"].scores.shape  # classes, one row, positions
+        (3, 1, 4)
+        >>> found.senses["visual"].label_map().shape  # of the photo
+        (240, 240)
+        >>> found.save("WHY.png")
+    """
+
+    prediction: Prediction
+    classes: list[str]
+    label: int
+    rival: int
+    senses: Mapping[str, Evidence]
+
+    @classmethod
+    def of(
+        cls, prediction: Prediction, classes: list[str], label: int, senses: Mapping[str, Evidence]
+    ) -> "Explanation":
+        """Find the rival of the class that won."""
+        means = sum(each.scores.mean(axis=(1, 2), dtype=np.float64) for each in senses.values())
+        ranked = np.argsort(-np.asarray(means), kind="stable").tolist()
+        rival = next(index for index in ranked if index != label)
+        return cls(prediction, classes, label, rival, senses)
+
+    @property
+    def contributions(self) -> dict[str, float]:
+        """By sense, mean over its positions of the winner's score less the rival's.
+
+        Their sum is by how much the mean score of a FusionNet's vote prefers the winner.
+        """
+        return {
+            name: float((each.scores[self.label] - each.scores[self.rival]).mean(dtype=np.float64))
+            for name, each in self.senses.items()
+        }
+
+    @property
+    def title(self) -> str:
+        """Label, confidence, probability and warnings, in lines."""
+        said, name = self.prediction, self.classes[self.label]
+        lines = [
+            f"rejected (most like {name})" if said.rejected else name,
+            f"confidence {said.confidence:.2f}, probability {said.probability:.2f}",
+            *said.warnings,
+        ]
+        return "\n".join(line for text in lines for line in textwrap.wrap(text, LINE))
+
+    def figure(self, heading: str = "") -> Figure:
+        """Draw the recordings with what was said of every position; see ``docs/why.md``.
+
+        Args:
+            heading: A line above the title, such as the names of the files.
+        """
+        title = "\n".join(filter(None, (heading, self.title)))
+        key = Key(self.classes, self.label, self._colours())
+        legend = self._legend(key)
+        heights = [HEIGHTS[_medium(each)] for each in self.senses.values()]
+        fused = [HEIGHTS["fused"]] if len(self.senses) > 1 else []
+        lines = title.count("\n") + 2 + -(-len(legend) // COLUMNS)
+        total = sum(heights) + sum(fused) + lines * HEIGHTS["line"]
+        figure = Figure(figsize=(WIDTH, total), layout="constrained")
+        figure.suptitle(title, fontsize=10)
+        parts = figure.subfigures(len(heights) + len(fused), 1, height_ratios=[*heights, *fused])
+        parts = np.atleast_1d(parts).tolist()
+        for part, evidence in zip(parts, self.senses.values(), strict=False):
+            self._draw(part, evidence, key)
+        if fused:
+            self._draw_fused(parts[-1], key)
+        figure.legend(handles=legend, loc="outside lower center", ncols=COLUMNS, fontsize=SMALL + 1)
+        return figure
+
+    def save(self, path: str | Path, heading: str = "") -> None:
+        """Write the figure as PNG, PDF or SVG, by the suffix.
+
+        Raises:
+            UserError: If it cannot be written.
+        """
+        target, figure = Path(path).expanduser(), self.figure(heading)
+        kind = target.suffix.lower().removeprefix(".")
+        write_atomically(target, lambda partial: figure.savefig(partial, format=kind, dpi=120))
+
+    def _colours(self) -> dict[int, str]:
+        """The winner's, then those of the classes of most positions, in all senses alike."""
+        shares: Counter[int] = Counter()
+        for each in self.senses.values():
+            labels, counts = np.unique(each.labels, return_counts=True)
+            for label, count in zip(labels.tolist(), counts.tolist(), strict=True):
+                shares[label] += count / each.labels.size
+        others = sorted(shares.keys() - {self.label}, key=lambda label: (-shares[label], label))
+        return dict(zip([self.label, *others], COLOURS, strict=False))
+
+    def _legend(self, key: Key) -> list[Patch]:
+        """An entry for each class that occurs, and one for all without a colour of their own."""
+        found = [Patch(color=colour, label=key.name(label)) for label, colour in key.colours.items()]
+        occurring = {int(label) for each in self.senses.values() for label in np.unique(each.labels)}
+        if rest := len(occurring - key.colours.keys()):
+            found.append(Patch(color=OTHERS, label=f"{rest} other classes"))
+        return found
+
+    def _draw(self, part: SubFigure, evidence: Evidence, key: Key) -> None:
+        rival, margin = key.name(self.rival), self.contributions[evidence.name]
+        title = f"{evidence.name}: mean score {margin:+.1f} against {rival}"
+        if not evidence.declared:
+            title += "; where positions lie is not declared, they are drawn as equal parts"
+        part.suptitle(title, fontsize=SMALL + 2, ha="left", x=0.01)
+        if isinstance(evidence, SignalEvidence):
+            draw_signal(part, evidence, key)
+        elif isinstance(evidence, PhotoEvidence):
+            draw_photo(part, evidence, key)
+
+    def _draw_fused(self, part: SubFigure, key: Key) -> None:
+        """How much each sense added, and the votes of all together."""
+        added, votes = part.subplots(1, 2)
+        found = self.contributions
+        _bars(added, [*found, "sum"], [*found.values(), sum(found.values())], "#666666")
+        added.axvline(0, color="black", linewidth=0.8)
+        names = f"{key.name(self.label)} less that of {key.name(self.rival)}"
+        added.set_xlabel(f"mean score of {names}", fontsize=SMALL)
+        best = self.prediction.top_k
+        labels = [self.classes.index(each["label"]) for each in best]
+        colours = [key.colour(label) for label in labels]
+        shares = [each["share"] for each in best]
+        _bars(votes, [key.name(label) for label in labels], shares, colours)
+        votes.set_xlim(0, 1)
+        votes.set_xlabel("share of the votes of all senses together", fontsize=SMALL)
+
+
+def _medium(evidence: Evidence) -> str:
+    return "signal" if isinstance(evidence, SignalEvidence) else "photo"
+
+
+def _bars(axes: Axes, names: list[str], values: list[float], colours: str | list[str]) -> None:
+    axes.barh(range(len(names)), values, color=colours)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.tick_params(labelsize=SMALL)
