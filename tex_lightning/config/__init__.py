@@ -85,6 +85,11 @@ class Config:
         "tested fold; null takes val_loss where a fold is validated, else vote_error",
         choices=OPTIMIZED_METRICS, default=None,
     )  # fmt: skip
+    explained_samples: int = key(
+        "test samples whose votes are drawn (docs/why.md): wrong ones, the surest first, or if "
+        "there are none the least sure; 0 draws none",
+        least=0, most=100,
+    )  # fmt: skip
     data: DataConfig = field(default_factory=DataConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     decision: DecisionConfig = field(default_factory=DecisionConfig)

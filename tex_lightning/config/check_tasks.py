@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from operator import attrgetter
+from pathlib import PurePath
 
 from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import beyond, choice
@@ -10,6 +11,7 @@ from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
+FIGURES = (".png", ".pdf", ".svg")  # suffixes of predict.figure
 PROFILED = (
     "haptic",
     "visual",
@@ -32,6 +34,7 @@ READ_BY = {
     "frontier.only": ("frontier",),
     "optimized_metric": ("fit", "crossval"),
     "predict.fast_decode": ("predict",),
+    "predict.figure": ("predict",),
     "profile.growth": ("profile",),
     "stability.severities": ("stability",),
     "stability.systems": ("stability",),
@@ -71,6 +74,7 @@ def check_task(config: Config) -> Iterator[str]:
         yield f"checkpoint is null, but task={config.task} classifies with one: give its file"
     if config.task == "record":
         yield from _record(config)
+    yield from _figure(config)
     yield from _unread(config)
     yield from _optimized_metric(config)
     yield from _frontier(config)
@@ -143,6 +147,12 @@ def _stream(config: Config) -> Iterator[str]:
         yield "only one signal can be standard input: give files for the others"
     if config.stream.wait > 0 and config.stream.window is not None:
         yield "stream.wait is for the vote over the whole recording: leave it out with a window"
+
+
+def _figure(config: Config) -> Iterator[str]:
+    given = config.predict.figure
+    if given is not None and PurePath(given).suffix.lower() not in FIGURES:
+        yield f"predict.figure={given} must end in {', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
 
 
 def _unread(config: Config) -> Iterator[str]:

@@ -137,6 +137,11 @@ class PredictConfig:
     """Prediction."""
 
     fast_decode: bool = key("let the JPEG decoder halve photos: half the time, nearly the same")
+    figure: str | None = key(
+        "PNG, PDF or SVG file to draw why into (docs/why.md); of several samples each has its own, "
+        "FILE_NAME.png; null draws nothing",
+        default=None,
+    )
 
 
 @dataclass
@@ -267,12 +272,16 @@ class StabilityConfig:
 _TRAINING = (
     "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
 )  # fmt: skip
+_REPORTED = ("optimized_metric", "explained_samples")
 _RUNNING = ("trainer.accelerator", "trainer.threads")  # all that is read without training
 _CLASSIFYING = ("checkpoint", "trusted", "haptic", "data.file_rate", "engine", *_RUNNING)
 READS = {
-    "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run", "optimized_metric"),
-    "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
-    "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
+    "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run", *_REPORTED),
+    "crossval": ("weights", *_TRAINING, "crossval", *_REPORTED),
+    "evaluate": (
+        "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",
+        *_RUNNING,
+    ),
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
     "stream": (
         *_CLASSIFYING, "image", "sound", "own", "stream", "decision.pairs", "decision.rule",

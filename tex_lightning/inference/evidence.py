@@ -144,7 +144,7 @@ class SignalEvidence(Evidence):
     @property
     def seconds(self) -> float:
         """Length of the recording."""
-        return self.samples.shape[-1] / self.rate
+        return float(self.samples.shape[-1] / self.rate)
 
     @cached_property
     def edges(self) -> Floats:
@@ -214,8 +214,12 @@ def refuse_baseline(classifier: SurfaceClassifier) -> None:
 
 
 def _evidence(branch: Branch, recording: Tensor, scores: Floats, temperature: float) -> Evidence:
-    common = {"name": branch.name, "what": branch.what, "scores": scores}
-    common["temperature"] = temperature
+    common: dict[str, Any] = {
+        "name": branch.name,
+        "what": branch.what,
+        "scores": scores,
+        "temperature": temperature,
+    }
     if isinstance(branch, SignalBranch):
         return _of_signal(branch, recording, common)
     height, width = recording.shape[:2]
@@ -247,7 +251,9 @@ def _of_signal(branch: SignalBranch, recording: Tensor, common: dict[str, Any]) 
     else:
         columns = equal_parts(count, start, seconds)
     shown = _mel(recording, rate) if features is None else (features, branch(recording)[0, 0])
-    values, times, frequencies = None, np.empty(0), np.empty(0)
+    values: Floats | None = None
+    times: Floats = np.empty(0)
+    frequencies: Floats = np.empty(0)
     if shown is not None:
         reader, found = shown
         values, frequencies = found.cpu().numpy(), reader.frequencies.numpy()

@@ -2,24 +2,27 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import SubFigure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from tex_lightning.inference.evidence import Evidence, Floats, PhotoEvidence, SignalEvidence
 
 OTHERS = "#bbbbbb"  # of classes without a colour of their own
-SHOWN = 400  # pixels of a photo's longer side that are drawn
+SHOWN = 300  # pixels of a photo's longer side that are drawn
 BINS = 1200  # of a waveform, each drawn from its lowest to its highest sample
 MIX = 0.5  # of a class's colour over a grey photo
 SMALL = 7  # font size
 AXES = ("#222222", "#4477aa", "#ccbb44")  # of a signal
-LONGEST = 26  # characters of a class name that are drawn
+LONGEST = 24  # characters of a class name that are drawn
 
 
 @dataclass(frozen=True)
@@ -59,8 +62,10 @@ def draw_photo(figure: SubFigure, evidence: PhotoEvidence, key: Key) -> None:
     photo, mapped, *enlarged = figure.subplots(1, 4)
     height, width = evidence.pixels.shape[:2]
     step = -(-max(height, width) // SHOWN)
-    _show_pixels(photo, np.asarray(Image.fromarray(evidence.pixels).reduce(step)), step)
-    _show_pixels(mapped, _overlaid(evidence, step, key), step)
+    small = np.asarray(Image.fromarray(evidence.pixels).reduce(step))
+    extent = (0, small.shape[1] * step, small.shape[0] * step, 0)
+    _show_pixels(photo, small, extent)
+    _show_pixels(mapped, _overlaid(evidence, step, key), extent)
     photo.set_title("photo", fontsize=SMALL + 1)
     mapped.set_title("class of every position", fontsize=SMALL + 1)
     for axes in (photo, mapped):
@@ -72,19 +77,21 @@ def draw_photo(figure: SubFigure, evidence: PhotoEvidence, key: Key) -> None:
         bottom, right = np.minimum(np.ceil(ends), (height, width)).astype(int)
         _mark(mapped, (left, top), (right - left, bottom - top), style)
         cut = Image.fromarray(evidence.pixels[top:bottom, left:right])
-        fine = -(-max(cut.size) // (SHOWN // 2))
-        axes.imshow(np.asarray(cut.reduce(fine)), extent=(left, right, bottom, top))
-        axes.set_xlabel("pixels", fontsize=SMALL)
+        fine = -(-max(cut.size) // SHOWN)
+        _show_pixels(axes, np.asarray(cut.reduce(fine)), (left, right, bottom, top))
 
 
-def _show_pixels(axes: Axes, pixels: np.ndarray, step: int) -> None:
-    height, width = pixels.shape[:2]
-    axes.imshow(pixels, extent=(0, width * step, height * step, 0))
+def _show_pixels(
+    axes: Axes, pixels: npt.NDArray[Any], extent: tuple[float, float, float, float]
+) -> None:
+    axes.imshow(pixels, extent=extent)
     axes.tick_params(labelsize=SMALL)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4))
     axes.set_xlabel("pixels", fontsize=SMALL)
 
 
-def _overlaid(evidence: PhotoEvidence, step: int, key: Key) -> np.ndarray:
+def _overlaid(evidence: PhotoEvidence, step: int, key: Key) -> Floats:
     """A grey photo under the colours of its classes (height, width, 3), 0 to 1."""
     grey = np.asarray(Image.fromarray(evidence.pixels).convert("L").reduce(step)) / 255
     labels = evidence.label_map(step)
@@ -97,7 +104,7 @@ def _overlaid(evidence: PhotoEvidence, step: int, key: Key) -> np.ndarray:
 
 def draw_signal(figure: SubFigure, evidence: SignalEvidence, key: Key) -> None:
     """Waveform, spectrogram, class and probability over time, and two fragments enlarged."""
-    left, right = figure.subfigures(1, 2, width_ratios=(3, 1))
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(2.6, 1))[0]
     grid = left.subplots(4, 1, sharex=True, height_ratios=(1, 1.7, 0.25, 0.7))
     wave, spectrogram, strip, line = grid
     _draw_wave(wave, evidence)
@@ -112,6 +119,7 @@ def draw_signal(figure: SubFigure, evidence: SignalEvidence, key: Key) -> None:
         _mark(spectrogram, (begin, -0.5), (end - begin, bands), style)
         frames = np.searchsorted(evidence.times, (begin, end))
         _draw_spectrogram(axes, evidence, (int(frames[0]), int(frames[1])))
+        axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.set_xlabel("s", fontsize=SMALL)
 
 
@@ -184,14 +192,12 @@ def _marked(
         axes.set_title(key.claim(evidence, place, style == "-"), fontsize=SMALL + 1)
         axes.tick_params(labelsize=SMALL)
         for spine in axes.spines.values():
-            spine.set_linestyle(style)
+            spine.set_linestyle("-" if style == "-" else "--")
         found.append((axes, place, style))
     return found
 
 
-def _mark(
-    axes: Axes, corner: tuple[float, float], size: tuple[float, float], style: str
-) -> None:
+def _mark(axes: Axes, corner: tuple[float, float], size: tuple[float, float], style: str) -> None:
     frame = Rectangle(corner, *size, fill=False, edgecolor="white", linewidth=1.3, linestyle=style)
     frame.set_path_effects([withStroke(linewidth=3, foreground="black")])
     axes.add_patch(frame)

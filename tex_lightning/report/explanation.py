@@ -16,13 +16,13 @@ from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvid
 from tex_lightning.prediction import Prediction
 from tex_lightning.report.evidence_panels import OTHERS, SMALL, Key, draw_photo, draw_signal
 
-SUFFIXES = (".png", ".pdf", ".svg")
 # Tol's bright palette for colour-blind readers, the winner's first, and two of his vibrant one
 COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
 WIDTH = 12.0  # inches
 HEIGHTS = {"signal": 3.7, "photo": 3.1, "fused": 1.3, "line": 0.22}
 COLUMNS = 5  # of the legend
 LINE = 150  # characters
+DPI = 100
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ class Explanation:
         total = sum(heights) + sum(fused) + lines * HEIGHTS["line"]
         figure = Figure(figsize=(WIDTH, total), layout="constrained")
         figure.suptitle(title, fontsize=10)
-        parts = figure.subfigures(len(heights) + len(fused), 1, height_ratios=[*heights, *fused])
-        parts = np.atleast_1d(parts).tolist()
+        ratios = [*heights, *fused]
+        parts = figure.subfigures(len(ratios), 1, squeeze=False, height_ratios=ratios)[:, 0]
         for part, evidence in zip(parts, self.senses.values(), strict=False):
             self._draw(part, evidence, key)
         if fused:
@@ -116,7 +116,7 @@ class Explanation:
         """
         target, figure = Path(path).expanduser(), self.figure(heading)
         kind = target.suffix.lower().removeprefix(".")
-        write_atomically(target, lambda partial: figure.savefig(partial, format=kind, dpi=120))
+        write_atomically(target, lambda partial: figure.savefig(partial, format=kind, dpi=DPI))
 
     def _colours(self) -> dict[int, str]:
         """The winner's, then those of the classes of most positions, in all senses alike."""
@@ -130,15 +130,19 @@ class Explanation:
 
     def _legend(self, key: Key) -> list[Patch]:
         """An entry for each class that occurs, and one for all without a colour of their own."""
-        found = [Patch(color=colour, label=key.name(label)) for label, colour in key.colours.items()]
-        occurring = {int(label) for each in self.senses.values() for label in np.unique(each.labels)}
+        found = [
+            Patch(color=colour, label=key.name(label)) for label, colour in key.colours.items()
+        ]
+        occurring = {
+            int(label) for each in self.senses.values() for label in np.unique(each.labels)
+        }
         if rest := len(occurring - key.colours.keys()):
             found.append(Patch(color=OTHERS, label=f"{rest} other classes"))
         return found
 
     def _draw(self, part: SubFigure, evidence: Evidence, key: Key) -> None:
         rival, margin = key.name(self.rival), self.contributions[evidence.name]
-        title = f"{evidence.name}: mean score {margin:+.1f} against {rival}"
+        title = f"{evidence.name}: mean margin {margin:+.1f} over {rival}"
         if not evidence.declared:
             title += "; where positions lie is not declared, they are drawn as equal parts"
         part.suptitle(title, fontsize=SMALL + 2, ha="left", x=0.01)
