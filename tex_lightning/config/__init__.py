@@ -119,6 +119,7 @@ class Config:
             num_workers=self.data.num_workers,
             share=self.crossval.share,
             running=self.running,
+            explained_samples=self.explained_samples,
             settings=plain_values(self),
         )
 

@@ -56,6 +56,7 @@ class Recipe:
         num_workers: Processes that make batches.
         share: Folder of networks that systems of a family share.
         running: How they are tested.
+        explained_samples: How many test samples are drawn.
         settings: The whole configuration as plain values, which loggers write down.
     """
 
@@ -68,6 +69,7 @@ class Recipe:
     num_workers: int
     share: str | None
     running: Running
+    explained_samples: int
     settings: dict[str, Any]
 
     def start_of(self, kind: str) -> str | None:

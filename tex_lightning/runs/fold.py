@@ -21,6 +21,7 @@ from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.loggers import log_test
 from tex_lightning.ranks import is_rank_zero
+from tex_lightning.runs.explained import draw_telling
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.workspace import Workspace, make_card, starting_card
 
@@ -137,6 +138,10 @@ def _tested_network(
     figures = {}
     if draw:
         figures = draw_figures(outcomes, workspace.classes, kind, directory)
+    if draw and kind == workspace.kind:
+        figures |= draw_telling(
+            classifier, samples, outcomes, store, running, recipe.explained_samples, directory
+        )
     log_test(recipe.logger, directory, kind, recipe.settings, result, figures)
     title = classifier.card.title
     log.info("%s: %d of %d votes correct.", title, result["correct"], result["test_samples"])

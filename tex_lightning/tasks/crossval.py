@@ -7,16 +7,22 @@ where the last one stopped, in the middle of a fold if need be.
 import json
 import logging
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
+
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import (
+    Outcome,
     read_outcomes,
     summarise,
     write_outcomes,
@@ -27,6 +33,7 @@ from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.document import write_report
 from tex_lightning.report.table import print_results, python_command, run_overrides
+from tex_lightning.runs.explained import Drawn, draw_explanations, telling
 from tex_lightning.runs.fold import fit_fold, results_frame
 from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.sequential import pool_sequential
@@ -66,6 +73,32 @@ def _profile(config: Config, checkpoint: str, job: Job) -> None:
     inside = replace(job, directory=job.directory / "profile")
     if not (inside.directory / "results.json").is_file():
         profile.run(replace(config, task="profile", checkpoint=checkpoint), inside)
+
+
+def _explain(
+    workspace: Workspace,
+    entries: Mapping[int, dict[str, Any]],
+    by_fold: Mapping[int, Sequence[Outcome]],
+) -> dict[str, Figure]:
+    """Draw the telling samples of all folds, each by the network that tested it."""
+    recipe = workspace.recipe
+    places = [(fold, index) for fold, own in by_fold.items() for index in range(len(own))]
+    chosen = telling([by_fold[fold][index] for fold, index in places], recipe.explained_samples)
+
+    def samples() -> Iterator[Drawn]:
+        for fold, index in (places[number] for number in chosen):
+            checkpoint = Path(entries[fold]["checkpoint"])
+            if not checkpoint.is_file():  # the run folder was moved
+                continue
+            classifier = load_classifier(checkpoint)
+            if classifier.card.baseline:
+                return
+            test = workspace.on_fold(fold, _fold_directory(workspace, fold)).parts().test
+            yield classifier, make_samples(test, classifier.card.modalities)[index]
+
+    return draw_explanations(
+        samples(), workspace.store, recipe.running, workspace.kind, workspace.directory
+    )
 
 
 def chosen_folds(config: Config) -> list[int]:
@@ -111,15 +144,15 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     """One network over all folds: counts pooled, sizes and checkpoint of the first fold."""
     entries = {fold: results["networks"][name] for fold, results in folds.items()}
     recipe, decision = workspace.recipe, workspace.recipe.running.decision
-    outcomes = [
-        outcome
+    by_fold = {
+        fold: read_outcomes(_fold_directory(workspace, fold) / "predictions" / f"{name}.csv")
         for fold in folds
-        for outcome in read_outcomes(
-            _fold_directory(workspace, fold) / "predictions" / f"{name}.csv"
-        )
-    ]
+    }
+    outcomes = [outcome for fold in by_fold.values() for outcome in fold]
     write_outcomes(outcomes, workspace.directory / "predictions" / f"{name}.csv")
     figures = draw_figures(outcomes, workspace.classes, name, workspace.directory)
+    if name == workspace.kind:
+        figures |= _explain(workspace, entries, by_fold)
     directories = [_fold_directory(workspace, fold) for fold in folds]
     first = next(iter(entries.values()))
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")

@@ -16,6 +16,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
+from tex_lightning.runs.explained import draw_telling
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import held_out_to_test, open_store, recordings_to_test
 from tex_lightning.runs.testing import draw_figures, report_network
@@ -54,6 +55,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         classifier, checkpoint, samples, store, directory, config.running, unknown_samples
     )
     draw_figures(outcomes, classes, kind, directory)
+    draw_telling(
+        classifier, samples, outcomes, store, config.running, config.explained_samples, directory
+    )
     results = {
         "task": config.task,
         "model": kind,
