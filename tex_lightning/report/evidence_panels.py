@@ -22,7 +22,7 @@ BINS = 1200  # of a waveform, each drawn from its lowest to its highest sample
 MIX = 0.5  # of a class's colour over a grey photo
 SMALL = 7  # font size
 AXES = ("#222222", "#4477aa", "#ccbb44")  # of a signal
-LONGEST = 24  # characters of a class name that are drawn
+LONGEST = 28  # characters of a class name in a panel
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,9 @@ class Key:
 
 def draw_photo(figure: SubFigure, evidence: PhotoEvidence, key: Key) -> None:
     """The photo, the class of every position over it, and two fragments enlarged."""
-    photo, mapped, *enlarged = figure.subplots(1, 4)
     height, width = evidence.pixels.shape[:2]
+    wide = min(max(1.0, width / height), 1.6)
+    photo, mapped, *enlarged = figure.subplots(1, 4, width_ratios=(wide, wide, 1, 1))
     step = -(-max(height, width) // SHOWN)
     small = np.asarray(Image.fromarray(evidence.pixels).reduce(step))
     extent = (0, small.shape[1] * step, small.shape[0] * step, 0)
@@ -129,7 +130,7 @@ def _draw_wave(axes: Axes, evidence: SignalEvidence) -> None:
     begins = np.arange(bins) * count // bins
     for samples, colour in zip(evidence.samples, AXES, strict=False):
         low, high = (each.reduceat(samples, begins) for each in (np.minimum, np.maximum))
-        axes.fill_between(begins / evidence.rate, low, high, color=colour, linewidth=0.3)
+        axes.fill_between(begins / evidence.rate, low, high, color=colour, alpha=0.7, linewidth=0.3)
     axes.axvline(evidence.start, color="#cc3311", linestyle="--", linewidth=1)
     text = f"movement from {evidence.start:.2f} s"
     axes.set_title(text, loc="left", fontsize=SMALL, color="#cc3311", pad=2)

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 
+from tex_lightning.errors import shorten
 from tex_lightning.files import write_atomically
 from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvidence
 from tex_lightning.prediction import Prediction
@@ -20,7 +21,6 @@ from tex_lightning.report.evidence_panels import OTHERS, SMALL, Key, draw_photo,
 COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
 WIDTH = 12.0  # inches
 HEIGHTS = {"signal": 3.7, "photo": 3.1, "fused": 1.3, "line": 0.22}
-COLUMNS = 5  # of the legend
 LINE = 150  # characters
 DPI = 100
 
@@ -78,7 +78,7 @@ class Explanation:
         """Label, confidence, probability and warnings, in lines."""
         said, name = self.prediction, self.classes[self.label]
         lines = [
-            f"rejected (most like {name})" if said.rejected else name,
+            f"{f'rejected, most like {name}' if said.rejected else name}: "
             f"confidence {said.confidence:.2f}, probability {said.probability:.2f}",
             *said.warnings,
         ]
@@ -93,19 +93,19 @@ class Explanation:
         title = "\n".join(filter(None, (heading, self.title)))
         key = Key(self.classes, self.label, self._colours())
         legend = self._legend(key)
+        columns = max(1, LINE // (8 + max(len(str(each.get_label())) for each in legend)))
         heights = [HEIGHTS[_medium(each)] for each in self.senses.values()]
         fused = [HEIGHTS["fused"]] if len(self.senses) > 1 else []
-        lines = title.count("\n") + 2 + -(-len(legend) // COLUMNS)
-        total = sum(heights) + sum(fused) + lines * HEIGHTS["line"]
+        ratios = [*heights, *fused, HEIGHTS["line"] * (1 + -(-len(legend) // columns))]
+        total = sum(ratios) + HEIGHTS["line"] * (title.count("\n") + 1)
         figure = Figure(figsize=(WIDTH, total), layout="constrained")
-        figure.suptitle(title, fontsize=10)
-        ratios = [*heights, *fused]
+        figure.suptitle(title, fontsize=11)
         parts = figure.subfigures(len(ratios), 1, squeeze=False, height_ratios=ratios)[:, 0]
         for part, evidence in zip(parts, self.senses.values(), strict=False):
             self._draw(part, evidence, key)
         if fused:
-            self._draw_fused(parts[-1], key)
-        figure.legend(handles=legend, loc="outside lower center", ncols=COLUMNS, fontsize=SMALL + 1)
+            self._draw_fused(parts[-2], key)
+        parts[-1].legend(handles=legend, loc="center", ncols=columns, fontsize=SMALL + 1)
         return figure
 
     def save(self, path: str | Path, heading: str = "") -> None:
@@ -131,7 +131,8 @@ class Explanation:
     def _legend(self, key: Key) -> list[Patch]:
         """An entry for each class that occurs, and one for all without a colour of their own."""
         found = [
-            Patch(color=colour, label=key.name(label)) for label, colour in key.colours.items()
+            Patch(color=colour, label=shorten(self.classes[label]))
+            for label, colour in key.colours.items()
         ]
         occurring = {
             int(label) for each in self.senses.values() for label in np.unique(each.labels)
@@ -144,7 +145,9 @@ class Explanation:
         rival, margin = key.name(self.rival), self.contributions[evidence.name]
         title = f"{evidence.name}: mean margin {margin:+.1f} over {rival}"
         if not evidence.declared:
-            title += "; where positions lie is not declared, they are drawn as equal parts"
+            title += f"; positions drawn as equal parts of the {evidence.what}"
+        if isinstance(evidence, SignalEvidence) and not evidence.is_read:
+            title += "; the spectrogram is not what the network reads"
         part.suptitle(title, fontsize=SMALL + 2, ha="left", x=0.01)
         if isinstance(evidence, SignalEvidence):
             draw_signal(part, evidence, key)

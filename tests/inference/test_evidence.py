@@ -1,0 +1,206 @@
+"""What every position says lies where the network looked."""
+
+import numpy as np
+import pytest
+import torch
+from conftest import RATE, make_card, make_photo, make_trace, visualnet
+from torch import nn
+from torch.nn.functional import avg_pool2d
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import movement_start
+from tex_lightning.inference.evidence import cell_edges, nearest
+from tex_lightning.inference.gathering import gather
+
+
+class Brightness(nn.Module):
+    """Bright, dark or neither, by the mean of windows of what is bright less what is dark."""
+
+    def __init__(self, window: tuple[int, int], stride: int) -> None:
+        super().__init__()
+        self.window_size = self.min_size = window
+        self.stride = stride
+
+    def features(self, x, level):
+        mean = avg_pool2d(self.tell(x), self.window_size, self.stride)
+        return torch.cat([mean, -mean, torch.full_like(mean, -9)], dim=1)
+
+    def tell(self, x):
+        return x.mean(dim=1, keepdim=True)
+
+    def output_size(self, height, width):
+        sides = zip((height, width), self.window_size, strict=True)
+        return tuple((size - window) // self.stride + 1 for size, window in sides)
+
+
+class Bass(Brightness):
+    """Whether in most frames the lower half of the bands is the louder one."""
+
+    def tell(self, x):
+        low, high = x[:, :, :25].mean(dim=2), x[:, :, 25:].mean(dim=2)
+        return (low - high).sign()[:, None].expand(-1, -1, 50, -1)
+
+
+class Closed(nn.Module):
+    """Scores that tell nothing of where they come from."""
+
+    def __init__(self, positions: tuple[int, ...]) -> None:
+        super().__init__()
+        self.positions = positions
+
+    def features(self, x, level):
+        return (
+            torch.arange(3.0)
+            .reshape(1, 3, *[1] * len(self.positions))
+            .expand(1, 3, *self.positions)
+        )
+
+
+def with_network(sense: str, network: nn.Module, **changes: object) -> SurfaceClassifier:
+    classifier = SurfaceClassifier(make_card(sense, width=0.1, **changes))
+    classifier.network = network
+    return classifier.eval()
+
+
+def halves(across: bool) -> torch.Tensor:
+    photo = torch.zeros(300, 420, 3, dtype=torch.uint8)
+    (photo if across else photo.transpose(0, 1))[:, 170:] = 255
+    return photo
+
+
+@pytest.mark.parametrize("across", [True, False])
+def test_the_border_of_a_photo_in_halves_lies_where_it_is(across):
+    classifier = with_network("visual", Brightness((40, 40), 8))
+    _, found = gather(classifier, {"image": halves(across)})
+    labels = found["visual"].label_map()
+    assert labels.shape == (300, 420)
+    covered = labels[:296, :416]  # the last full windows end there
+    assert (covered >= 0).all()
+    assert (labels[296:] == -1).all()
+    assert (labels[:, 416:] == -1).all()
+    lines = covered if across else covered.T
+    assert (lines == lines[0]).all()
+    (border,) = np.flatnonzero(np.diff(lines[0]))
+    assert abs(border + 1 - 170) <= 4  # half a stride
+    assert (lines[0][0], lines[0][-1]) == (1, 0)
+    coarse = found["visual"].label_map(step=7)
+    assert coarse.shape == (43, 60)
+    np.testing.assert_array_equal(coarse[:42, :59], labels[3::7, 3::7][:42, :59])
+
+
+def test_a_patch_that_alone_is_of_a_class_is_found():
+    photo = torch.zeros(300, 420, 3, dtype=torch.uint8)
+    photo[144:184, 232:272] = 255
+    _, found = gather(with_network("visual", Brightness((40, 40), 8)), {"image": photo})
+    evidence = found["visual"]
+    (row, column), least = evidence.extremes(0)
+    assert evidence.rows[row].tolist() == [144, 184]
+    assert evidence.columns[column].tolist() == [232, 272]
+    assert evidence.labels[row, column] == 0
+    assert evidence.margins(0)[row, column] > 0 > evidence.margins(0)[least]
+    assert evidence.rivals(0)[least] == 1
+
+
+@pytest.mark.parametrize("quiet", [0.0, 0.6])
+def test_a_trace_changes_class_when_it_changes(quiet):
+    seconds = np.arange(int(6 * RATE)) / RATE
+    tones = np.where(seconds < 3.5, np.sin(700 * seconds), np.sin(20_000 * seconds))
+    trace = np.where(seconds < quiet, 1e-4, tones).astype(np.float32)
+    classifier = with_network("haptic", Bass((50, 20), 4))
+    _, found = gather(classifier, {"haptic": torch.from_numpy(trace)[None]})
+    evidence = found["haptic"]
+    (turn,) = np.flatnonzero(np.diff(evidence.labels[0])) + 1
+    assert abs(evidence.edges[turn] - 3.5) <= 0.02 + 0.025  # half a stride, half a frame
+    assert evidence.labels[0, 0] == 0
+    start = movement_start(torch.from_numpy(trace)[None], RATE) / RATE
+    assert (start > quiet) == (quiet > 0)
+    assert evidence.start == evidence.columns[0, 0] == start
+    assert evidence.columns[0, 1] - start == pytest.approx(0.01 * 19 + 0.05)  # 20 frames
+    assert evidence.times[0] == pytest.approx(start + 0.025)
+    assert evidence.input.shape == (len(evidence.frequencies), len(evidence.times))
+    loud = evidence.input[:25].mean(axis=0) > evidence.input[25:].mean(axis=0)
+    assert abs(evidence.times[loud][-1] - 3.5) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("sense", "network", "size"),
+    [
+        ("haptic", None, (50, 400)),
+        ("visual", visualnet(3, "alexnet_caffe", width=0.1), (240, 480)),
+        ("visual", visualnet(3, "squeezenet", width=0.1, head=()), (240, 480)),
+        ("visual", visualnet(3, "tcnn", width=0.1), (240, 480)),
+    ],
+)
+def test_a_fragment_is_in_the_middle_of_what_its_position_depends_on(sense, network, size):
+    classifier = SurfaceClassifier(make_card(sense, width=0.1)).eval()
+    network = classifier.network if network is None else network.eval()
+    channels = 1 if sense == "haptic" else 3
+    x = torch.rand(1, channels, *size, generator=torch.Generator().manual_seed(0))
+    scores = network.features(x.requires_grad_(), "fc3")
+    column = scores.shape[-1] // 2
+    scores[..., column].sum().backward()
+    reached = np.flatnonzero(x.grad.abs().sum(dim=(0, 1, 2)).numpy())
+    middle = column * network.stride + network.window_size[1] / 2
+    assert (reached[0] + reached[-1] + 1) / 2 == pytest.approx(middle, abs=2.5)
+    assert reached[-1] + 1 - reached[0] >= min(network.window_size[1], size[1]) - 16
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level):
+    torch.manual_seed(1)
+    card = make_card("haptic", "visual", level=level, width=0.1)
+    classifier = SurfaceClassifier(card).eval()
+    nn.init.normal_(classifier.fusion.head.weight)
+    nn.init.normal_(classifier.fusion.head.bias)
+    given = {
+        "haptic": torch.from_numpy(make_trace(0, 0))[None],
+        "image": torch.from_numpy(make_photo(1, 0, 300)),
+    }
+    vote, found = gather(classifier, given)
+    whole = classifier.classify(**given)
+    assert vote.label == whole.label
+    assert torch.equal(vote.fragments, whole.fragments)
+    assert torch.equal(vote.probabilities, whole.probabilities)
+    assert found["visual"].scores.shape == (3, *classifier.branch("visual").grid(given["image"]))
+    if level == "fc2":
+        for name, modality in (("haptic", "haptic"), ("visual", "image")):
+            alone = classifier.part((name,)).logits(**{modality: given[modality]})
+            dense = torch.from_numpy(found[name].scores).flatten(1)
+            torch.testing.assert_close(dense, alone, atol=1e-4, rtol=1e-4)
+            shares = found[name].probabilities(2)
+            torch.testing.assert_close(
+                torch.from_numpy(shares).flatten(), alone.double().softmax(0)[2], atol=1e-4, rtol=0
+            )
+
+
+@pytest.mark.parametrize("positions", [(4,), (2, 3), (1, 2, 2)])
+def test_positions_that_nobody_declared_are_equal_parts(positions):
+    photo = torch.from_numpy(make_photo(0, 0))
+    _, found = gather(with_network("visual", Closed(positions)), {"image": photo})
+    evidence = found["visual"]
+    rows, columns = evidence.labels.shape
+    assert rows * columns == np.prod(positions)
+    assert not evidence.declared
+    assert evidence.rows[:, 0].tolist() == [240 / rows * row for row in range(rows)]
+    assert evidence.columns[-1].tolist() == [240 - 240 / columns, 240]
+    if len(positions) == 1:
+        trace = torch.from_numpy(make_trace(0, 0))[None]
+        _, found = gather(with_network("haptic", Closed(positions)), {"haptic": trace})
+        evidence = found["haptic"]
+        assert not evidence.declared
+        np.testing.assert_allclose(evidence.edges, np.linspace(0, 2.4, 5))
+
+
+def test_nearest_is_by_the_centre_and_within_reach():
+    extents = np.array([[0.0, 10.0], [4.0, 14.0], [8.0, 18.0]])
+    assert cell_edges(extents).tolist() == [0, 7, 11, 18]
+    values = np.array([-0.1, 0.0, 6.9, 7.1, 10.9, 11.1, 17.9, 18.1])
+    assert nearest(extents, values).tolist() == [-1, 0, 0, 1, 1, 2, 2, -1]
+
+
+def test_a_baseline_has_no_map():
+    classifier = with_network("haptic", nn.Identity())
+    classifier.card.baseline["name"] = "minirocket"
+    with pytest.raises(UserError, match=r"minirocket looks at the whole recording at once"):
+        gather(classifier, {})

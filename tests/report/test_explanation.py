@@ -1,0 +1,207 @@
+"""The picture of why, and what it says."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+from conftest import RATE, make_card, make_photo, make_trace
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
+from torch import nn
+
+import tex_lightning as tl
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.quality import Quality
+from tex_lightning.errors import UserError
+from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equal_parts
+from tex_lightning.inference.gathering import gather
+from tex_lightning.prediction import describe
+from tex_lightning.report.evidence_panels import OTHERS
+from tex_lightning.report.explanation import COLOURS, Explanation
+
+
+def photo_evidence(labels: np.ndarray, classes: int) -> PhotoEvidence:
+    """A photo whose positions say the labels, all as surely."""
+    scores = 2.0 * (np.arange(classes)[:, None, None] == labels)
+    rows, columns = (equal_parts(count, 0, 300) for count in labels.shape)
+    pixels = np.zeros((300, 300, 3), np.uint8)
+    return PhotoEvidence("visual", "photo", scores, rows, columns, True, 1.0, pixels)
+
+
+def explanation(*evidence: PhotoEvidence | SignalEvidence, label: int = 0) -> Explanation:
+    classes = [f"class {index}" for index in range(len(evidence[0].scores))]
+    prediction = tl.Prediction(
+        classes[label], None, 0.5, 0.5, ({"label": classes[label], "share": 0.5},), 1, 1.0, (), (),
+        1.0,
+    )  # fmt: skip
+    senses = {each.name: each for each in evidence}
+    return Explanation.of(prediction, classes, label, senses)
+
+
+def legend(found: Explanation) -> dict[str, str]:
+    (entries,) = [each.legends[-1] for each in found.figure().subfigs if each.legends]
+    patches = zip(entries.get_texts(), entries.get_patches(), strict=True)
+    return {text.get_text(): patch.get_facecolor() for text, patch in patches}
+
+
+def test_only_classes_that_occur_are_coloured_and_named():
+    labels = np.array([[90, 90, 7], [90, 3, 7]])
+    named = legend(explanation(photo_evidence(labels, 108), label=7))
+    assert list(named) == ["class 7", "class 90", "class 3"]  # the winner, then by positions
+    assert len(set(named.values())) == 3
+
+
+def test_many_classes_share_a_grey():
+    labels = np.arange(24).reshape(4, 6)
+    named = legend(explanation(photo_evidence(labels, 108), label=5))
+    assert len(named) == len(COLOURS) + 1
+    assert list(named)[-1] == f"{24 - len(COLOURS)} other classes"
+    assert tuple(named[list(named)[-1]][:3]) == tuple(
+        int(OTHERS[i : i + 2], 16) / 255 for i in (1, 3, 5)
+    )
+
+
+def test_the_map_over_the_photo_has_the_colours_of_the_legend():
+    labels = np.array([[0, 1], [0, 1]])
+    found = explanation(photo_evidence(labels, 3))
+    colours = [np.array(colour[:3]) for colour in legend(found).values()]
+    part = found.figure().subfigs[0]
+    assert [axes.get_title() for axes in part.axes[:2]] == ["photo", "class of every position"]
+    mapped = part.axes[1].get_images()[0]
+    assert mapped.get_extent() == [0, 300, 300, 0]
+    pixels = np.asarray(mapped.get_array())
+    np.testing.assert_allclose(
+        pixels[:, :150].reshape(-1, 3) * 2, colours[0] + 0 * pixels[:, :150].reshape(-1, 3)
+    )
+    np.testing.assert_allclose(pixels[0, -1] * 2, colours[1])
+
+
+@pytest.fixture(scope="module")
+def fused() -> Explanation:
+    torch.manual_seed(1)
+    classifier = SurfaceClassifier(make_card("haptic", "visual", width=0.1)).eval()
+    nn.init.normal_(classifier.fusion.head.weight)
+    given = {
+        "haptic": torch.from_numpy(make_trace(0, 0))[None],
+        "image": torch.from_numpy(make_photo(1, 0, 300)),
+    }
+    vote, senses = gather(classifier, given)
+    prediction = describe(
+        vote, classifier.card, Quality(("It hums.",)), 3, 0.0, ("haptic", "image")
+    )
+    return Explanation.of(prediction, classifier.card.classes, vote.label, senses)
+
+
+def test_what_senses_contribute_adds_up_to_the_mean_of_all_pairs(fused):
+    haptic, visual = (each.scores.reshape(3, -1) for each in fused.senses.values())
+    pairs = (haptic[:, :, None] + visual[:, None, :]).reshape(3, -1).mean(axis=1)
+    best = np.delete(pairs, fused.label).max()
+    assert pairs[fused.rival] == best
+    total = sum(fused.contributions.values())
+    assert total == pytest.approx(pairs[fused.label] - best, rel=1e-4)
+
+
+def test_it_is_drawn_over_seconds_hertz_and_pixels(fused):
+    figure = fused.figure("a.wav, b.jpg")
+    title = figure.get_suptitle().splitlines()
+    assert title[0] == "a.wav, b.jpg"
+    assert title[1].startswith(fused.classes[fused.label])
+    assert title[2] == "It hums."
+    signal, photo, bars, _ = figure.subfigs
+    left, right = signal.subfigs
+    wave, spectrogram, strip, line = left.axes
+    assert {axes.get_xlim() for axes in (wave, spectrogram, strip, line)} == {(0, 2.4)}
+    assert (spectrogram.get_ylabel(), line.get_xlabel()) == ("Hz", "s")
+    centres = fused.senses["haptic"].columns.mean(axis=1)
+    np.testing.assert_allclose(line.lines[0].get_xdata(), centres.clip(0, 2.4))
+    covered = [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in strip.patches]
+    assert covered[0][0] == 0
+    assert covered[-1][1] == pytest.approx(2.4)
+    assert all(one[1] == other[0] for one, other in pairwise(covered))
+    assert len(right.axes) == 2
+    assert len(photo.axes) == 4
+    assert [text.get_text() for text in bars.axes[0].get_yticklabels()] == [
+        "haptic",
+        "visual",
+        "sum",
+    ]
+    marked = [patch.get_bbox().bounds for patch in photo.axes[1].patches]
+    most, least = fused.senses["visual"].extremes(fused.label)
+    for (row, column), (x, y, *_) in zip((most, least), marked, strict=True):
+        assert (y, x) == (
+            fused.senses["visual"].rows[row, 0],
+            fused.senses["visual"].columns[column, 0],
+        )
+
+
+def test_nothing_is_cut_or_overlaps(fused):
+    figure = fused.figure("x" * 60)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    width, height = figure.bbox.size
+    boxes = [axes.get_tightbbox(renderer) for part in figure.subfigs for axes in _axes(part)]
+    assert all(box.x0 >= -1 and box.y0 >= -1 for box in boxes)
+    assert all(box.x1 <= width + 1 and box.y1 <= height + 1 for box in boxes)
+    for index, box in enumerate(boxes):
+        assert not any(box.padded(-2).overlaps(other.padded(-2)) for other in boxes[index + 1 :])
+
+
+def _axes(part):
+    return [*part.axes] if not part.subfigs else [each for sub in part.subfigs for each in sub.axes]
+
+
+@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
+def test_files_are_small_however_large_the_input(suffix, tmp_path):
+    rng = np.random.default_rng(0)
+    labels = rng.integers(0, 3, (70, 95))
+    photo = photo_evidence(labels, 12)
+    noise = rng.integers(0, 255, (2448, 3264, 3), dtype=np.uint8)
+    rows, columns = (equal_parts(count, 0, size) for count, size in ((70, 2448), (95, 3264)))
+    photo = PhotoEvidence("visual", "photo", photo.scores, rows, columns, True, 1.0, noise)
+    scores = rng.standard_normal((12, 1, 120))
+    trace = rng.standard_normal((1, 20 * RATE)).astype(np.float32)
+    signal = SignalEvidence(
+        "haptic", "trace", scores, np.zeros((1, 2)), equal_parts(120, 0, 20), True, 1.0, trace,
+        RATE, 0.0, rng.standard_normal((50, 1996)), np.arange(50) * 20.0,
+        np.arange(1996) / 100 + 0.025, True,
+    )  # fmt: skip
+    path = tmp_path / f"why.{suffix}"
+    explanation(signal, photo).save(path)
+    assert path.stat().st_size < 1e6
+    if suffix == "png":
+        with Image.open(path) as picture:
+            assert picture.size[0] == 1200
+
+
+def test_a_rejected_sample_is_drawn_and_what_cannot_be_written_is_said(fused, tmp_path):
+    rejected = replace(fused, prediction=replace(fused.prediction, rejected=True, label=None))
+    name = fused.classes[fused.label]
+    assert rejected.title.startswith(f"rejected, most like {name}: confidence")
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match="Cannot write"):
+        fused.save(tmp_path / "file" / "why.png")
+
+
+@pytest.mark.parametrize("samples", [12, 400, 24_000])
+def test_a_network_that_declares_nothing_is_drawn(samples):
+    class Whole(nn.Module):
+        def features(self, x, level):
+            return x.flatten(1).mean(dim=1)[:, None, None] * torch.arange(3.0)[None, :, None]
+
+    classifier = SurfaceClassifier(make_card("haptic", width=0.1)).eval()
+    classifier.network, classifier.features["haptic"] = Whole(), Plain()
+    vote, senses = gather(classifier, {"haptic": torch.ones(1, samples).cumsum(1)})
+    prediction = describe(vote, classifier.card, Quality(), 3, 0.0)
+    found = Explanation.of(prediction, classifier.card.classes, vote.label, senses)
+    left, right = found.figure().subfigs[0].subfigs
+    assert "equal parts of the trace" in found.figure().subfigs[0].get_suptitle()
+    assert len(left.axes) == 4
+    assert not right.axes[1].axison  # one position alone
+
+
+class Plain(nn.Module):
+    def forward(self, signal):
+        return signal[None]
