@@ -29,9 +29,10 @@ def directory(tmp_path_factory) -> Path:
 
 
 def test_chosen_folds_are_run_and_pooled(cli, surfaces, directory):
-    only = "crossval.only=[0,3]"
-    outcome = cli("task=crossval", only, *tiny(surfaces), f"hydra.run.dir={directory}")
+    only, drawn = "crossval.only=[0,3]", "explained_samples=1"
+    outcome = cli("task=crossval", only, *tiny(surfaces), drawn, f"hydra.run.dir={directory}")
     assert outcome.status == 0, outcome.err
+    assert [path.name for path in directory.rglob("*why*")] == ["haptic_why_1.png"]
     haptic = json.loads((directory / "results.json").read_text())["networks"]["haptic"]
     assert [entry["fold"] for entry in haptic["folds"]] == [0, 3]
     assert haptic["test_samples"] == sum(entry["test_samples"] for entry in haptic["folds"]) == 6
