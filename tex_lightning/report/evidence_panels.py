@@ -67,7 +67,7 @@ def draw_photo(figure: SubFigure, evidence: PhotoEvidence, key: Key) -> None:
     extent = (0, small.shape[1] * step, small.shape[0] * step, 0)
     _show_pixels(photo, small, extent)
     _show_pixels(mapped, _overlaid(evidence, step, key), extent)
-    photo.set_title("photo", fontsize=SMALL + 1)
+    photo.set_title("photo, in pixels", fontsize=SMALL + 1)
     mapped.set_title("class of every position", fontsize=SMALL + 1)
     for axes in (photo, mapped):
         axes.set(xlim=(0, width), ylim=(height, 0))
@@ -89,7 +89,6 @@ def _show_pixels(
     axes.tick_params(labelsize=SMALL)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
-    axes.set_xlabel("pixels", fontsize=SMALL)
 
 
 def _overlaid(evidence: PhotoEvidence, step: int, key: Key) -> Floats:
