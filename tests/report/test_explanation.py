@@ -68,7 +68,8 @@ def test_the_map_over_the_photo_has_the_colours_of_the_legend():
     found = explanation(photo_evidence(labels, 3))
     colours = [np.array(colour[:3]) for colour in legend(found).values()]
     part = found.figure().subfigs[0]
-    assert [axes.get_title() for axes in part.axes[:2]] == ["photo, in pixels", "class of every position"]
+    titles = [axes.get_title() for axes in part.axes[:2]]
+    assert titles == ["photo, in pixels", "class of every position"]
     mapped = part.axes[1].get_images()[0]
     assert mapped.get_extent() == [0, 300, 300, 0]
     pixels = np.asarray(mapped.get_array())
