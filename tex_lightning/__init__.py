@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Explanation",
     "FusionNet",
     "HapticNet",
     "Prediction",
@@ -41,6 +42,7 @@ __all__ = [
 # Where a public name is defined. Most modules need PyTorch, which is imported when one is asked
 # for: a mistyped command is refused before.
 _MODULES = {
+    "Explanation": "report.explanation",
     "FusionNet": "networks.fusionnet",
     "HapticNet": "networks.hapticnet",
     "Prediction": "prediction",

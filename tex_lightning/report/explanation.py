@@ -114,9 +114,7 @@ class Explanation:
         Raises:
             UserError: If it cannot be written.
         """
-        target, figure = Path(path).expanduser(), self.figure(heading)
-        kind = target.suffix.lower().removeprefix(".")
-        write_atomically(target, lambda partial: figure.savefig(partial, format=kind, dpi=DPI))
+        write_figure(self.figure(heading), Path(path).expanduser())
 
     def _colours(self) -> dict[int, str]:
         """The winner's, then those of the classes of most positions, in all senses alike."""
@@ -169,6 +167,12 @@ class Explanation:
         _bars(votes, [key.name(label) for label in labels], shares, colours)
         votes.set_xlim(0, 1)
         votes.set_xlabel("share of the votes of all senses together", fontsize=SMALL)
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure of an explanation, whole or not at all; see :meth:`Explanation.save`."""
+    kind = path.suffix.lower().removeprefix(".")
+    write_atomically(path, lambda partial: figure.savefig(partial, format=kind, dpi=DPI))
 
 
 def _medium(evidence: Evidence) -> str:

@@ -15,8 +15,7 @@ from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.gathering import gather
 from tex_lightning.prediction import describe
-from tex_lightning.report.explanation import Explanation
-from tex_lightning.report.figures import save_figure
+from tex_lightning.report.explanation import Explanation, write_figure
 
 CANDIDATES = 3  # classes whose votes are shown
 
@@ -60,7 +59,7 @@ def draw_explanations(
         figure = explain_sample(classifier, sample, store, running).figure(
             f"{name}: test sample of {sample.label} ({files})"
         )
-        save_figure(figure, directory / "figures" / f"{name}_why_{number}.png")
+        write_figure(figure, directory / "figures" / f"{name}_why_{number}.png")
         figure.set_layout_engine("none")  # it is laid out, and loggers draw it again
         figures[f"why_{number}"] = figure
     return figures
