@@ -26,19 +26,16 @@ def without_latency(line: str) -> dict[str, object]:
     return {key: value for key, value in json.loads(line).items() if key != "latency_ms"}
 
 
-@pytest.mark.parametrize(
-    ("name", "begins"), [("w.png", b"\x89PNG"), ("w.PDF", b"%PDF"), ("w.svg", b"<?xml")]
-)
-def test_the_label_printed_is_the_one_drawn(cli, untrained, files, tmp_path, name, begins):
+def test_the_label_printed_is_the_one_drawn(cli, untrained, files, tmp_path):
     given = [
         "task=predict", f"checkpoint={untrained}", f"haptic={files}/s0.wav",
         f"image={files}/s0.png", "decision.reject_below=0.99",
     ]  # fmt: skip
     plain = cli(*given)
-    figure = tmp_path / "new" / name
+    figure = tmp_path / "new" / "w.PDF"
     drawn = cli(*given, f"predict.figure={figure}")
     assert drawn.status == 0, drawn.err
-    assert figure.read_bytes().startswith(begins)
+    assert figure.read_bytes().startswith(b"%PDF")
     assert without_latency(drawn.out) == {**without_latency(plain.out), "figure": str(figure)}
     assert json.loads(drawn.out)["rejected"] is True
 
