@@ -8,6 +8,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import beyond, choice
 from tex_lightning.config.keys import Key, plain
 from tex_lightning.config.tasks import EVERY_SENSE
+from tex_lightning.errors import shorten
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
@@ -152,7 +153,8 @@ def _stream(config: Config) -> Iterator[str]:
 def _figure(config: Config) -> Iterator[str]:
     given = config.predict.figure
     if given is not None and PurePath(given).suffix.lower() not in FIGURES:
-        yield f"predict.figure={given} must end in {', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
+        *others, last = FIGURES
+        yield f"predict.figure={shorten(given)} must end in {', '.join(others)} or {last}"
 
 
 def _unread(config: Config) -> Iterator[str]:
