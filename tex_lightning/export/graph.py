@@ -110,4 +110,5 @@ def _front(branch: Branch) -> nn.Module:
             f"This network looks at photos that were brought to {decoder.resize} pixels, which an "
             "exported file cannot do exactly; train with data.resize=null."
         )
-    return PhotoGraph(features, decoder.half_scale)
+    least = max(branch.min_size) if branch.knows_min_size else 1
+    return PhotoGraph(features, decoder.half_scale, 2 * least if decoder.half_scale else least)
