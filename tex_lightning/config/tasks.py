@@ -12,7 +12,7 @@ SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
-EXPORT_FORMATS = ("onnx",)
+EXPORT_FORMATS = ("onnx", "pt2", "card")
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
@@ -278,6 +278,14 @@ class ExportConfig:
         "written; of data=synthetic noise of as many sizes",
         least=0, most=100_000,
     )  # fmt: skip
+    int8: bool = key(
+        "format=onnx: write a file with 8-bit convolutions too, calibrated on training recordings "
+        "of data=NAME; it is measured, not refused"
+    )
+    stability: str | None = key(
+        "format=card: run folder of task=stability whose breaking points the card lists",
+        default=None,
+    )
 
 
 # The keys and sections that each task reads.

@@ -88,7 +88,7 @@ class ClassifierGraph(nn.Module):
         drawn = []
         for place, each in enumerate(summands):
             positions = torch.scalar_tensor(each.shape[1], dtype=torch.int64)
-            drawn.append(each[:, torch.remainder(draws[:, place], positions)])
+            drawn.append(each.index_select(1, torch.remainder(draws[:, place], positions)))
         total, *others = drawn
         for each in others:
             total = total + each

@@ -58,5 +58,14 @@ def require(name: str) -> Any:  # noqa: ANN401
 
 
 def write_onnx(model: Any, path: Path) -> None:  # noqa: ANN401
-    """Write a model to one file."""
+    """Write a model to one file, without the notes that the exporter leaves on every node.
+
+    They tell where in the code, and in which folder of this machine, a node comes from.
+    """
+    for node in model.graph.node:
+        node.ClearField("metadata_props")
+        node.ClearField("doc_string")
+    for value in (*model.graph.value_info, *model.graph.input, *model.graph.output):
+        value.ClearField("metadata_props")
+    model.graph.ClearField("metadata_props")
     path.write_bytes(model.SerializeToString())

@@ -1,12 +1,11 @@
-"""Features of signals as real convolutions: no Fourier transform, no complex numbers."""
+"""Features of signals as real products of matrices: no Fourier transform, no complex numbers."""
 
-import math
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import conv1d
 
+from tex_lightning.export.fourier import BandPower
 from tex_lightning.export.movement import movement, promise, traced_start
 from tex_lightning.features.proportions import FLOOR, OVERLAP, BandProportions
 from tex_lightning.features.spectrogram import SpectrogramFeatures
@@ -25,7 +24,7 @@ class Heard(NamedTuple):
 
 
 class SpectrogramGraph(nn.Module):
-    """:class:`~tex_lightning.features.spectrogram.SpectrogramFeatures` by one convolution.
+    """:class:`~tex_lightning.features.spectrogram.SpectrogramFeatures` by products of matrices.
 
     Args:
         features: Trained.
@@ -34,9 +33,11 @@ class SpectrogramGraph(nn.Module):
     def __init__(self, features: SpectrogramFeatures) -> None:
         super().__init__()
         self.features = features
+        channels = features.window_length // 2 + 1
+        linear = features.scale == "linear"
+        filters = torch.eye(features.bands, channels) if linear else features.filters.T
         centred = features.axes == "frame"
-        kept = features.bands if features.scale == "linear" else features.window_length // 2 + 1
-        self.register_buffer("kernels", fourier_kernels(features.window, kept, centred))
+        self.power = BandPower(features.window, features.hop_length, filters, centred=centred)
 
     def forward(self, trace: Tensor) -> Heard:
         """Trace (axes, samples) to network input (1, 1, bands, frames)."""
@@ -44,15 +45,12 @@ class SpectrogramGraph(nn.Module):
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.window_length)
-        trace = trace - trace.mean(dim=-1, keepdim=True)
-        power = mean_power(trace, self.get_buffer("kernels"), features.hop_length)
-        if features.scale == "mel":
-            power = features.filters.T @ power
-        return Heard(features.normalise(power.sqrt())[None, None], start)
+        magnitudes = self.power(trace - trace.mean(dim=-1, keepdim=True)).sqrt()
+        return Heard(features.normalise(magnitudes)[None, None], start)
 
 
 class ProportionsGraph(nn.Module):
-    """:class:`~tex_lightning.features.proportions.BandProportions` by convolutions.
+    """:class:`~tex_lightning.features.proportions.BandProportions` likewise.
 
     Args:
         features: Trained.
@@ -61,10 +59,12 @@ class ProportionsGraph(nn.Module):
     def __init__(self, features: BandProportions) -> None:
         super().__init__()
         self.features = features
+        self.powers = nn.ModuleList()
         for index, length in enumerate(features.lengths):
             window = features.get_buffer(f"window{index}")
-            kernels = fourier_kernels(window, length // 2 + 1, centred=True)
-            self.register_buffer(f"kernels{index}", kernels)
+            filters = features.get_buffer(f"filters{index}").T / window.sum().square()
+            hop = max(1, round(length / OVERLAP))
+            self.powers.append(BandPower(window, hop, filters, centred=True))
 
     def forward(self, trace: Tensor) -> Heard:
         """Trace (axes, samples) to proportions (1, 1, bands, fragments)."""
@@ -81,11 +81,7 @@ class ProportionsGraph(nn.Module):
     def _responses(self, trace: Tensor, index: int) -> Tensor:
         """(channels, frames) of one window."""
         features = self.features
-        hop = max(1, round(features.lengths[index] / OVERLAP))
-        power = mean_power(trace, self.get_buffer(f"kernels{index}"), hop)
-        window = features.get_buffer(f"window{index}")
-        power = features.get_buffer(f"filters{index}").T @ power / window.sum().square()
-        bands = (power / features.level + FLOOR).log()
+        bands = (self.powers[index](trace) / features.level + FLOOR).log()
         steps = bands[features.gap :] - bands[: -features.gap]
         return torch.cat((bands - bands.mean(dim=0), steps))
 
@@ -126,34 +122,6 @@ class OwnSignalGraph(nn.Module):
     def forward(self, trace: Tensor) -> Heard:
         """Trace (axes, samples) to network input (1, ..., frames)."""
         return Heard(self.features(trace), None)
-
-
-def fourier_kernels(window: Tensor, channels: int, centred: bool) -> Tensor:
-    """Real and imaginary parts of a windowed Fourier transform as kernels of a convolution.
-
-    Args:
-        window: (samples,).
-        channels: How many frequencies, from 0 on.
-        centred: Whether the frame's mean is removed before the window: what a constant would give
-            is taken off every kernel.
-
-    Returns:
-        (2 * channels, 1, samples) float32: cosines, then sines.
-    """
-    wide, samples = window.double().cpu(), len(window)
-    turns = torch.arange(channels)[:, None] * torch.arange(samples) % samples
-    angles = turns.double() * (2 * math.pi / samples)
-    kernels = torch.cat((angles.cos(), angles.sin())) * wide
-    if centred:
-        kernels = kernels - kernels.mean(dim=1, keepdim=True)
-    return kernels[:, None].float()
-
-
-def mean_power(trace: Tensor, kernels: Tensor, hop: int) -> Tensor:
-    """Power (channels, frames) of all axes together."""
-    squares = conv1d(trace[:, None], kernels, stride=hop).square().sum(dim=0)
-    channels = len(kernels) // 2
-    return squares[:channels] + squares[channels:]
 
 
 def signal_graph(features: nn.Module) -> nn.Module:

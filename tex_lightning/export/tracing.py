@@ -23,7 +23,6 @@ WINDOWS = 3  # of the network, that the recordings have with which it is traced
 SIDE = 400  # pixels of a photo for a network that does not say what it needs
 SECONDS = 4  # likewise of a signal
 AXES = (1, 3)
-NOISY = ("torch.onnx", "torch.export", "onnxscript", "onnx_ir")
 
 
 @dataclass(frozen=True)
@@ -149,16 +148,10 @@ def _open_sizes(branch: Branch) -> Mapping[int, Any]:
 @contextmanager
 def quiet() -> Iterator[None]:
     """Keep PyTorch's exporters from saying what they are doing."""
-    loggers = [
-        logging.getLogger(name) for name in ("torch.onnx", "torch.export", "onnxscript", "onnx_ir")
-    ]
-    levels = [each.level for each in loggers]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
+        logging.disable(logging.WARNING)
         try:
-            for each in loggers:
-                each.setLevel(logging.ERROR)
             yield
         finally:
-            for each, level in zip(loggers, levels, strict=True):
-                each.setLevel(level)
+            logging.disable(logging.NOTSET)

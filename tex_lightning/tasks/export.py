@@ -2,6 +2,7 @@
 
 import json
 import logging
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +13,12 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import compare, refuse
+from tex_lightning.export.check import Agreement, Runner, compare, refuse, tolerance
+from tex_lightning.export.int8 import CALIBRATION, quantised
+from tex_lightning.export.model_card import model_card
 from tex_lightning.export.onnx_file import make_onnx, write_onnx
 from tex_lightning.export.onnx_run import onnx_runner
+from tex_lightning.export.program import program_runner, write_program
 from tex_lightning.export.recordings import recordings
 from tex_lightning.export.tracing import trace
 from tex_lightning.files import write_atomically, write_text
@@ -60,20 +64,77 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 
 def _onnx(order: Order) -> dict[str, Any]:
-    """``KIND.onnx``, checked by onnxruntime."""
+    """``KIND.onnx``, and with ``export.int8`` ``KIND_int8.onnx``, run by onnxruntime."""
     classifier, config = order.classifier, order.config
     model = make_onnx(classifier, trace(classifier))
-    samples = recordings(config.data, classifier, config.export.check)
-    found = compare(onnx_runner(model), classifier, samples, config.engine)
-    refuse(found)
     path = order.out / f"{classifier.card.kind}.onnx"
-    write_atomically(path, lambda partial: write_onnx(model, partial))
-    size = path.stat().st_size
+    entry = _checked(order, onnx_runner(model), path, lambda partial: write_onnx(model, partial))
+    if not config.export.int8:
+        return entry
+    small = quantised(model, recordings(config.data, classifier, CALIBRATION, train=True))
+    path = path.with_stem(f"{path.stem}_int8")
+    write_atomically(path, lambda partial: write_onnx(small, partial))
+    samples = recordings(config.data, classifier, config.export.check)
+    found = compare(onnx_runner(small), classifier, samples, config.engine)
+    _say(path, found)
+    return {**entry, "int8": {"file": path.name, "bytes": _size(path), **found.to_dict()}}
+
+
+def _pt2(order: Order) -> dict[str, Any]:
+    """``KIND.pt2``, run by PyTorch."""
+    classifier = order.classifier
+    traced = trace(classifier)
+    with tempfile.TemporaryDirectory() as folder:
+        written = Path(folder) / "program.pt2"
+        write_program(traced, classifier, written)
+        path = order.out / f"{classifier.card.kind}.pt2"
+        return _checked(
+            order, program_runner(written), path, lambda partial: _copy(written, partial)
+        )
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.write_bytes(source.read_bytes())
+
+
+def _card(order: Order) -> dict[str, Any]:
+    """``MODEL_CARD.md``."""
+    path = order.out / "MODEL_CARD.md"
+    stability = order.config.export.stability
+    text = model_card(
+        order.classifier, order.checkpoint, None if not stability else Path(stability)
+    )
+    write_text(path, text)
+    log.info("%s", path)
+    return {"file": path.name, "bytes": _size(path)}
+
+
+def _checked(
+    order: Order, runner: Runner, path: Path, write: Callable[[Path], None]
+) -> dict[str, Any]:
+    """Compare a file with its classifier, then write it."""
+    classifier, config = order.classifier, order.config
+    samples = recordings(config.data, classifier, config.export.check)
+    found = compare(runner, classifier, samples, config.engine)
+    refuse(found, tolerance(classifier))
+    write_atomically(path, write)
+    _say(path, found)
+    return {"file": path.name, "bytes": _size(path), **found.to_dict()}
+
+
+def _say(path: Path, found: Agreement) -> None:
     log.info(
         "%s: %.1f MB; %d of %d labels as of the checkpoint, scores within %.1g of their range.",
-        path, size / 1e6, found.same_labels, found.recordings, found.score_difference,
+        path, _size(path) / 1e6, found.same_labels, found.recordings, found.score_difference,
     )  # fmt: skip
-    return {"file": str(path), "bytes": size, **found.to_dict()}
 
 
-FORMATS: dict[str, Callable[[Order], dict[str, Any]]] = {"onnx": _onnx}
+def _size(path: Path) -> int:
+    return path.stat().st_size
+
+
+FORMATS: dict[str, Callable[[Order], dict[str, Any]]] = {
+    "onnx": _onnx,
+    "pt2": _pt2,
+    "card": _card,
+}
