@@ -23,9 +23,9 @@ Array = npt.NDArray[Any]
 Runner = Callable[[Mapping[str, Array]], Mapping[str, Array]]  # inputs to outputs, by name
 
 TOLERANCE = 1e-4  # of the range of a recording's scores
-# The same where comparisons are counted. One of thousands falls the other way by rounding, and in
-# PyTorch as well: against float64 either is as often wrong.
-COUNTED = 0.02
+# The same where comparisons are counted: a few of thousands fall the other way by rounding, above
+# all on training recordings, whose values the thresholds are. Against float64 PyTorch errs alike.
+COUNTED = 0.05
 WARM_UP = 2
 
 

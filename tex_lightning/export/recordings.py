@@ -16,7 +16,7 @@ from tex_lightning.data.folds import Sample, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError
-from tex_lightning.export.tracing import example
+from tex_lightning.export.tracing import example, takes_axes
 
 MADE_UP = "synthetic"  # data: no files are read
 SHORTEST = 0.5  # of the example that is traced
@@ -61,7 +61,10 @@ def recordings(
         given = _loaded(sample, store, classifier)
         found += [] if given is None else [given]
     if count and not found:
-        raise UserError(f"data={data.name} has no recording that this network can classify.")
+        raise UserError(
+            f"data={data.name} has no recording that the exported file could classify (a network "
+            "with axes=trace is exported for one axis); give other data, or none."
+        )
     return found
 
 
@@ -92,6 +95,9 @@ def _loaded(sample: Sample, store: Store, classifier: SurfaceClassifier) -> Give
         found = _decoded(given, classifier)
         for branch in classifier.branches.values():
             branch.check(found.decoded[branch.modality])
+            signal = branch.medium == "signal"
+            if signal and len(found.raw[branch.modality]) not in takes_axes(branch):
+                return None
     except UserError:
         return None
     return found

@@ -75,7 +75,7 @@ def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
         for branch in classifier.branches.values()
         for part in (branch.features, branch.network)
     }
-    said = shorten(" ".join(str(error).split()))
+    said = shorten(next(iter(str(error).strip().splitlines()), "").rstrip("."))
     return UserError(
         f"This {classifier.card.title} ({', '.join(parts)}) cannot be exported: "
         f"{type(error).__name__}: {said}; write its parts without Python that depends on values or "
