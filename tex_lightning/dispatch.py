@@ -26,6 +26,7 @@ from tex_lightning.runfolder import claim_folder, find_checkpoint
 from tex_lightning.tasks import (
     crossval,
     evaluate,
+    export,
     fit,
     frontier,
     generate,
@@ -44,6 +45,7 @@ TASKS: dict[str, Callable[[Config, Job], Any]] = {
     "stream": stream.run,
     "record": record.run,
     "generate": generate.run,
+    "export": export.run,
     "profile": profile.run,
     "frontier": frontier.run,
     "stability": stability.run,

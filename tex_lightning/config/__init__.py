@@ -24,6 +24,7 @@ from tex_lightning.config.tasks import (
     CrossvalConfig,
     DecisionConfig,
     EngineConfig,
+    ExportConfig,
     FrontierConfig,
     GenerateConfig,
     PredictConfig,
@@ -35,9 +36,9 @@ from tex_lightning.config.tasks import (
 
 __all__ = [
     "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
-    "Folding", "FrontierConfig", "GenerateConfig", "ModelConfig", "PredictConfig", "ProfileConfig",
-    "RecordConfig", "SourceConfig", "StabilityConfig", "StreamConfig", "SyntheticConfig",
-    "TrainerConfig", "flatten", "plain_values", "register",
+    "ExportConfig", "Folding", "FrontierConfig", "GenerateConfig", "ModelConfig", "PredictConfig",
+    "ProfileConfig", "RecordConfig", "SourceConfig", "StabilityConfig", "StreamConfig",
+    "SyntheticConfig", "TrainerConfig", "flatten", "plain_values", "register",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -101,6 +102,7 @@ class Config:
     predict: PredictConfig = field(default_factory=PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     record: RecordConfig = field(default_factory=RecordConfig)
+    export: ExportConfig = field(default_factory=ExportConfig)
     generate: GenerateConfig = field(default_factory=GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)

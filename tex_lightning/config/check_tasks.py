@@ -22,7 +22,7 @@ PROFILED = (
     "visual_vgg_m",
     "tcnn",
 )
-NEED_CHECKPOINTS = ("evaluate", "predict", "stream")
+NEED_CHECKPOINTS = ("evaluate", "predict", "stream", "export")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile", "record")
 # Keys that the other tasks would pass over in silence, and the tasks that read them.
 READ_BY = {

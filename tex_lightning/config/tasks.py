@@ -12,7 +12,8 @@ SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
-SILENT = ("predict", "stream", "record", "generate")  # tasks that leave no results.json
+EXPORT_FORMATS = ("onnx", "pt2", "card")
+SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
 
@@ -268,6 +269,30 @@ class StabilityConfig:
     )
 
 
+@dataclass
+class ExportConfig:
+    """What a trained network is written to."""
+
+    out: str | None = key("folder to write to; null takes the run folder", default=None)
+    format: str = key(
+        "onnx for onnxruntime and browsers, pt2 for PyTorch, card for people",
+        choices=EXPORT_FORMATS,
+    )
+    check: int = key(
+        "recordings of data=NAME on which labels and scores are compared before the file is "
+        "written; of data=synthetic noise of as many sizes",
+        least=0, most=100_000,
+    )  # fmt: skip
+    int8: bool = key(
+        "format=onnx: write a file with 8-bit convolutions too, calibrated on training recordings "
+        "of data=NAME; it is measured, not refused"
+    )
+    stability: str | None = key(
+        "format=card: run folder of task=stability whose breaking points the card lists",
+        default=None,
+    )
+
+
 # The keys and sections that each task reads.
 _TRAINING = (
     "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
@@ -297,5 +322,6 @@ READS = {
         *_CLASSIFYING, "image", "sound", "seed", "profile", "model", "data.sampling_rate",
         "data.half_scale", "data.resize", "logger",
     ),
+    "export": ("checkpoint", "trusted", "seed", "export", "data", "engine", *_RUNNING),
     "generate": ("generate", "data.classes", "data.synthetic"),
 }  # fmt: skip

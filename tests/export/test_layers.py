@@ -1,0 +1,38 @@
+"""Layers that can be traced, against PyTorch's own."""
+
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import nn
+
+from tex_lightning.export.layers import BandedResponseNorm, CeilMaxPool, exportable
+from tex_lightning.networks.hapticnet import HapticNet
+
+
+@given(kernel=st.integers(1, 5), stride=st.integers(1, 5), size=st.integers(5, 24))
+def test_pooling_with_a_margin_rounds_up_as_pytorch_does(kernel, stride, size):
+    pool = nn.MaxPool2d(kernel, stride, ceil_mode=True)
+    assert CeilMaxPool.fits(pool) == (stride <= kernel)
+    if stride <= kernel:
+        maps = torch.randn(1, 2, size, size + 3)
+        torch.testing.assert_close(CeilMaxPool(pool)(maps), pool(maps), rtol=0, atol=0)
+
+
+def test_a_pooling_of_another_kind_is_left_alone():
+    layers = nn.Sequential(nn.MaxPool2d(3, 2, padding=1, ceil_mode=True), nn.MaxPool2d(2))
+    kept = exportable(layers)
+    assert [type(layer) for layer in kept] == [nn.MaxPool2d, nn.MaxPool2d]
+
+
+def test_response_norm_by_a_band_is_pytorchs():
+    layer, maps = nn.LocalResponseNorm(5, alpha=0.3, beta=0.75, k=2.0), torch.randn(2, 9, 3, 4)
+    torch.testing.assert_close(BandedResponseNorm(layer)(maps), layer(maps))
+
+
+def test_a_network_is_copied_and_says_the_same():
+    network = HapticNet(3, width=0.1, norm="lrn").eval()
+    before = {name: each.clone() for name, each in network.state_dict().items()}
+    spectrogram = torch.randn(1, 1, 50, 301)
+    torch.testing.assert_close(exportable(network)(spectrogram), network(spectrogram))
+    assert any(isinstance(each, nn.LocalResponseNorm) for each in network.modules())
+    assert all(torch.equal(each, before[name]) for name, each in network.state_dict().items())

@@ -1,0 +1,162 @@
+"""``task=export`` through the command line, and its files without the package that wrote them."""
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+from conftest import CLASSES, make_card, make_trace
+
+import tex_lightning as tl
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.export.graph import ClassifierGraph
+from tex_lightning.tasks import export
+
+KEY = "tex_lightning"
+
+
+def results(folder: Path) -> dict:
+    return json.loads((folder / "export.json").read_text())
+
+
+def save(card, path: Path) -> Path:
+    """A checkpoint of random weights."""
+    torch.manual_seed(0)
+    state = {
+        f"classifier.{key}": each for key, each in SurfaceClassifier(card).state_dict().items()
+    }
+    torch.save({"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def fusion(run_once, untrained, surfaces) -> Path:
+    """The folder of an exported FusionNet, with its 8-bit form."""
+    return run_once(
+        "task=export", f"checkpoint={untrained}", "data=folder", f"data.root={surfaces}",
+        "export.check=3", "export.int8=true",
+    )  # fmt: skip
+
+
+def test_export_json_says_what_was_compared(fusion):
+    found = results(fusion)
+    assert (found["format"], found["file"], found["recordings"]) == ("onnx", "fusion.onnx", 3)
+    assert found["same_labels"] == 3
+    assert found["score_difference"] < 1e-5
+    assert found["bytes"] == (fusion / "fusion.onnx").stat().st_size
+    assert found["ratio"] == pytest.approx(found["latency_ms"] / found["classifier_ms"])
+    assert found["int8"]["bytes"] < found["bytes"]
+
+
+def test_the_file_says_what_it_is(fusion):
+    model = onnx.load(fusion / "fusion.onnx")
+    said = json.loads({entry.key: entry.value for entry in model.metadata_props}[KEY])
+    assert (said["format"], said["kind"], said["classes"]) == (1, "fusion", ["a", "b", "c"])
+    haptic, visual = said["senses"]
+    assert (haptic["least"], haptic["receptive_field"], haptic["stride"]) == (18_100, 222, 16)
+    assert (haptic["axes"], len(haptic["frequencies"])) == ([1, 3], 50)
+    assert (visual["modality"], visual["half_scale"], visual["least"]) == ("image", False, 199)
+    assert said["decision"]["pairs"] == 50
+    assert said["parts"]
+    assert str(Path(export.__file__).parents[2]).encode() not in model.SerializeToString()
+
+
+@pytest.mark.parametrize(("axes", "side"), [(1, 224), (3, 301)])
+def test_it_classifies_sizes_it_was_not_traced_with(fusion, untrained, axes, side):
+    session = onnxruntime.InferenceSession(fusion / "fusion.onnx")
+    classifier = tl.load(untrained).classifier
+    trace = np.stack([make_trace(axis, 0, 2.9) for axis in range(axes)])
+    photo = np.random.default_rng(0).integers(256, size=(side, side + 9, 3), dtype=np.uint8)
+    names = [each.name for each in session.get_outputs()]
+    outputs = dict(zip(names, session.run(None, {"haptic": trace, "image": photo}), strict=True))
+    branches = classifier.branches
+    for name, given in (("haptic", trace), ("visual", photo)):
+        expected = classifier.summand(name, torch.from_numpy(given)).detach().numpy()
+        found = outputs[f"{name}_scores"]
+        np.testing.assert_allclose(found.reshape(3, -1), expected, atol=1e-4)
+    spectrogram = branches["haptic"](torch.from_numpy(trace))[0, 0]
+    np.testing.assert_allclose(outputs["haptic_input"], spectrogram, atol=1e-3)
+    assert outputs["scores"].shape == (3, 50)  # drawn at the seed of the card
+    assert outputs["shares"].sum() == pytest.approx(1)
+    assert outputs["probabilities"].argmax() in range(3)
+
+
+def test_a_program_of_torch_export(run_once, bands):
+    folder = run_once("task=export", f"checkpoint={bands}", "export.format=pt2", "export.check=2")
+    assert results(folder)["same_labels"] == 2
+    notes = {f"{KEY}.json": ""}
+    program = torch.export.load(folder / "haptic.pt2", extra_files=notes).module()
+    assert json.loads(notes[f"{KEY}.json"])["classes"] == list(CLASSES)
+    trace = torch.from_numpy(make_trace(1, 0, 3.1))[None]
+    vote = tl.load(bands).classifier.classify(haptic=trace)
+    assert int(program(haptic=trace)["label"]) == vote.label
+
+
+def test_a_model_card(cli, bands, tmp_path):
+    assert not cli(
+        "task=export", f"checkpoint={bands}", "export.format=card", f"export.out={tmp_path}",
+    ).status  # fmt: skip
+    text = (tmp_path / "MODEL_CARD.md").read_text()
+    assert text.startswith("---\nlibrary_name: tex_lightning\n")
+    entry = json.loads((bands / "results.json").read_text())["networks"]["haptic"]
+    low, high = (100 * each for each in wilson_interval(entry["correct"], entry["test_samples"]))
+    assert f"| correct labels | {entry['correct']} of {entry['test_samples']}: " in text
+    assert f"(Wilson 95 %: {low:.1f} to {high:.1f}) |" in text
+    assert "Classes: alpha, beta, gamma" in text
+    assert "None were used" in text
+
+
+def test_breaking_points_in_the_card(cli, untrained, tmp_path):
+    (tmp_path / "breaking_points.csv").write_text(
+        "system,modality,perturbation,unit,value\nfusion,image,jpeg,quality,12\n"
+        "fusion,haptic,clipping,share,\n"
+    )
+    arguments = ["task=export", f"checkpoint={untrained}", "export.format=card"]
+    arguments += [f"export.out={tmp_path}", f"export.stability={tmp_path}"]
+    assert not cli(*arguments).status
+    text = (tmp_path / "MODEL_CARD.md").read_text()
+    assert "| fusion | image | jpeg | 12 quality |\n" in text
+    assert "| fusion | haptic | clipping | nowhere |\n" in text
+    assert "nothing is known of its accuracy" in text
+    refused = cli(*arguments[:-1], f"export.stability={untrained}")
+    assert refused.status == 2
+    assert "holds no breaking_points.csv" in refused.err
+
+
+def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path, monkeypatch):
+    wrong = {"scores": np.zeros((3, 50)), "label": -1, "probabilities": np.zeros(3)}
+    monkeypatch.setattr(export, "trace", lambda classifier: None)
+    monkeypatch.setattr(export, "make_onnx", lambda classifier, traced: None)
+    monkeypatch.setattr(export, "onnx_runner", lambda model: lambda inputs: wrong)
+    outcome = cli("task=export", f"checkpoint={untrained}", f"export.out={tmp_path}/out")
+    assert outcome.status == 2
+    assert "another label for 12 of 12 recordings" in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [({"resize": 256}, "brought to 256 pixels"), ({}, "needs onnx, which is not installed")],
+)
+def test_what_cannot_be_exported(cli, tmp_path, monkeypatch, changes, sentence):
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    monkeypatch.setattr(export, "trace", ClassifierGraph)  # as far as it takes to refuse
+    checkpoint = save(make_card("visual", width=0.1, **changes), tmp_path / "visual.ckpt")
+    outcome = cli("task=export", f"checkpoint={checkpoint}", f"export.out={tmp_path}")
+    assert outcome.status == 2
+    assert sentence in outcome.err
+    assert not (tmp_path / "visual.onnx").exists()
+
+
+def test_a_baseline_is_refused(cli, untrained, monkeypatch):
+    stub = SimpleNamespace(card=SimpleNamespace(baseline={"name": "x"}, title="MiniRocket"))
+    monkeypatch.setattr(export, "load_classifier", lambda path: stub)
+    outcome = cli("task=export", f"checkpoint={untrained}")
+    assert outcome.status == 2
+    assert "holds MiniRocket, which computes outside of PyTorch" in outcome.err

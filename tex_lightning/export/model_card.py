@@ -1,0 +1,168 @@
+"""A model card: what a trained network is, how well it does, and how to load it.
+
+Front matter and headings are those of model hubs (Mitchell et al., "Model Cards for Model
+Reporting", 2019).
+"""
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tex_lightning import __version__
+from tex_lightning.card import Card
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.errors import UserError, listed
+
+RESULTS = "results.json"
+BREAKS = "breaking_points.csv"
+OFFICIAL = "imagenet"  # the source that stands for a trunk's official weights
+LICENCES = {"efficientnet": "Apache-2.0 (EfficientNet-Lite)", "squeezenet": "BSD (SqueezeNet)"}
+
+
+def model_card(classifier: SurfaceClassifier, checkpoint: Path, stability: Path | None) -> str:
+    """The card as Markdown.
+
+    Args:
+        classifier: As loaded.
+        checkpoint: Its file; figures are read from the run folder it lies in, if there is one.
+        stability: Run folder of ``task=stability``, or None.
+
+    Raises:
+        UserError: If the folder of stability holds no breaking points.
+    """
+    card, results = classifier.card, _results(checkpoint)
+    entry = results.get("networks", {}).get(card.kind, {})
+    parts = [
+        _front_matter(card, entry, results),
+        f"# {card.kind}: {_senses(card)} to one of {len(card.classes)} surfaces",
+        _what(classifier),
+        "## Data\n\n" + "\n".join(_data(card, results)),
+        "## Results\n\n" + "\n".join(_figures(entry)),
+    ]
+    if stability is not None:
+        parts.append("## Breaking points\n\n" + "\n".join(_breaks(stability.expanduser())))
+    parts += ["## Licence of pretrained weights\n\n" + _licence(card), _loading(card, checkpoint)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _results(checkpoint: Path) -> dict[str, Any]:
+    """``results.json`` of the run; of a fold's checkpoint that of all folds, if they are done."""
+    run = checkpoint.resolve().parent.parent
+    for folder in ([run.parent.parent] if run.parent.name == "folds" else []) + [run]:
+        if (folder / RESULTS).is_file():
+            found: dict[str, Any] = json.loads((folder / RESULTS).read_text(encoding="utf-8"))
+            return found
+    return {}
+
+
+def _front_matter(card: Card, entry: Mapping[str, Any], results: Mapping[str, Any]) -> str:
+    values: dict[str, Any] = {
+        "library_name": "tex_lightning",
+        "pipeline_tag": "image-classification" if card.modalities == ("image",) else "other",
+        "tags": ["surface-material-classification", *card.modalities],
+    }
+    if "vote_accuracy" in entry:
+        metric = {"type": "accuracy", "value": round(entry["vote_accuracy"], 4)}
+        test = {
+            "task": {"type": "surface-material-classification"},
+            "dataset": {"name": results.get("data", "own"), "type": results.get("data", "own")},
+            "metrics": [metric],
+        }
+        values["model-index"] = [{"name": card.kind, "results": [test]}]
+    return f"---\n{yaml.safe_dump(values, sort_keys=False)}---"
+
+
+def _senses(card: Card) -> str:
+    return " and ".join(card.modalities)
+
+
+def _what(classifier: SurfaceClassifier) -> str:
+    card = classifier.card
+    names = {type(branch.network).__name__: None for branch in classifier.branches.values()}
+    fused = "" if classifier.fusion is None else f", fused on {card.fusion['level'].upper()}"
+    return (
+        f"{listed(list(names))}{fused}, {classifier.count_parameters():,} parameters, trained with "
+        f"tex_lightning {__version__}. The label is decided by {card.rule} over the positions of a "
+        "recording."
+    )
+
+
+def _data(card: Card, results: Mapping[str, Any]) -> Iterator[str]:
+    seen = card.trained_on.get("seen")
+    if results:
+        yield f"- Source: `data={results['data']}` (`task={results['task']}`)"
+    yield f"- Recordings behind the weights: {len(seen) if seen else 'not known'}"
+    if "test_fold" in card.trained_on:
+        tested = card.trained_on["test_fold"]
+        yield f"- Left out to test: fold {tested} of {card.trained_on.get('folds')}"
+    for name, node in card.branches.items():
+        rate = node["decode"].get("sampling_rate")
+        yield f"- `{name}` reads `{node['modality']}`" + (f" at {rate:g} Hz" if rate else "")
+    yield f"- Classes: {', '.join(card.classes)}"
+
+
+def _figures(entry: Mapping[str, Any]) -> Iterator[str]:
+    if not entry:
+        yield "No finished run lies beside the checkpoint, so nothing is known of its accuracy."
+        return
+    low, high = entry["vote_ci95"]
+    yield "| measure | value |\n|---|---|"
+    yield (
+        f"| correct labels | {entry['correct']} of {entry['test_samples']}: "
+        f"{100 * entry['vote_accuracy']:.1f} % (Wilson 95 %: {100 * low:.1f} to {100 * high:.1f}) |"
+    )
+    yield f"| correct fragments | {100 * entry['fragment_accuracy']:.1f} % |"
+    calibration = entry.get("calibration", {})
+    if "ece" in calibration:
+        yield f"| expected calibration error | {calibration['ece']:.3f} |"
+        yield f"| Brier score | {calibration['brier']:.3f} |"
+    if latency := entry.get("latency_ms"):
+        yield f"| latency, median | {latency['median']:.1f} ms |"
+    if folds := entry.get("folds"):
+        yield f"\nPooled over {len(folds)} folds, each tested by the network trained without it."
+
+
+def _breaks(folder: Path) -> Iterator[str]:
+    path = folder / BREAKS
+    if not path.is_file():
+        raise UserError(
+            f"export.stability={folder} holds no {BREAKS}; give the folder of a finished run of "
+            "task=stability."
+        )
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    yield "Where less than half of the clean accuracy is kept, or as that run was told.\n"
+    yield "| system | modality | perturbation | breaks at |\n|---|---|---|---|"
+    for row in rows:
+        where = f"{row['value']} {row['unit']}" if row["value"] else "nowhere"
+        yield f"| {row['system']} | {row['modality']} | {row['perturbation']} | {where} |"
+
+
+def _licence(card: Card) -> str:
+    trunks = card.trained_on.get("trunks") or {}
+    if not trunks:
+        return "None were used: all weights began at random."
+    said = []
+    for sense, source in trunks.items():
+        node = json.dumps(card.branches.get(sense, {}))
+        known = [text for name, text in LICENCES.items() if name in node and source == OFFICIAL]
+        said += [f"`{sense}`: {known[0] if known else f'as said by whoever gives {source}'}"]
+    return "; ".join(said) + "."
+
+
+def _loading(card: Card, checkpoint: Path) -> str:
+    given = ", ".join(f'{name}="FILE"' for name in card.modalities)
+    return f"""## How to load
+
+```python
+import tex_lightning as tl
+
+print(tl.load("{checkpoint.name}").predict({given}).label)
+```
+
+Without this package: `python -m tex_lightning task=export checkpoint={checkpoint.name}` writes
+`{card.kind}.onnx`, which onnxruntime runs."""

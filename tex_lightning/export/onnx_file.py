@@ -1,0 +1,71 @@
+"""A classifier as one self-contained ONNX file."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.errors import UserError
+from tex_lightning.export.graph import DRAWS
+from tex_lightning.export.metadata import KEY, metadata
+from tex_lightning.export.tracing import Traced, quiet, untraceable
+
+EXTRA = 'install it with pip install "tex_lightning[export]"'
+
+
+def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: ANN401
+    """The model, as ``onnx.ModelProto``, with what the file says of itself.
+
+    Raises:
+        UserError: If an operation has no form in ONNX, or a package is missing.
+    """
+    onnx = require("onnx")
+    require("onnxscript")
+    try:
+        with quiet():
+            program = torch.onnx.export(
+                traced.program,
+                input_names=list(traced.inputs),
+                output_names=traced.outputs,
+                dynamo=True,
+                external_data=False,
+                verbose=False,
+            )
+            assert program is not None  # as dynamo makes it
+            model = program.model_proto
+    except Exception as error:  # of the exporter, in many ways
+        raise untraceable(classifier, error) from error
+    model.metadata_props.add(key=KEY, value=json.dumps(metadata(classifier)))
+    if DRAWS in traced.inputs:  # a value that whoever runs it may replace
+        default = onnx.numpy_helper.from_array(traced.inputs[DRAWS].numpy(), DRAWS)
+        model.graph.initializer.append(default)
+    onnx.checker.check_model(model)
+    return model
+
+
+def require(name: str) -> Any:  # noqa: ANN401
+    """Import a package of the extra ``export``.
+
+    Raises:
+        UserError: If it is not installed.
+    """
+    try:
+        return __import__(name, fromlist=["_"])
+    except ImportError as error:
+        raise UserError(f"This needs {name}, which is not installed; {EXTRA}.") from error
+
+
+def write_onnx(model: Any, path: Path) -> None:  # noqa: ANN401
+    """Write a model to one file, without the notes that the exporter leaves on every node.
+
+    They tell where in the code, and in which folder of this machine, a node comes from.
+    """
+    for node in model.graph.node:
+        node.ClearField("metadata_props")
+        node.ClearField("doc_string")
+    for value in (*model.graph.value_info, *model.graph.input, *model.graph.output):
+        value.ClearField("metadata_props")
+    model.graph.ClearField("metadata_props")
+    path.write_bytes(model.SerializeToString())

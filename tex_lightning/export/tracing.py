@@ -1,0 +1,157 @@
+"""A classifier as a program of torch.export, for signals of any length and photos of any size."""
+
+import logging
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.export import Dim, ExportedProgram
+
+from tex_lightning.branches import Branch
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
+from tex_lightning.errors import UserError, shorten
+from tex_lightning.export.graph import DRAWS, ClassifierGraph
+from tex_lightning.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures
+
+WINDOWS = 3  # of the network, that the recordings have with which it is traced
+SIDE = 400  # pixels of a photo for a network that does not say what it needs
+SECONDS = 4  # likewise of a signal
+AXES = (1, 3)
+
+
+@dataclass(frozen=True)
+class Traced:
+    """A classifier that was traced.
+
+    Attributes:
+        program: Takes its inputs by name and gives a dictionary of named tensors.
+        inputs: With which it was traced, by name; ``draws`` are those of the card's seed.
+        outputs: Names, in order.
+    """
+
+    program: ExportedProgram
+    inputs: dict[str, Tensor]
+    outputs: list[str]
+
+
+def trace(classifier: SurfaceClassifier) -> Traced:
+    """Trace a classifier, all sizes open.
+
+    Args:
+        classifier: On the CPU, in evaluation mode.
+
+    Raises:
+        UserError: If PyTorch cannot trace what it is made of.
+    """
+    graph = ClassifierGraph(classifier).eval()
+    inputs, sizes = {}, {}
+    for branch in classifier.branches.values():
+        inputs[branch.modality] = example(branch)
+        sizes[branch.modality] = _open_sizes(branch)
+    if graph.fused:
+        inputs[DRAWS], sizes[DRAWS] = default_draws(classifier), {0: Dim.DYNAMIC}
+    graph.name_inputs(list(inputs))
+    try:
+        with quiet(), torch.no_grad():
+            program = torch.export.export(graph, (), inputs, dynamic_shapes=sizes, strict=False)
+            outputs = list(graph(**inputs))
+    except UserError:
+        raise
+    except Exception as error:  # whatever PyTorch cannot trace, it says in as many ways
+        raise untraceable(classifier, error) from error
+    return Traced(program, inputs, outputs)
+
+
+def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
+    """What to say of a network that cannot be exported."""
+    parts = {
+        type(part).__name__: None
+        for branch in classifier.branches.values()
+        for part in (branch.features, branch.network)
+    }
+    said = shorten(next(iter(str(error).strip().splitlines()), "").rstrip("."))
+    return UserError(
+        f"This {classifier.card.title} ({', '.join(parts)}) cannot be exported: "
+        f"{type(error).__name__}: {said}; write its parts without Python that depends on values or "
+        "sizes (see torch.export)."
+    )
+
+
+def default_draws(classifier: SurfaceClassifier) -> Tensor:
+    """Words of 32 random bits (K, senses), int64, by which positions are drawn.
+
+    They are those of :func:`~tex_lightning.decision.voting.random_tuples` at the card's seed.
+    """
+    card = classifier.card
+    return draws(card.decision["seed"], card.decision["pairs"], len(card.senses))
+
+
+def draws(seed: int, count: int, senses: int) -> Tensor:
+    """The words (count, senses) that PyTorch's generator draws positions by, sense after sense.
+
+    Both it and NumPy's RandomState are the Mersenne Twister, seeded alike, and a position is a word
+    modulo the number of positions.
+    """
+    words = np.frombuffer(np.random.RandomState(seed).bytes(4 * count * senses), "<u4")
+    return torch.from_numpy(words.astype(np.int64).reshape(senses, count).T.copy())
+
+
+def takes_axes(branch: Branch) -> list[int]:
+    """How many axes the exported file takes of a signal.
+
+    DFT321 of a whole movement is a Fourier transform of its length, which is not exported.
+    """
+    features = branch.features
+    joined = isinstance(features, SpectrogramFeatures) and features.axes == "trace"
+    return [1] if joined else list(AXES)
+
+
+def example(branch: Branch, seed: int = 0) -> Tensor:
+    """A recording of noise that gives several positions."""
+    generator = torch.Generator().manual_seed(seed)
+    decoder = branch.decoder
+    if isinstance(decoder, SignalDecoder):
+        size = takes_axes(branch)[-1], _samples(branch, decoder.sampling_rate)
+        return torch.randn(size, generator=generator)
+    least = branch.window_size if branch.declares_geometry else (SIDE, SIDE)
+    scale = 2 if isinstance(decoder, PhotoDecoder) and decoder.half_scale else 1
+    height, width = scale * (least[0] + branch_step(branch)), scale * (least[1] + SIDE // 4) + 1
+    return torch.randint(256, (height, width, 3), generator=generator, dtype=torch.uint8)
+
+
+def branch_step(branch: Branch) -> int:
+    """Pixels to a second row of positions."""
+    return branch.stride if branch.declares_geometry else SIDE // 8
+
+
+def _samples(branch: Branch, rate: float) -> int:
+    features = branch.features
+    if isinstance(features, SpectrogramFeatures) and branch.declares_geometry:
+        movement = features.samples(WINDOWS * branch.window_size[1])
+        return movement + int(KNOWN_SECONDS * rate)
+    return int(SECONDS * rate)
+
+
+def _open_sizes(branch: Branch) -> Mapping[int, Any]:
+    if branch.medium != "signal":
+        return {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
+    several = len(takes_axes(branch)) > 1
+    return {**({0: Dim.DYNAMIC} if several else {}), 1: Dim.DYNAMIC}
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep PyTorch's exporters from saying what they are doing."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        logging.disable(logging.WARNING)
+        try:
+            yield
+        finally:
+            logging.disable(logging.NOTSET)

@@ -1,0 +1,140 @@
+"""Write a trained network to a file that runs without this package."""
+
+import json
+import logging
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import Config
+from tex_lightning.config.job import Job
+from tex_lightning.errors import UserError
+from tex_lightning.export.check import Agreement, Runner, compare, refuse, tolerance
+from tex_lightning.export.int8 import CALIBRATION, quantised
+from tex_lightning.export.model_card import model_card
+from tex_lightning.export.onnx_file import make_onnx, write_onnx
+from tex_lightning.export.onnx_run import onnx_runner
+from tex_lightning.export.program import program_runner, write_program
+from tex_lightning.export.recordings import recordings
+from tex_lightning.export.tracing import trace
+from tex_lightning.files import write_atomically, write_text
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is exported, and whereto.
+
+    Attributes:
+        config: The whole configuration.
+        checkpoint: The file.
+        classifier: As loaded from it.
+        out: Folder to write to.
+    """
+
+    config: Config
+    checkpoint: Path
+    classifier: SurfaceClassifier
+    out: Path
+
+
+def run(config: Config, job: Job) -> dict[str, Any]:
+    """Write ``checkpoint`` to ``export.out`` as ``export.format``, and what was measured.
+
+    Raises:
+        UserError: If it cannot be exported, or the file says something else than the checkpoint.
+    """
+    checkpoint = Path(str(config.checkpoint)).expanduser()
+    classifier = load_classifier(checkpoint)
+    if classifier.card.baseline:
+        raise UserError(
+            f"Checkpoint {checkpoint} holds {classifier.card.title}, which computes outside of "
+            "PyTorch; export one of this package's networks."
+        )
+    out = job.directory if config.export.out is None else Path(config.export.out).expanduser()
+    entry = FORMATS[config.export.format](Order(config, checkpoint, classifier, out))
+    results = {"task": config.task, "format": config.export.format, **entry}
+    write_text(out / "export.json", json.dumps(results, indent=1))
+    return results
+
+
+def _onnx(order: Order) -> dict[str, Any]:
+    """``KIND.onnx``, and with ``export.int8`` ``KIND_int8.onnx``, run by onnxruntime."""
+    classifier, config = order.classifier, order.config
+    model = make_onnx(classifier, trace(classifier))
+    path = order.out / f"{classifier.card.kind}.onnx"
+    entry = _checked(order, onnx_runner(model), path, lambda partial: write_onnx(model, partial))
+    if not config.export.int8:
+        return entry
+    small = quantised(model, recordings(config.data, classifier, CALIBRATION, train=True))
+    path = path.with_stem(f"{path.stem}_int8")
+    write_atomically(path, lambda partial: write_onnx(small, partial))
+    samples = recordings(config.data, classifier, config.export.check)
+    found = compare(onnx_runner(small), classifier, samples, config.engine)
+    _say(path, found)
+    return {**entry, "int8": {"file": path.name, "bytes": _size(path), **found.to_dict()}}
+
+
+def _pt2(order: Order) -> dict[str, Any]:
+    """``KIND.pt2``, run by PyTorch."""
+    classifier = order.classifier
+    traced = trace(classifier)
+    with tempfile.TemporaryDirectory() as folder:
+        written = Path(folder) / "program.pt2"
+        write_program(traced, classifier, written)
+        path = order.out / f"{classifier.card.kind}.pt2"
+        return _checked(
+            order, program_runner(written), path, lambda partial: _copy(written, partial)
+        )
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.write_bytes(source.read_bytes())
+
+
+def _card(order: Order) -> dict[str, Any]:
+    """``MODEL_CARD.md``."""
+    path = order.out / "MODEL_CARD.md"
+    stability = order.config.export.stability
+    text = model_card(
+        order.classifier, order.checkpoint, None if not stability else Path(stability)
+    )
+    write_text(path, text)
+    log.info("%s", path)
+    return {"file": path.name, "bytes": _size(path)}
+
+
+def _checked(
+    order: Order, runner: Runner, path: Path, write: Callable[[Path], None]
+) -> dict[str, Any]:
+    """Compare a file with its classifier, then write it."""
+    classifier, config = order.classifier, order.config
+    samples = recordings(config.data, classifier, config.export.check)
+    found = compare(runner, classifier, samples, config.engine)
+    refuse(found, tolerance(classifier))
+    write_atomically(path, write)
+    _say(path, found)
+    return {"file": path.name, "bytes": _size(path), **found.to_dict()}
+
+
+def _say(path: Path, found: Agreement) -> None:
+    log.info(
+        "%s: %.1f MB; %d of %d labels as of the checkpoint, scores within %.1g of their range.",
+        path, _size(path) / 1e6, found.same_labels, found.recordings, found.score_difference,
+    )  # fmt: skip
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size
+
+
+FORMATS: dict[str, Callable[[Order], dict[str, Any]]] = {
+    "onnx": _onnx,
+    "pt2": _pt2,
+    "card": _card,
+}
