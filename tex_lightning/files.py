@@ -46,6 +46,15 @@ def write_text(target: Path, text: str) -> None:
     write_atomically(target, lambda path: _write(path, text))
 
 
+def write_bytes(target: Path, content: bytes) -> None:
+    """Write a file that is whole or not there."""
+    write_atomically(target, lambda path: _write_bytes(path, content))
+
+
+def _write_bytes(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+
+
 def _write(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 

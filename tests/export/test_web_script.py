@@ -1,0 +1,187 @@
+"""The page's own arithmetic, beside the libraries that it repeats."""
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+import torch
+from scipy.signal import resample_poly
+
+from tex_lightning.classifier import content_seed
+from tex_lightning.data.decode import halve, rate_ratio
+from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
+from tex_lightning.data.text_traces import read_text_trace
+from tex_lightning.decision.voting import RULES, random_tuples
+
+BUFFER = """const load = (path) => { const bytes = readFileSync(path);
+  return bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length); };"""
+
+
+def noise(*shape: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1, 1, shape).astype(np.float32)
+
+
+def write(path: Path, array: np.ndarray) -> str:
+    path.write_bytes(array.tobytes())
+    return str(path)
+
+
+def test_samples_of_wav_files_are_those_of_soundfile(node, tmp_path):
+    paths = []
+    for subtype in ("PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"):
+        for kind in ("WAV", "WAVEX"):
+            paths.append(tmp_path / f"{subtype}_{kind}.wav")
+            soundfile.write(paths[-1], noise(501, 3), 8000, subtype=subtype, format=kind)
+    found = node(
+        {"wav": "parseWav"},
+        BUFFER + "return given.paths.map((path) => { const found = parseWav(load(path));"
+        "return [found.rate, found.channels.map((each) => [...each])]; });",
+        paths=[str(path) for path in paths],
+    )
+    for path, (rate, channels) in zip(paths, found, strict=True):
+        expected, expected_rate = soundfile.read(path, dtype="float32")
+        assert rate == expected_rate
+        np.testing.assert_array_equal(np.float32(channels), expected.T, path.name)
+
+
+def test_a_truncated_wav_file_is_refused_in_one_sentence(node, tmp_path):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, noise(100), 8000)
+    path.write_bytes(path.read_bytes()[:-50])
+    said = node(
+        {"decode": "readSignal"},
+        BUFFER + "try { readSignal('a.wav', load(given.path), { channel: null }) }"
+        "catch (error) { return error.message }",
+        path=str(path),
+    )
+    assert said == "a.wav cannot be read: truncated: 50 of 200 bytes are missing."
+
+
+RATES = [(44_100, 10_000), (48_000, 10_000), (2_200, 10_000), (10_000, 3_333.3)]
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_resampling_is_that_of_scipy(node, tmp_path, kind):
+    trace = noise(4_321).astype(kind)
+    found = node(
+        {"resample": "resample, rateRatio"},
+        BUFFER + f"const samples = new Float{8 * trace.itemsize}Array(load(given.path));"
+        "return given.rates.map(([source, target]) =>"
+        " [rateRatio(source, target), [...resample(samples, source, target)]]);",
+        path=write(tmp_path / "a", trace), rates=RATES,
+    )  # fmt: skip
+    for (source, target), (ratio, samples) in zip(RATES, found, strict=True):
+        up, down = rate_ratio(source, target, "a").as_integer_ratio()
+        assert ratio == [up, down]
+        expected = resample_poly(trace, up, down).astype(np.float32)
+        np.testing.assert_array_equal(np.float32(samples), expected)
+
+
+TEXTS = {
+    "one column": "1.5\n2.5e-3\n-3\n",
+    "semicolons and decimal commas": "X;Y;Z\n1,5;2;3\n4;5,25;-6\n7;8;9\n",
+    "tabs, comments": "# made by hand\n# x\ty\tz\n1\t2\t3\n4\t5\t6\n7\t8\t9\n1\t1\t1\n",
+    "a named time in ms": "time_ms,x\n" + "".join(f"{i / 8},{i * i % 7}\n" for i in range(20)),
+    "units in a second line": "Time,a,b,c\ns,g,g,g\n"
+    + "".join(f"{i / 1000},{i % 3},{i % 5},{-i}\n" for i in range(20)),
+    "an unnamed time": "".join(f"{i / 2000:.4f} {i % 4}\n" for i in range(20)),
+    "lost samples": "t (s),x\n" + "".join(f"{i / 500},{i % 6}\n" for i in range(30) if i != 9),
+    "a trailing delimiter": "1,2,3,\n4,5,6,\n7,8,9,\n0,0,1,\n",
+}
+
+
+def test_tables_are_read_as_by_the_package(node, tmp_path):
+    paths = [tmp_path / f"{name}.csv" for name in TEXTS]
+    for path, text in zip(paths, TEXTS.values(), strict=True):
+        path.write_text(text)
+    found = node(
+        {"table": "parseTable"},
+        BUFFER + "return given.paths.map((path) => { const found = parseTable(load(path));"
+        "return [found.rate, found.channels.map((each) => [...each])]; });",
+        paths=[str(path) for path in paths],
+    )
+    for path, (rate, channels) in zip(paths, found, strict=True):
+        expected = read_text_trace(path)
+        samples = expected.samples if expected.rate else np.atleast_2d(expected.samples.T)
+        assert rate == expected.rate, path.name
+        np.testing.assert_allclose(channels, samples, rtol=1e-15, err_msg=path.name)
+
+
+def test_words_and_seeds_are_those_of_zlib_numpy_and_torch(node, tmp_path):
+    trace, photo = noise(3, 700), np.arange(3 * 40 * 50, dtype=np.uint8)
+    paths = write(tmp_path / "a", trace), write(tmp_path / "b", photo)
+    found = node(
+        {"seed": "crc32, contentSeed, mersenneTwister, draws"},
+        BUFFER + "const trace = new Float32Array(load(given.paths[0]));"
+        "const photo = new Uint8Array(load(given.paths[1]));"
+        "return { crc: crc32(photo, 7), seed: contentSeed(5, [trace, photo]),"
+        " words: [...mersenneTwister(4e9, 2000)], draws: [...draws(4e9, 900, 2)].map(Number) };",
+        paths=paths,
+    )
+    assert found["crc"] == zlib.crc32(photo, 7)
+    assert found["seed"] == content_seed(5, trace, photo)
+    words = np.frombuffer(np.random.RandomState(4_000_000_000).bytes(8000), "<u4")
+    np.testing.assert_array_equal(found["words"], words)
+    drawn = np.reshape(found["draws"], (900, 2)) % [37, 143]
+    np.testing.assert_array_equal(drawn, random_tuples([37, 143], 900, 4_000_000_000))
+
+
+def test_votes_are_those_of_the_package(node):
+    scores = torch.from_numpy(noise(4, 30)).round(decimals=1)  # with ties
+    found = node(
+        {"vote": "decide"},
+        "return given.rules.map((rule) => decide(given.scores, 4, { rule, temperature: 0.7 }));",
+        scores=scores.flatten().tolist(), rules=list(RULES),
+    )  # fmt: skip
+    for rule, vote in zip(RULES.values(), found, strict=True):
+        expected = rule(scores, 0.7)
+        assert vote["label"] == expected.label
+        np.testing.assert_allclose(vote["shares"], expected.shares, rtol=1e-6)
+        np.testing.assert_allclose(vote["probabilities"], expected.probabilities, rtol=1e-12)
+
+
+RANGES = {"level": [2.0, 3.0], "rate": [10_000.0, 10_000.0]}
+TRACES = {
+    "good": 4 * noise(1, 5000),
+    "silent": np.zeros((3, 500), np.float32),
+    "constant": np.full((1, 500), 2, np.float32),
+    "clipped": np.clip(9 * noise(1, 5000), -5, 5),
+    "an axis missing, and quiet": noise(3, 5000) * np.float32([[0.1], [0], [0.1]]),
+}
+
+
+def test_warnings_of_signals_are_those_of_the_package(node):
+    found = node(
+        {"quality": "signalQuality"},
+        "const about = { rate: 4000, sense: { what: 'trace', rate: 10000 }, ranges: given.ranges };"
+        "return given.traces.map((trace) => {"
+        " const axes = trace.map((each) => Float32Array.from(each));"
+        " return signalQuality(axes, axes, about); });",
+        traces=[trace.tolist() for trace in TRACES.values()], ranges=RANGES,
+    )  # fmt: skip
+    for trace, quality in zip(TRACES.values(), found, strict=True):
+        monitor = TraceMonitor("trace")
+        monitor.update(trace)
+        expected = monitor.quality(RANGES, **trace_measures(trace, 4000.0, 10_000.0))
+        assert quality == {"warnings": list(expected.warnings), "empty": expected.empty}
+
+
+@pytest.mark.parametrize("contrast", [0, 60])
+def test_photos_are_halved_and_judged_as_by_the_package(node, tmp_path, contrast):
+    photo = (128 + contrast * noise(301, 535, 3)).astype(np.uint8)
+    ranges = {"brightness": [1.0, 10.0], "contrast": [10.0, 20.0]}
+    found = node(
+        {"decode": "halve", "quality": "photoQuality"},
+        BUFFER + "const pixels = new Uint8Array(load(given.path));"
+        "const photo = halve({ pixels, width: 535, height: 301 });"
+        "const quality = photoQuality(photo, { sense: { what: 'photo' }, ranges: given.ranges });"
+        "return { quality, pixels: [...photo.pixels], size: [photo.height, photo.width] };",
+        path=write(tmp_path / "a", photo), ranges=ranges,
+    )  # fmt: skip
+    expected = halve(photo)
+    assert found["size"] == list(expected.shape[:2])
+    np.testing.assert_array_equal(found["pixels"], expected.flatten())
+    quality = photo_quality(expected, ranges, "photo")
+    assert found["quality"] == {"warnings": list(quality.warnings), "empty": quality.empty}

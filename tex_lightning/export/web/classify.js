@@ -1,0 +1,188 @@
+// One sample: from decoded recordings to what a person is told (predictor.py and prediction.py).
+
+import { decodeSignal, halve } from "./decode.js";
+import { InputError } from "./errors.js";
+import { photoQuality, signalQuality } from "./quality.js";
+import { contentSeed, draws, mersenneTwister } from "./seed.js";
+import { decide, doubted, join } from "./vote.js";
+
+const UNLIKE = 0.5; // of votes and probabilities that is spread where an input has a warning
+
+/**
+ * Classify one sample.
+ *
+ * @param {object} card - The model card, model.json.
+ * @param {Record<string, object>} recordings - By modality. A signal is ``{axes, rate}``, a photo
+ *   ``{pixels, width, height}`` as it comes out of its file.
+ * @param {(feeds: object) => Promise<Record<string, {data: ArrayLike<number>, dims: number[]}>>}
+ *   run - Runs the graph on ``{name: {type, data, dims}}``.
+ * @returns {Promise<object>} label, rejected, probability, confidence, top, fragments, warnings,
+ *   senses, outputs and decoded recordings.
+ */
+export async function classify(card, recordings, run) {
+  const present = card.senses.filter((sense) => sense.modality in recordings);
+  checkPresent(card, present);
+  const decoded = {};
+  const found = [];
+  for (const sense of present) {
+    if (sense.modality in decoded) continue;
+    const [recording, quality] = decode(sense, recordings[sense.modality], card.ranges ?? {});
+    decoded[sense.modality] = recording;
+    found.push(quality);
+  }
+  const seed = seedOf(card, present, decoded);
+  const feeds = makeFeeds(card, recordings, decoded, seed);
+  const outputs = await run(feeds).catch((error) => {
+    throw explain(error, present);
+  });
+  const vote = voteOf(card, present, outputs, seed);
+  return { ...describe(card, vote, found), outputs, decoded, senses: present };
+}
+
+/** Whether there is enough to classify. */
+export function isComplete(card, modalities) {
+  const has = (sense) => modalities.includes(sense.modality);
+  return card.senses.every(has) || (card.parts && card.senses.some(has));
+}
+
+function checkPresent(card, present) {
+  if (isComplete(card, present.map((sense) => sense.modality))) return;
+  const absent = card.senses.filter((sense) => !present.includes(sense));
+  throw new InputError(`The network needs a ${absent[0].what} too; choose one.`);
+}
+
+function decode(sense, recording, every) {
+  const ranges = every[sense.modality] ?? {};
+  if (sense.medium === "photo") {
+    const photo = sense.half_scale ? halve(recording) : recording;
+    const { width, height } = photo;
+    if (Math.min(width, height) < Math.max(1, sense.least ?? 1)) {
+      throw new InputError(
+        `The ${sense.what} has ${width} x ${height} pixels after decoding, and the network needs ` +
+          `${sense.least ?? 1} on each side; use a larger one.`,
+      );
+    }
+    return [photo, photoQuality(photo, { sense, ranges })];
+  }
+  const axes = decodeSignal(recording, sense);
+  if (axes[0].length < (sense.least ?? 1)) throw tooShort(sense, axes[0].length);
+  const rate = recording.rate ?? sense.file_rate;
+  return [{ axes }, signalQuality(recording.axes, axes, { rate, sense, ranges })];
+}
+
+function tooShort(sense, samples) {
+  const seconds = (count) => (count / sense.rate).toFixed(2);
+  return new InputError(
+    `The ${sense.what} lasts ${seconds(samples)} s, and the network needs ` +
+      `${seconds(sense.least)} s of steady movement for one fragment; record a longer stroke.`,
+  );
+}
+
+/** What went wrong in the graph: mostly a stroke of which too little is steady movement. */
+function explain(error, present) {
+  const detail = String(error?.message ?? error);
+  if (/memory|alloc|out of bounds/i.test(detail)) {
+    return new InputError("The browser has too little memory for it; give a smaller photo.");
+  }
+  const signal = present.find((sense) => sense.medium === "signal" && sense.least);
+  if (signal === undefined || !/shape|dimension|kernel|size|range|index/i.test(detail)) return error;
+  return new InputError(
+    `The ${signal.what} has too little steady movement; the network needs ` +
+      `${(signal.least / signal.rate).toFixed(2)} s for one fragment. Record a longer stroke.`,
+  );
+}
+
+function seedOf(card, present, decoded) {
+  const modalities = [...new Set(present.map((sense) => sense.modality))];
+  const contents = modalities.map((name) => decoded[name].pixels ?? flat(decoded[name].axes));
+  return contentSeed(card.decision.seed, contents);
+}
+
+function makeFeeds(card, recordings, decoded, seed) {
+  const feeds = {};
+  for (const sense of card.senses) {
+    const name = sense.modality;
+    const found = decoded[name] ?? placeholder(sense);
+    if (sense.medium === "photo") {
+      const { pixels, width, height } = recordings[name] ?? found;
+      feeds[name] = { type: "uint8", data: pixels, dims: [height, width, 3] };
+    } else {
+      const dims = [found.axes.length, found.axes[0].length];
+      feeds[name] = { type: "float32", data: flat(found.axes), dims };
+    }
+  }
+  if (card.senses.length > 1) {
+    const { pairs } = card.decision;
+    const dims = [pairs, card.senses.length];
+    feeds.draws = { type: "int64", data: draws(seed, pairs, dims[1]), dims };
+  }
+  return feeds;
+}
+
+/** Something to go through the graph in place of an absent recording; its scores are not read. */
+function placeholder(sense) {
+  if (sense.medium === "photo") {
+    const side = (sense.least ?? 256) * (sense.half_scale ? 2 : 1);
+    return { pixels: new Uint8Array(3 * side * side), width: side, height: side };
+  }
+  const count = 2 * Math.ceil(sense.least ?? 2 * sense.rate);
+  const noise = Float32Array.from(mersenneTwister(0, count), (word) => word / 2 ** 31 - 1);
+  return { axes: Array.from({ length: sense.axes?.at(0) ?? 1 }, () => noise) };
+}
+
+function flat(axes) {
+  if (axes.length === 1) return axes[0];
+  const joined = new Float32Array(axes.length * axes[0].length);
+  axes.forEach((axis, i) => joined.set(axis, i * axis.length));
+  return joined;
+}
+
+/** The graph's vote, or of some senses alone that of their summands. */
+function voteOf(card, present, outputs, seed) {
+  const classes = card.classes.length;
+  if (present.length === card.senses.length) {
+    return {
+      label: Number(outputs.label.data[0]),
+      shares: Array.from(outputs.shares.data),
+      probabilities: Array.from(outputs.probabilities.data),
+      fragments: outputs.scores.dims[1],
+      novelty: outputs.novelty?.data[0] ?? null,
+    };
+  }
+  const summands = present.map((sense) => outputs[`${sense.name}_scores`].data);
+  const { pairs, rule } = card.decision;
+  const scores =
+    summands.length === 1
+      ? summands[0]
+      : join(summands, classes, mersenneTwister(seed, pairs * summands.length), pairs);
+  // the temperature is of all senses together
+  const vote = decide(scores, classes, { rule, temperature: 1 });
+  return { ...vote, fragments: scores.length / classes, novelty: null };
+}
+
+function describe(card, vote, found) {
+  const warnings = found.flatMap((each) => each.warnings);
+  const empty = found.every((each) => each.empty);
+  const doubt = empty ? 1 : warnings.length ? UNLIKE : 0;
+  const shares = doubted(vote.shares, doubt);
+  const probabilities = doubted(vote.probabilities, doubt);
+  const least = card.decision.reject_below;
+  const probability = probabilities[vote.label];
+  const unsure = least !== null && (probability < least || (empty && least > 0));
+  const unknown = card.unknown != null && vote.novelty !== null && vote.novelty > card.unknown.threshold;
+  const first = (i) => (i === vote.label ? 0 : 1);
+  const order = [...card.classes.keys()].sort(
+    (a, b) => first(a) - first(b) || shares[b] - shares[a] || a - b,
+  );
+  return {
+    label: unknown ? "unknown" : unsure ? null : card.classes[vote.label],
+    rejected: unknown || unsure,
+    best: card.classes[vote.label],
+    probability,
+    confidence: shares[vote.label],
+    top: order.map((i) => ({ label: card.classes[i], share: shares[i], probability: probabilities[i] })),
+    fragments: vote.fragments,
+    novelty: vote.novelty,
+    warnings,
+  };
+}

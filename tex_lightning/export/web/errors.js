@@ -1,0 +1,3 @@
+// What a person can mend, said in one sentence.
+
+export class InputError extends Error {}

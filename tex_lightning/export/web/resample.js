@@ -1,0 +1,117 @@
+// Samples at another rate, as scipy.signal.resample_poly computes them with its own filter.
+
+import { InputError } from "./errors.js";
+
+const REACH = 10; // samples of the lower rate that the filter sees on each side
+const BETA = 5; // of its Kaiser window
+const MAX_DENOMINATOR = 10000n;
+
+/**
+ * Bring a signal to another rate.
+ *
+ * The arithmetic has the precision of the samples, in scipy's order, so that float32 samples come
+ * out as they do there.
+ *
+ * @param {Float32Array | Float64Array} samples
+ * @param {number} source - Their rate in Hz.
+ * @param {number} target - The rate to bring them to.
+ * @returns {Float32Array}
+ */
+export function resample(samples, source, target) {
+  const [up, down] = rateRatio(source, target);
+  if (up === down) return Float32Array.from(samples);
+  const half = REACH * Math.max(up, down);
+  const filter = lowPass(half, Math.max(up, down), up, samples.constructor);
+  const single = samples instanceof Float32Array;
+  const round = single ? Math.fround : (x) => x;
+  const found = new Float32Array(Math.ceil((samples.length * up) / down));
+  for (let i = 0; i < found.length; i++) {
+    const centre = i * down; // in samples of the common multiple of the rates
+    const first = Math.max(0, Math.ceil((centre - half) / up));
+    const last = Math.min(samples.length - 1, Math.floor((centre + half) / up));
+    let sum = 0;
+    for (let k = first; k <= last; k++) {
+      sum = round(sum + round(samples[k] * filter[centre - k * up + half]));
+    }
+    found[i] = sum;
+  }
+  return found;
+}
+
+/**
+ * By how much samples become more, as a fraction in lowest terms.
+ *
+ * @param {number} source - Rate in Hz.
+ * @param {number} target - Rate in Hz.
+ * @returns {[number, number]} Numerator and denominator, the latter up to 10,000.
+ */
+export function rateRatio(source, target) {
+  if (!(source > 0 && Number.isFinite(source))) {
+    throw new InputError(`Its sampling rate is ${source} Hz; give a rate above 0.`);
+  }
+  const [up, down] = limitDenominator(...exactFraction(target / source));
+  const ratio = up / down;
+  if (!(ratio > 0.001 && ratio < 1000)) {
+    throw new InputError(
+      `Its sampling rate of ${source} Hz is too far from the ${target} Hz of the network; ` +
+        "correct the rate.",
+    );
+  }
+  return [up, down];
+}
+
+/** A double as the fraction that it is. */
+function exactFraction(value) {
+  let denominator = 1n;
+  for (; !Number.isInteger(value); value *= 2) denominator *= 2n;
+  return [BigInt(value), denominator];
+}
+
+/** The nearest fraction with a small denominator (Python's Fraction.limit_denominator). */
+function limitDenominator(n, d) {
+  const [value, whole] = [n, d];
+  let [p0, q0, p1, q1] = [0n, 1n, 1n, 0n];
+  while (d !== 0n) {
+    const a = n / d;
+    if (q0 + a * q1 > MAX_DENOMINATOR) break;
+    [p0, q0, p1, q1] = [p1, q1, p0 + a * p1, q0 + a * q1];
+    [n, d] = [d, n - a * d];
+  }
+  if (d === 0n) return [Number(p1), Number(q1)];
+  const k = (MAX_DENOMINATOR - q0) / q1;
+  const [p2, q2] = [p0 + k * p1, q0 + k * q1];
+  const near = (p, q) => abs(p * whole - value * q); // times q * whole
+  return near(p1, q1) * q2 <= near(p2, q2) * q1
+    ? [Number(p1), Number(q1)]
+    : [Number(p2), Number(q2)];
+}
+
+function abs(x) {
+  return x < 0n ? -x : x;
+}
+
+/** Windowed sinc of 2 * half + 1 taps with the gain ``up``, in the precision of the samples. */
+function lowPass(half, widest, up, Samples) {
+  const taps = Float64Array.from({ length: 2 * half + 1 }, (_, i) => {
+    const x = Math.PI * ((i - half) / widest);
+    const sinc = x === 0 ? 1 : Math.sin(x) / x;
+    return (sinc / widest) * kaiser((i - half) / half);
+  });
+  const sum = taps.reduce((total, tap) => total + tap, 0);
+  const scaled = Samples.from(taps, (tap) => tap / sum);
+  return scaled.map((tap) => tap * up);
+}
+
+function kaiser(x) {
+  return bessel(BETA * Math.sqrt(Math.max(0, 1 - x * x))) / bessel(BETA);
+}
+
+/** Modified Bessel function of the first kind and order zero, by its power series. */
+function bessel(x) {
+  let [sum, term] = [1, 1];
+  for (let k = 1; term > sum * 1e-18; k++) {
+    term *= (x / (2 * k)) ** 2;
+    sum += term;
+  }
+  return sum;
+}

@@ -1,0 +1,101 @@
+"""The files of ONNX Runtime Web that a page runs on, from the npm registry or a machine's own."""
+
+import base64
+import hashlib
+import io
+import os
+import shutil
+import subprocess
+import tarfile
+import tempfile
+import urllib.request
+from pathlib import Path
+
+from tex_lightning.errors import UserError
+from tex_lightning.files import write_bytes
+
+NAME, VERSION = "onnxruntime-web", "1.30.0"
+INTEGRITY = (  # as the registry gives it: npm view onnxruntime-web@VERSION dist.integrity
+    "sha512-q0y+JrrtukXSzsBWEMccVfqX25LRmosXHF+CaRJmg8pZClzcV7svNc4rKY3jL02Vb7QmRMDs1SigqR4CXAfKYQ=="
+)
+REGISTRY = "https://registry.npmjs.org/"
+TIMEOUT = 300  # s, for 33 MB
+# By their names in the package. File servers know .js, and not all of them .mjs.
+FILES = {
+    "ort.wasm.bundle.min.mjs": "ort.wasm.bundle.min.js",
+    "ort-wasm-simd-threaded.wasm": "ort-wasm-simd-threaded.wasm",
+}
+REMEDY = "give its folder or .tgz of that version by export.web_runtime"
+
+
+def runtime_files(given: str | None, cache: Path) -> dict[str, bytes]:
+    """The files by the names that the page calls them by.
+
+    Args:
+        given: Folder of the unpacked npm package, or the package itself (``npm pack
+            onnxruntime-web@VERSION``); None fetches it once.
+        cache: Folder where it is kept.
+
+    Raises:
+        UserError: If it cannot be had, or is not the one that is expected.
+    """
+    if given is not None and Path(given).expanduser().is_dir():
+        return _from_folder(Path(given).expanduser())
+    archive = cache / f"{NAME}-{VERSION}.tgz" if given is None else Path(given).expanduser()
+    if given is None and not archive.is_file():
+        content = _fetch()
+        _check(content, "what the npm registry gave")
+        write_bytes(archive, content)
+    elif not archive.is_file():
+        raise UserError(f"export.web_runtime={given} does not exist; {REMEDY}.")
+    content = archive.read_bytes()
+    _check(content, str(archive))
+    with tarfile.open(fileobj=io.BytesIO(content)) as package:
+        members = {name: package.extractfile(f"package/dist/{name}") for name in FILES}
+        return {FILES[name]: each.read() for name, each in members.items() if each is not None}
+
+
+def _from_folder(folder: Path) -> dict[str, bytes]:
+    """The files of a folder that is the package, its ``dist``, or what ``npm install`` made."""
+    places = (".", "dist", "package/dist", f"node_modules/{NAME}/dist")
+    for place in (folder / each for each in places):
+        if all((place / name).is_file() for name in FILES):
+            return {kept: (place / name).read_bytes() for name, kept in FILES.items()}
+    raise UserError(
+        f"export.web_runtime={folder} lacks {' or '.join(FILES)} of {NAME} {VERSION}; {REMEDY}."
+    )
+
+
+def _check(content: bytes, what: str) -> None:
+    """Refuse a package that is not bit for bit the one that was tested."""
+    found = base64.b64encode(hashlib.sha512(content).digest()).decode()
+    if f"sha512-{found}" != INTEGRITY:
+        raise UserError(f"{what} is not {NAME} {VERSION} (its SHA-512 differs); {REMEDY}.")
+
+
+def _fetch() -> bytes:
+    """The package by npm, which knows the registry of this machine, else from its address."""
+    npm = shutil.which("npm")
+    if npm is not None and (content := _by_npm(npm)) is not None:
+        return content
+    registry = os.environ.get("NPM_CONFIG_REGISTRY", REGISTRY).rstrip("/")
+    address = f"{registry}/{NAME}/-/{NAME}-{VERSION}.tgz"
+    try:
+        with urllib.request.urlopen(address, timeout=TIMEOUT) as answer:
+            return bytes(answer.read())
+    except (OSError, ValueError) as error:  # no network, no such address
+        raise UserError(
+            f"The page needs {NAME} {VERSION}, which {address} does not give ({error}); {REMEDY}."
+        ) from error
+
+
+def _by_npm(npm: str) -> bytes | None:
+    with tempfile.TemporaryDirectory() as folder:
+        order = [npm, "pack", f"{NAME}@{VERSION}", "--pack-destination", folder]
+        try:
+            subprocess.run(order, capture_output=True, check=True, timeout=TIMEOUT)
+        except (OSError, subprocess.SubprocessError):
+            return None
+        found = list(Path(folder).glob("*.tgz"))
+        return found[0].read_bytes() if found else None
+
