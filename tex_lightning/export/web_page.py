@@ -38,4 +38,3 @@ def write_page(
     for name, each in content.items():
         write_bytes(out / name, each)
     return sum(map(len, content.values()))
-

@@ -39,17 +39,14 @@ def runtime_files(given: str | None, cache: Path) -> dict[str, bytes]:
     Raises:
         UserError: If it cannot be had, or is not the one that is expected.
     """
-    if given is not None and Path(given).expanduser().is_dir():
-        return _from_folder(Path(given).expanduser())
-    archive = cache / f"{NAME}-{VERSION}.tgz" if given is None else Path(given).expanduser()
-    if given is None and not archive.is_file():
-        content = _fetch()
-        _check(content, "what the npm registry gave")
-        write_bytes(archive, content)
-    elif not archive.is_file():
+    if given is None:
+        content = _kept(cache / f"{NAME}-{VERSION}.tgz")
+    elif (path := Path(given).expanduser()).is_dir():
+        return _from_folder(path)
+    elif not path.is_file():
         raise UserError(f"export.web_runtime={given} does not exist; {REMEDY}.")
-    content = archive.read_bytes()
-    _check(content, str(archive))
+    else:
+        content = _checked(path.read_bytes(), f"File {path}")
     with tarfile.open(fileobj=io.BytesIO(content)) as package:
         members = {name: package.extractfile(f"package/dist/{name}") for name in FILES}
         return {FILES[name]: each.read() for name, each in members.items() if each is not None}
@@ -66,11 +63,24 @@ def _from_folder(folder: Path) -> dict[str, bytes]:
     )
 
 
-def _check(content: bytes, what: str) -> None:
+def _kept(archive: Path) -> bytes:
+    """The package in the cache, fetched if it is not there whole."""
+    if archive.is_file() and _digest(content := archive.read_bytes()) == INTEGRITY:
+        return content
+    content = _checked(_fetch(), "The package that the npm registry gave")
+    write_bytes(archive, content)
+    return content
+
+
+def _checked(content: bytes, what: str) -> bytes:
     """Refuse a package that is not bit for bit the one that was tested."""
-    found = base64.b64encode(hashlib.sha512(content).digest()).decode()
-    if f"sha512-{found}" != INTEGRITY:
+    if _digest(content) != INTEGRITY:
         raise UserError(f"{what} is not {NAME} {VERSION} (its SHA-512 differs); {REMEDY}.")
+    return content
+
+
+def _digest(content: bytes) -> str:
+    return f"sha512-{base64.b64encode(hashlib.sha512(content).digest()).decode()}"
 
 
 def _fetch() -> bytes:
@@ -98,4 +108,3 @@ def _by_npm(npm: str) -> bytes | None:
             return None
         found = list(Path(folder).glob("*.tgz"))
         return found[0].read_bytes() if found else None
-

@@ -81,9 +81,10 @@ export async function readPhoto(file, name) {
   const bitmap = await createImageBitmap(file, plain).catch(() => {
     throw new InputError(`${name} is in no image format that this browser reads; give JPEG or PNG.`);
   });
-  const photo = readPixels(bitmap, bitmap.width, bitmap.height);
+  const { opaque, ...photo } = readPixels(bitmap, bitmap.width, bitmap.height);
   bitmap.close();
-  return photo;
+  if (opaque) return photo;
+  throw new InputError(`${name} is transparent in places; save it without transparency.`);
 }
 
 function readPixels(source, width, height) {
@@ -91,7 +92,9 @@ function readPixels(source, width, height) {
   [canvas.width, canvas.height] = [width, height];
   const context = canvas.getContext("2d", { willReadFrequently: true }); // never on a graphics card
   context.drawImage(source, 0, 0);
-  return { pixels: toRgb(context.getImageData(0, 0, width, height).data), width, height };
+  const { data } = context.getImageData(0, 0, width, height);
+  const opaque = data.every((value, i) => i % 4 !== 3 || value === 255); // else colours are lost
+  return { pixels: toRgb(data), width, height, opaque };
 }
 
 async function ask(constraints, what) {

@@ -64,6 +64,12 @@ function decode(sense, recording, every) {
     }
     return [photo, photoQuality(photo, { sense, ranges })];
   }
+  if (sense.axes && !sense.axes.includes(recording.axes.length)) {
+    throw new InputError(
+      `The ${sense.what} has ${recording.axes.length} axes, and the network reads ` +
+        `${sense.axes.join(" or ")}; give a file with as many columns or channels.`,
+    );
+  }
   const axes = decodeSignal(recording, sense);
   if (axes[0].length < (sense.least ?? 1)) throw tooShort(sense, axes[0].length);
   const rate = recording.rate ?? sense.file_rate;
