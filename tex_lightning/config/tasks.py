@@ -12,7 +12,7 @@ SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
-EXPORT_FORMATS = ("onnx", "pt2", "card")
+EXPORT_FORMATS = ("onnx", "web", "pt2", "card")
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
@@ -275,7 +275,7 @@ class ExportConfig:
 
     out: str | None = key("folder to write to; null takes the run folder", default=None)
     format: str = key(
-        "onnx for onnxruntime and browsers, pt2 for PyTorch, card for people",
+        "onnx for onnxruntime, web for a page in the browser, pt2 for PyTorch, card for people",
         choices=EXPORT_FORMATS,
     )
     check: int = key(
@@ -289,6 +289,11 @@ class ExportConfig:
     )
     stability: str | None = key(
         "format=card: run folder of task=stability whose breaking points the card lists",
+        default=None,
+    )
+    web_runtime: str | None = key(
+        "web: folder or .tgz of the npm package onnxruntime-web, for machines without a network; "
+        "null fetches it once",
         default=None,
     )
 

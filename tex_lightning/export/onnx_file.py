@@ -45,6 +45,18 @@ def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: AN
     return model
 
 
+def without_defaults(model: Any) -> Any:  # noqa: ANN401
+    """A copy all inputs of which have to be given: ONNX Runtime Web hides those with a default."""
+    copy = type(model)()
+    copy.CopyFrom(model)
+    inputs = {each.name for each in model.graph.input}
+    del copy.graph.initializer[:]
+    copy.graph.initializer.extend(
+        each for each in model.graph.initializer if each.name not in inputs
+    )
+    return copy
+
+
 def require(name: str) -> Any:  # noqa: ANN401
     """Import a package of the extra ``export``.
 

@@ -20,6 +20,7 @@ INTEGRITY = (  # as the registry gives it: npm view onnxruntime-web@VERSION dist
 )
 REGISTRY = "https://registry.npmjs.org/"
 TIMEOUT = 300  # s, for 33 MB
+RETRIES = ("--fetch-retries=1", "--fetch-retry-mintimeout=1000")  # its own take a minute
 # By their names in the package. File servers know .js, and not all of them .mjs.
 FILES = {
     "ort.wasm.bundle.min.mjs": "ort.wasm.bundle.min.js",
@@ -101,7 +102,7 @@ def _fetch() -> bytes:
 
 def _by_npm(npm: str) -> bytes | None:
     with tempfile.TemporaryDirectory() as folder:
-        order = [npm, "pack", f"{NAME}@{VERSION}", "--pack-destination", folder]
+        order = [npm, "pack", f"{NAME}@{VERSION}", "--pack-destination", folder, *RETRIES]
         try:
             subprocess.run(order, capture_output=True, check=True, timeout=TIMEOUT)
         except (OSError, subprocess.SubprocessError):

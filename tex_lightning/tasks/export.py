@@ -12,15 +12,19 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export.check import Agreement, Runner, compare, refuse, tolerance
 from tex_lightning.export.int8 import CALIBRATION, quantised
+from tex_lightning.export.metadata import metadata
 from tex_lightning.export.model_card import model_card
-from tex_lightning.export.onnx_file import make_onnx, write_onnx
+from tex_lightning.export.onnx_file import make_onnx, without_defaults, write_onnx
 from tex_lightning.export.onnx_run import onnx_runner
 from tex_lightning.export.program import program_runner, write_program
 from tex_lightning.export.recordings import recordings
 from tex_lightning.export.tracing import trace
+from tex_lightning.export.web_page import write_page
+from tex_lightning.export.web_runtime import runtime_files
 from tex_lightning.files import write_atomically, write_text
 
 log = logging.getLogger(__name__)
@@ -80,6 +84,21 @@ def _onnx(order: Order) -> dict[str, Any]:
     return {**entry, "int8": {"file": path.name, "bytes": _size(path), **found.to_dict()}}
 
 
+def _web(order: Order) -> dict[str, Any]:
+    """A page for the browser, with the file that it runs."""
+    config, classifier = order.config, order.classifier
+    cache = cache_root(config.data.cache_dir)
+    runtime = runtime_files(config.export.web_runtime, cache)  # before what takes longer
+    model = make_onnx(classifier, trace(classifier))
+    path = order.out / f"{classifier.card.kind}.onnx"
+    given = without_defaults(model)
+    entry = _checked(order, onnx_runner(model), path, lambda partial: write_onnx(given, partial))
+    size = entry["bytes"] + write_page(order.out, metadata(classifier), runtime)
+    log.info("%s: %.1f MB; look at it with python -m http.server -d %s",
+             order.out, size / 1e6, order.out)  # fmt: skip
+    return {**entry, "page": "index.html", "page_bytes": size}
+
+
 def _pt2(order: Order) -> dict[str, Any]:
     """``KIND.pt2``, run by PyTorch."""
     classifier = order.classifier
@@ -135,6 +154,7 @@ def _size(path: Path) -> int:
 
 FORMATS: dict[str, Callable[[Order], dict[str, Any]]] = {
     "onnx": _onnx,
+    "web": _web,
     "pt2": _pt2,
     "card": _card,
 }

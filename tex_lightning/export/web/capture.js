@@ -16,7 +16,8 @@ export function canCapture() {
  *
  * @param {(level: number, seconds: number) => void} heard - Called with the largest magnitude of
  *   each piece, 0 to 1, and how long the recording is.
- * @returns {Promise<{stop: () => {axes: Float32Array[], rate: number}}>}
+ * @returns {Promise<{take: () => object, close: () => void}>} ``take`` gives the signal ``{axes,
+ *   rate}`` so far.
  */
 export async function recordSound(heard) {
   const stream = await ask({ audio: { ...RAW, channelCount: 1 } }, "microphone");
@@ -36,17 +37,18 @@ export async function recordSound(heard) {
     heard(data.reduce((most, x) => Math.max(most, Math.abs(x)), 0), count / context.sampleRate);
   };
   context.createMediaStreamSource(stream).connect(recorder);
-  const stop = () => {
-    recorder.port.onmessage = null;
-    release(stream);
-    const rate = context.sampleRate;
-    context.close();
+  const take = () => {
     const samples = new Float32Array(count);
     pieces.reduce((at, piece) => (samples.set(piece, at), at + piece.length), 0);
     if (count === 0) throw new InputError("The microphone gave no samples; check it and record again.");
-    return { axes: [samples], rate };
+    return { axes: [samples], rate: context.sampleRate };
   };
-  return { stop };
+  const close = () => {
+    recorder.port.onmessage = null;
+    release(stream);
+    context.close();
+  };
+  return { take, close };
 }
 
 /**

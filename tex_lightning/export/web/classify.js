@@ -4,7 +4,7 @@ import { decodeSignal, halve } from "./decode.js";
 import { InputError } from "./errors.js";
 import { photoQuality, signalQuality } from "./quality.js";
 import { contentSeed, draws, mersenneTwister } from "./seed.js";
-import { decide, doubted, join } from "./vote.js";
+import { decide, doubted, join, labels } from "./vote.js";
 
 const UNLIKE = 0.5; // of votes and probabilities that is spread where an input has a warning
 
@@ -17,7 +17,7 @@ const UNLIKE = 0.5; // of votes and probabilities that is spread where an input 
  * @param {(feeds: object) => Promise<Record<string, {data: ArrayLike<number>, dims: number[]}>>}
  *   run - Runs the graph on ``{name: {type, data, dims}}``.
  * @returns {Promise<object>} label, rejected, probability, confidence, top, fragments, warnings,
- *   senses, outputs and decoded recordings.
+ *   senses, outputs, decoded recordings and, by sense, the class of every position.
  */
 export async function classify(card, recordings, run) {
   const present = card.senses.filter((sense) => sense.modality in recordings);
@@ -36,7 +36,11 @@ export async function classify(card, recordings, run) {
     throw explain(error, present);
   });
   const vote = voteOf(card, present, outputs, seed);
-  return { ...describe(card, vote, found), outputs, decoded, senses: present };
+  const scoresOf = ({ name }) => outputs[`${name}_scores`].data;
+  const positions = Object.fromEntries(
+    present.map((sense) => [sense.name, labels(scoresOf(sense), card.classes.length)]),
+  );
+  return { ...describe(card, vote, found), outputs, decoded, positions, senses: present };
 }
 
 /** Whether there is enough to classify. */

@@ -13,13 +13,15 @@ const FONT = "12px system-ui, sans-serif";
 /**
  * A colour for each class that positions voted for, most frequent first.
  *
- * @param {number[]} labels - Of all positions of all senses.
+ * @param {number[][]} senses - Labels of all positions of each sense; the senses count alike.
  * @returns {Map<number, string>}
  */
-export function colours(labels) {
-  const counts = new Map();
-  for (const label of labels) counts.set(label, (counts.get(label) ?? 0) + 1);
-  const ranked = [...counts].sort((a, b) => b[1] - a[1] || a[0] - b[0]);
+export function colours(senses) {
+  const shares = new Map();
+  for (const labels of senses) {
+    for (const each of labels) shares.set(each, (shares.get(each) ?? 0) + 1 / labels.length);
+  }
+  const ranked = [...shares].sort((a, b) => b[1] - a[1] || a[0] - b[0]);
   return new Map(ranked.map(([label], i) => [label, PALETTE[i] ?? OTHER]));
 }
 

@@ -1,7 +1,6 @@
 // The figures of one sense: what was recorded, what the network made of it, where it says what.
 
-import { colours, drawPhoto, drawSpectrogram, drawWaveform } from "./draw.js";
-import { labels } from "./vote.js";
+import { drawPhoto, drawSpectrogram, drawWaveform } from "./draw.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -53,10 +52,10 @@ export class SenseFigures {
   }
 
   #map() {
-    const scores = this.#result?.outputs[`${this.sense.name}_scores`];
-    if (scores === undefined || !this.#result.senses.includes(this.sense)) return null;
-    const found = labels(scores.data, this.classes.length);
-    return { rows: scores.dims[1], columns: scores.dims[2], labels: found, tints: colours(found) };
+    const labels = this.#result?.positions[this.sense.name];
+    if (labels === undefined) return null;
+    const [, rows, columns] = this.#output("scores").dims;
+    return { rows, columns, labels, tints: this.#result.tints };
   }
 
   #drawPhoto(map) {
@@ -105,10 +104,11 @@ export class SenseFigures {
 
   /** Class names with their shares of positions and colours, most frequent first. */
   #counts(map) {
-    return [...map.tints].map(([label, tint]) => {
-      const count = map.labels.filter((each) => each === label).length;
-      return [this.classes[label], count / map.labels.length, tint];
-    });
+    const counts = new Map();
+    for (const each of map.labels) counts.set(each, (counts.get(each) ?? 0) + 1);
+    return [...counts]
+      .sort((a, b) => b[1] - a[1])
+      .map(([each, count]) => [this.classes[each], count / map.labels.length, map.tints.get(each)]);
   }
 
   #legend(map) {
@@ -117,7 +117,7 @@ export class SenseFigures {
     legend.replaceChildren(
       ...entries.map(([name, share, tint]) => {
         const item = document.createElement("li");
-        item.append(swatch(tint), `${name} ${Math.round(share * 100)} %`);
+        item.append(swatch(tint), `${name} ${Math.round(share * 100)}\u00a0%`);
         return item;
       }),
     );

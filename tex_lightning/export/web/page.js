@@ -1,6 +1,7 @@
 // The page: recordings come, the network runs, a person reads the result.
 
 import { classify, isComplete } from "./classify.js";
+import { colours } from "./draw.js";
 import { Engine } from "./engine.js";
 import { InputError } from "./errors.js";
 import { SenseFigures } from "./figures.js";
@@ -78,6 +79,7 @@ class Page {
       const begin = performance.now();
       const result = await classify(this.card, recordings, (feeds) => this.engine.run(feeds));
       if (run !== this.#latest) return;
+      result.tints = colours(Object.values(result.positions));
       this.#draw(recordings, result);
       this.#say(result, (performance.now() - begin) / 1000);
     } catch (error) {
@@ -120,7 +122,7 @@ class Page {
   }
 
   #say(result, seconds) {
-    const percent = (share) => `${(100 * share).toFixed(share < 0.9995 && share > 0 ? 1 : 0)} %`;
+    const percent = (share) => `${(100 * share).toFixed(share < 0.9995 && share > 0 ? 1 : 0)}\u00a0%`;
     element("label").textContent = result.label ?? "No class";
     element("how").textContent = sentence(result, percent);
     element("warnings").replaceChildren(...result.warnings.map((text) => tagged("li", text)));

@@ -68,6 +68,7 @@ export class SenseInput {
 
   /** Take a file. */
   async read(file) {
+    this.#close();
     try {
       if (this.photo) return this.#set(await readPhoto(file, file.name), file.name);
       this.#set(readSignal(file.name, await file.arrayBuffer(), this.sense), file.name);
@@ -118,12 +119,17 @@ export class SenseInput {
   }
 
   #finish() {
-    const live = this.#live;
+    try {
+      this.#set(this.#live.take(), this.photo ? "From the camera" : "From the microphone");
+    } finally {
+      this.#close();
+    }
+  }
+
+  #close() {
+    this.#live?.close();
     this.#live = null;
     this.find(".live").hidden = true;
     this.find(".record").textContent = this.#idle;
-    if (!this.photo) return this.#set(live.stop(), "From the microphone");
-    this.#set(live.take(), "From the camera");
-    live.close();
   }
 }

@@ -1,6 +1,6 @@
 // Runs the network beside the page, so that the page goes on answering.
 
-import * as ort from "./onnxruntime/ort.wasm.bundle.min.js";
+import * as ort from "../onnxruntime/ort.wasm.bundle.min.js";
 
 let session = null;
 
