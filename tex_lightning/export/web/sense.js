@@ -73,6 +73,7 @@ export class SenseInput {
       if (this.photo) return this.#set(await readPhoto(file, file.name), file.name);
       this.#set(readSignal(file.name, await file.arrayBuffer(), this.sense), file.name);
     } catch (error) {
+      this.#set(null, "");
       this.failed(error);
     }
   }

@@ -1,0 +1,192 @@
+"""The page in a real browser, beside ``task=predict``."""
+
+import functools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+import torch
+from conftest import make_card, make_photo, make_trace
+from PIL import Image
+
+import tex_lightning as tl
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.store import cache_root
+from tex_lightning.errors import UserError
+from tex_lightning.export import web_runtime
+
+from .browser import TAB, Browser, browser, missing, served
+
+DONE = """return document.body.dataset.state === "ready" &&
+  (document.querySelector("#label").textContent || document.querySelector("#problem").textContent);
+"""
+SHARES = """return Object.fromEntries([...document.querySelectorAll("#classes tbody tr")].map(
+  (row) => [row.querySelector("th").textContent, row.querySelector("progress").value]));"""
+
+
+@pytest.fixture(scope="session")
+def runtime() -> Path:
+    """ONNX Runtime Web, kept in the user's own cache from one session to the next."""
+    if reason := missing():
+        pytest.skip(reason)
+    cache = cache_root(None)
+    try:
+        web_runtime.runtime_files(None, cache)
+    except UserError as error:
+        pytest.skip(str(error))
+    return cache / f"{web_runtime.NAME}-{web_runtime.VERSION}.tgz"
+
+
+@pytest.fixture(scope="session")
+def page(runtime, run_once) -> Callable[[Path], Path]:
+    """Write the page of a checkpoint, once for all tests; gives its folder."""
+
+    @functools.cache
+    def write(checkpoint: Path) -> Path:
+        return run_once(
+            "task=export", f"checkpoint={checkpoint}", "export.format=web", "export.check=0",
+            f"export.web_runtime={runtime}",
+        )  # fmt: skip
+
+    return write
+
+
+@pytest.fixture
+def chromium(tmp_path) -> Iterator[Browser]:
+    with browser(tmp_path / "profile") as found:
+        yield found
+
+
+def start(chromium: Browser, address: str) -> None:
+    chromium.open(address)
+    chromium.wait('return document.body.dataset.state === "ready"')
+
+
+def give(chromium: Browser, place: int, file: Path) -> None:
+    """Choose a file of a sense, counted from 1, and wait for what the page makes of it."""
+    chromium.run(
+        'for (const id of ["label", "problem"]) document.getElementById(id).textContent = ""'
+    )
+    chromium.type(f".sense:nth-child({place}) input[type=file]", str(file))
+    chromium.wait(DONE)
+
+
+def expect(chromium: Browser, predicted: tl.Prediction) -> None:
+    """The page says what the package says."""
+    assert chromium.text("#problem") == ""
+    assert chromium.text("#label") == predicted.label
+    warnings = chromium.run('return [...document.querySelectorAll("#warnings li")]'
+                            '.map((each) => each.textContent)')  # fmt: skip
+    assert warnings == list(predicted.warnings)
+    shares = {each["label"]: each["share"] for each in predicted.top_k}
+    assert chromium.run(SHARES) == pytest.approx(shares, abs=1e-6)
+    assert f"{100 * predicted.probability:.1f}\u00a0%" in chromium.text("#how")
+    assert chromium.log() == []
+
+
+def test_a_person_at_the_keyboard_gets_the_label_of_predict(untrained, page, chromium, tmp_path):
+    checkpoint = untrained / "checkpoints" / "haptic.ckpt"
+    file = tmp_path / "<img src=x onerror=alert(1)>.csv"
+    trace = make_trace(1, 0)
+    np.savetxt(file, np.c_[np.arange(len(trace)) / 8000, trace], header="time_s,x", delimiter=",")
+    with served(page(checkpoint)) as address:
+        start(chromium, address)
+        chromium.press(TAB)
+        assert chromium.run("return document.activeElement.type") == "file"
+        give(chromium, 1, file)
+        expect(chromium, tl.load(checkpoint).predict(haptic=file))
+        assert chromium.text(".given .name") == file.name
+        assert chromium.run("return document.querySelectorAll('img').length") == 0
+        chromium.press(*[TAB] * 2)
+        assert chromium.run("return document.activeElement.className") == "remove"
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory) -> dict[str, Path]:
+    """A trace at another rate, and a photo that lies on its side."""
+    folder = tmp_path_factory.mktemp("recordings")
+    files = {"haptic": folder / "a.wav", "image": folder / "a.jpg"}
+    fading = make_trace(0, 0, 8) * np.linspace(0, 1, 80_000)
+    soundfile.write(files["haptic"], fading, 12_000, subtype="PCM_24")
+    pixels = make_photo(2, 0, 900)[:601]
+    pixels += np.random.default_rng(0).integers(0, 60, pixels.shape, dtype=np.uint8)
+    turned = Image.Exif()
+    turned[0x112] = 6
+    Image.fromarray(pixels).save(files["image"], exif=turned, quality=90)
+    return files
+
+
+@pytest.fixture(scope="module")
+def fusion(tmp_path_factory, recordings) -> Path:
+    """A FusionNet of random weights and on halved photos that is of two minds about these."""
+    torch.manual_seed(2)
+    card = make_card("haptic", "visual", classes=["a", "b", "c"], half_scale=True, pairs=301)
+    model = SurfaceClassifier(card).eval()
+    decoded = {
+        each.modality: each.decode_input(recordings[each.modality], {})[0]
+        for each in model.branches.values()
+    }
+    with torch.no_grad():
+        model.fusion.head.bias -= model.logits(**decoded).mean(dim=1)
+    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
+    path = tmp_path_factory.mktemp("fusion") / "fusion.ckpt"
+    torch.save({"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}, path)
+    return path
+
+
+@pytest.mark.slow
+def test_a_fusion_draws_the_pairs_of_predict_and_does_with_one_sense(
+    fusion, recordings, page, chromium
+):
+    wav, photo = recordings["haptic"], recordings["image"]
+    model = tl.load(fusion)
+    both = model.predict(haptic=wav, image=photo)
+    assert 0.4 < both.confidence < 0.95  # so that other pairs would have other shares
+    with served(page(fusion)) as address:
+        start(chromium, address)
+        give(chromium, 1, wav)
+        expect(chromium, model.predict(haptic=wav))
+        give(chromium, 2, photo)
+        expect(chromium, both)
+        chromium.click(".sense:nth-child(1) .remove")
+        chromium.wait('return document.querySelector("#time").textContent.includes("photo to")')
+        chromium.wait(DONE)
+        expect(chromium, model.predict(image=photo))
+
+
+@pytest.mark.slow
+def test_microphone_and_camera_are_recordings_too(fusion, page, chromium):
+    with served(page(fusion)) as address:
+        start(chromium, address)
+        chromium.click(".sense:nth-child(1) .record")
+        chromium.wait('return parseFloat(document.querySelector(".seconds").textContent) > 4')
+        chromium.click(".sense:nth-child(1) .record")
+        chromium.wait(DONE)
+        chromium.click(".sense:nth-child(2) .record")
+        chromium.wait('return document.querySelector(".sense:nth-child(2) video").videoWidth')
+        chromium.click(".sense:nth-child(2) .record")
+        chromium.wait('return document.querySelector("#time").textContent.includes("and photo")')
+        assert chromium.text("#problem") == ""
+        assert chromium.log() == []
+
+
+REFUSED = {
+    "lasts 0.30 s": np.zeros(3000),
+    "too little steady movement": np.r_[np.full(15_000, 1e-4), np.ones(5000)],
+    "2 channels": np.zeros((20_000, 2)),
+}
+
+
+@pytest.mark.slow
+def test_what_cannot_be_classified_is_said_in_one_sentence(fusion, page, chromium, tmp_path):
+    wav = tmp_path / "a.wav"
+    with served(page(fusion)) as address:
+        start(chromium, address)
+        for said, envelope in REFUSED.items():
+            noise = np.random.default_rng(0).standard_normal(envelope.shape)
+            soundfile.write(wav, envelope * noise / 4, 10_000)
+            give(chromium, 1, wav)
+            assert said in chromium.text("#problem")
+            assert chromium.text("#label") == ""
