@@ -16,8 +16,9 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export import web_runtime
+from tex_lightning.export.web_page import write_page
 
-from .browser import TAB, Browser, browser, missing, served
+from .browser import ENTER, TAB, Browser, browser, missing, served
 
 DONE = """return document.body.dataset.state === "ready" &&
   (document.querySelector("#label").textContent || document.querySelector("#problem").textContent);
@@ -86,21 +87,68 @@ def expect(chromium: Browser, predicted: tl.Prediction) -> None:
     assert chromium.log() == []
 
 
-def test_a_person_at_the_keyboard_gets_the_label_of_predict(untrained, page, chromium, tmp_path):
-    checkpoint = untrained / "checkpoints" / "haptic.ckpt"
-    file = tmp_path / "<img src=x onerror=alert(1)>.csv"
-    trace = make_trace(1, 0)
-    np.savetxt(file, np.c_[np.arange(len(trace)) / 8000, trace], header="time_s,x", delimiter=",")
-    with served(page(checkpoint)) as address:
+GRAPH = """
+<ir_version: 10, opset_import: ["": 20]>
+power (float[A, N] haptic) => (float[3, 2] scores, int64 label, float[3] shares,
+                               float[3] probabilities, float[3, 1, 2] haptic_scores)
+<float[3] signs = {-10, 0, 10}, int64[2] size = {3, 2},
+ int64[1] last = {1}, int64[3] dense = {3, 1, 2}, float[3] level = {-0.9, 0, 0.4}> {
+  squares = Mul (haptic, haptic)
+  power = ReduceMean <keepdims = 0> (squares)
+  scaled = Mul (signs, power)
+  sums = Sub (scaled, level)
+  scored = Unsqueeze (sums, last)
+  scores = Expand (scored, size)
+  label = ArgMax <axis = 0, keepdims = 0> (sums)
+  probabilities = Softmax (sums)
+  hit = Hardmax (sums)
+  shares = Identity (hit)
+  haptic_scores = Reshape (scores, dense)
+}
+"""
+
+
+def test_a_person_at_the_keyboard_gets_a_label(runtime, chromium, tmp_path):
+    onnx = pytest.importorskip("onnx")
+    sense = {
+        "name": "haptic", "modality": "haptic", "what": "trace", "medium": "signal", "axes": [1, 3],
+        "rate": 10_000, "file_rate": 10_000, "channel": None, "least": None, "stride": None,
+    }  # fmt: skip
+    card = {
+        "kind": "haptic", "classes": ["soft", "plain", "<b>rough</b>"], "senses": [sense],
+        "decision": {"rule": "vote", "temperature": 1, "reject_below": None, "seed": 0},
+        "version": "0", "unknown": None, "ranges": {}, "parts": False,
+    }  # fmt: skip
+    page, file = tmp_path / "page", tmp_path / "<img src=x onerror=alert(1)>.csv"
+    network = onnx.parser.parse_model(GRAPH).SerializeToString()
+    write_page(page, network, card, web_runtime.runtime_files(str(runtime), tmp_path))
+    times = np.arange(16_000) / 8000
+    np.savetxt(file, np.c_[times, np.sin(700 * times)], header="time_s,x", delimiter=",")
+    with served(page) as address:
         start(chromium, address)
         chromium.press(TAB)
         assert chromium.run("return document.activeElement.type") == "file"
         give(chromium, 1, file)
-        expect(chromium, tl.load(checkpoint).predict(haptic=file))
+        assert chromium.text("#label") == "<b>rough</b>"  # 10 times half, less 0.4, against 0
+        assert "99.0\u00a0%" in chromium.text("#how")  # 1 / (1 + exp(-4.6) + exp(-8.7))
         assert chromium.text(".given .name") == file.name
-        assert chromium.run("return document.querySelectorAll('img').length") == 0
-        chromium.press(*[TAB] * 2)
+        assert "2.00 s at 8,000 Hz" in chromium.text(".wave figcaption")
+        assert chromium.run("return document.querySelectorAll('img, b').length") == 0
+        chromium.press(TAB, TAB)
         assert chromium.run("return document.activeElement.className") == "remove"
+        chromium.press(ENTER)
+        chromium.wait('return document.querySelector("#label").textContent === ""')
+        assert chromium.log() == []
+
+
+@pytest.mark.slow
+def test_a_network_of_one_sense_says_what_predict_says(untrained, page, chromium, tmp_path):
+    checkpoint, wav = untrained / "checkpoints" / "haptic.ckpt", tmp_path / "a.wav"
+    soundfile.write(wav, make_trace(1, 0), 10_000, subtype="FLOAT")
+    with served(page(checkpoint)) as address:
+        start(chromium, address)
+        give(chromium, 1, wav)
+        expect(chromium, tl.load(checkpoint).predict(haptic=wav))
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ self.onmessage = async ({ data: { id, action, argument } }) => {
 const ACTIONS = { load, run };
 
 async function load({ model, runtime }) {
+  ort.env.logLevel = "error";
   ort.env.wasm.numThreads = 1; // more would take headers that a plain file server does not send
   ort.env.wasm.wasmBinary = await fetchBytes(runtime);
   const options = { executionProviders: ["wasm"], graphOptimizationLevel: "all" };
