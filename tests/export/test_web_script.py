@@ -18,6 +18,7 @@ from tex_lightning.classifier import content_seed
 from tex_lightning.data.decode import halve, rate_ratio
 from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
 from tex_lightning.data.text_traces import read_text_trace
+from tex_lightning.data.trace_files import read_axes
 from tex_lightning.decision.voting import RULES, random_tuples
 from tex_lightning.export import web_page
 
@@ -74,6 +75,26 @@ def test_samples_of_wav_files_are_those_of_soundfile(node, tmp_path):
         expected, expected_rate = soundfile.read(path, dtype="float32")
         assert rate == expected_rate
         np.testing.assert_array_equal(np.float32(channels), expected.T, path.name)
+
+
+def test_arrays_are_those_of_numpy(node, tmp_path):
+    arrays = {
+        "one": noise(50),
+        "axes": np.arange(-30, 30, dtype=np.int16).reshape(3, 20),
+        "columns": np.asfortranarray(noise(20, 3).astype(np.float64)),
+        "big": noise(20, 3).astype(">f4"),
+    }
+    for name, array in arrays.items():
+        np.save(tmp_path / f"{name}.npy", array)
+    found = node(
+        {"decode": "readSignal"},
+        BUFFER + "return given.paths.map((path) =>"
+        " readSignal(path, load(path), { channel: null }).axes.map((each) => [...each]));",
+        paths=[str(tmp_path / f"{name}.npy") for name in arrays],
+    )
+    for name, axes in zip(arrays, found, strict=True):
+        expected = read_axes(tmp_path / f"{name}.npy").samples
+        np.testing.assert_array_equal(axes, expected, name)
 
 
 def test_a_truncated_wav_file_is_refused_in_one_sentence(node, tmp_path):
@@ -170,6 +191,33 @@ def test_votes_are_those_of_the_package(node):
         assert vote["label"] == expected.label
         np.testing.assert_allclose(vote["shares"], expected.shares, rtol=1e-6)
         np.testing.assert_allclose(vote["probabilities"], expected.probabilities, rtol=1e-12)
+
+
+SENSE = {
+    "name": "haptic", "modality": "haptic", "what": "trace", "medium": "signal", "rate": 1000,
+    "file_rate": 1000, "least": 10,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("novelty", "reject_below", "label"),
+    [(3, None, "b"), (3, 0.9, None), (7, None, "unknown"), (7, 0.9, "unknown")],
+)
+def test_what_is_unlike_the_training_or_unsure_gets_no_class(node, novelty, reject_below, label):
+    decision = {"rule": "vote", "temperature": 1, "seed": 0, "reject_below": reject_below}
+    card = {"classes": ["a", "b"], "senses": [SENSE], "decision": decision, "ranges": {}}
+    found = node(
+        {"classify": "classify"},
+        "const samples = Float32Array.from({ length: 50 }, (_, i) => Math.sin(i));"
+        "const run = async () => ({ label: { data: [1n] }, shares: { data: [0.25, 0.75] },"
+        " probabilities: { data: [0.4, 0.6] }, scores: { dims: [2, 4] },"
+        " haptic_scores: { data: [0, 1], dims: [2, 1, 1] }, novelty: { data: [given.novelty] } });"
+        "const sample = { haptic: { axes: [samples], rate: 1000 } };"
+        "const { label, rejected, best, fragments } = await classify(given.card, sample, run);"
+        "return { label, rejected, best, fragments };",
+        card=card | {"unknown": {"threshold": 5.0, "rate": 0.05}}, novelty=novelty,
+    )  # fmt: skip
+    assert found == {"label": label, "rejected": label != "b", "best": "b", "fragments": 4}
 
 
 RANGES = {"level": [2.0, 3.0], "rate": [10_000.0, 10_000.0]}

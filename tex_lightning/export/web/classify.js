@@ -182,7 +182,8 @@ function describe(card, vote, found) {
   const unknown = card.unknown != null && vote.novelty !== null && vote.novelty > card.unknown.threshold;
   const first = (i) => (i === vote.label ? 0 : 1);
   const order = [...card.classes.keys()].sort(
-    (a, b) => first(a) - first(b) || shares[b] - shares[a] || a - b,
+    (a, b) =>
+      first(a) - first(b) || shares[b] - shares[a] || probabilities[b] - probabilities[a] || a - b,
   );
   return {
     label: unknown ? "unknown" : unsure ? null : card.classes[vote.label],

@@ -1,6 +1,7 @@
 // One file, or what microphone and camera gave, to what the network reads.
 
 import { InputError } from "./errors.js";
+import { parseNpy } from "./npy.js";
 import { resample } from "./resample.js";
 import { parseTable } from "./table.js";
 import { chooseChannel } from "./time.js";
@@ -9,7 +10,8 @@ import { parseWav } from "./wav.js";
 const LARGEST = 1e9; // no unit of acceleration comes near; squares still fit float32
 const TEXT = /\.(csv|txt)$/i;
 const WAV = /\.wav$/i;
-export const SIGNAL_FILES = ".wav,.csv,.txt";
+const NPY = /\.npy$/i;
+export const SIGNAL_FILES = ".wav,.csv,.txt,.npy";
 
 /**
  * Read a signal from a file.
@@ -23,17 +25,22 @@ export const SIGNAL_FILES = ".wav,.csv,.txt";
 export function readSignal(name, buffer, sense) {
   try {
     if (WAV.test(name)) return readWav(buffer, sense.channel);
+    if (NPY.test(name)) return readArray(buffer, sense.channel);
     if (TEXT.test(name)) return readText(buffer, sense.channel);
   } catch (error) {
     if (error instanceof InputError) throw new InputError(`${name} cannot be read: ${error.message}.`);
     throw error;
   }
-  throw new InputError(`${name} is of an unknown type; give a WAV file, or a CSV or text file.`);
+  throw new InputError(`${name} is of an unknown type; give WAV, CSV, text or NPY.`);
 }
 
 function readWav(buffer, channel) {
   const { channels, rate } = parseWav(buffer);
   return { axes: checked(chooseChannel(channels, channel)), rate };
+}
+
+function readArray(buffer, channel) {
+  return { axes: checked(chooseChannel(parseNpy(buffer), channel)), rate: null };
 }
 
 function readText(buffer, channel) {

@@ -173,7 +173,8 @@ function timeAxis(context, plot, seconds, ink) {
   for (let time = 0; time <= seconds; time += step) {
     const x = plot.x + (plot.width * time) / seconds;
     context.fillRect(x, plot.height, 1, 4);
-    if (x < plot.x + plot.width - 14) context.fillText(`${Number(time.toFixed(2))} s`, x, plot.height + 17);
+    if (x > plot.x + plot.width - 14) context.textAlign = "right"; // the last one
+    context.fillText(`${Number(time.toFixed(2))} s`, x, plot.height + 17);
   }
 }
 

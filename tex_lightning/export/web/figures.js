@@ -65,7 +65,8 @@ export class SenseFigures {
     drawPhoto(this.find("canvas"), shown, map && { ...map, stride, opacity });
     this.find(".opacity").hidden = map === null;
     const size = `${this.#recording.width} x ${this.#recording.height} pixels`;
-    this.#describe(".map", `Photo, ${size}.`, map);
+    const classes = map ? " Colours: the class of every position by this sense alone." : "";
+    this.#describe(".map", `Photo, ${size}.${classes}`, map);
   }
 
   #drawSignal(map) {
@@ -86,7 +87,7 @@ export class SenseFigures {
       ...map, data: input.data, bands, frames, seconds, start: begin ?? 0,
       hop: this.sense.hop_seconds, frequencies: this.sense.frequencies, stride: this.sense.stride,
     }); // prettier-ignore
-    const text = `Spectrogram as the network reads it, ${bands} bands, and the class of every position.`;
+    const text = `Spectrogram as the network reads it, ${bands} bands, and the class of every position by this sense alone.`;
     this.#describe(".heat", text, map);
   }
 
@@ -117,7 +118,8 @@ export class SenseFigures {
     legend.replaceChildren(
       ...entries.map(([name, share, tint]) => {
         const item = document.createElement("li");
-        item.append(swatch(tint), `${name} ${Math.round(share * 100)}\u00a0%`);
+        const percent = share < 0.005 ? "<1" : Math.round(share * 100);
+        item.append(swatch(tint), `${name} ${percent}\u00a0%`);
         return item;
       }),
     );

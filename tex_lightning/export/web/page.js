@@ -97,6 +97,7 @@ class Page {
 
   #draw(recordings, result) {
     this.figures.forEach((each) => each.show(recordings[each.sense.modality] ?? null, result));
+    element("empty").hidden = Object.keys(recordings).length > 0;
   }
 
   #wait(given) {
@@ -123,18 +124,18 @@ class Page {
 
   #say(result, seconds) {
     const percent = (share) => `${(100 * share).toFixed(share < 0.9995 && share > 0 ? 1 : 0)}\u00a0%`;
-    element("label").textContent = result.label ?? "No class";
+    element("label").replaceChildren(...breakable(result.label ?? "No class"));
     element("how").textContent = sentence(result, percent);
     element("warnings").replaceChildren(...result.warnings.map((text) => tagged("li", text)));
     element("classes").tBodies[0].replaceChildren(
       ...result.top.slice(0, SHOWN).map(({ label, share, probability }) => {
         const row = document.createElement("tr");
-        const head = tagged("th", label);
+        const head = document.createElement("th");
         head.scope = "row";
         const bar = document.createElement("progress");
         bar.value = share;
         bar.setAttribute("aria-hidden", "true"); // the number stands beside it
-        head.append(bar);
+        head.append(...breakable(label), bar);
         row.append(head, tagged("td", percent(share)), tagged("td", percent(probability)));
         return row;
       }),
@@ -160,6 +161,12 @@ function tagged(tag, text) {
   const found = document.createElement(tag);
   found.textContent = text;
   return found;
+}
+
+/** A name that may be broken into lines between its words. */
+function breakable(name) {
+  const words = name.split(/(?<=[_+.-])|(?<=[a-z])(?=[A-Z])/);
+  return words.flatMap((word) => [word, document.createElement("wbr")]);
 }
 
 async function main() {

@@ -38,7 +38,7 @@ export class SenseInput {
     record.textContent = this.#idle;
     record.disabled = !canCapture();
     const secure = canCapture() ? "" : " Microphone and camera take https or localhost.";
-    this.find(".about").textContent = (this.photo ? "JPEG, PNG or WebP." : "WAV, CSV or text.") + secure;
+    this.find(".about").textContent = (this.photo ? "JPEG, PNG or WebP." : "WAV, CSV, text or NPY.") + secure;
     this.find("video").hidden = !this.photo;
     this.find("meter").hidden = this.photo;
     if (!this.photo) this.#rate.value = this.sense.file_rate;
