@@ -193,6 +193,18 @@ def test_votes_are_those_of_the_package(node):
         np.testing.assert_allclose(vote["probabilities"], expected.probabilities, rtol=1e-12)
 
 
+def test_scores_of_pairs_are_sums_at_the_positions_that_the_package_draws(node):
+    summands = [torch.from_numpy(noise(3, count, seed=count)) for count in (5, 8)]
+    found = node(
+        {"vote": "join", "seed": "mersenneTwister"},
+        "return [...join(given.summands, 3, mersenneTwister(11, 40), 20)];",
+        summands=[each.flatten().tolist() for each in summands],
+    )
+    tuples = random_tuples([5, 8], 20, 11)
+    expected = summands[0][:, tuples[:, 0]] + summands[1][:, tuples[:, 1]]
+    np.testing.assert_allclose(np.reshape(found, (3, 20)), expected, rtol=1e-6, atol=1e-7)
+
+
 SENSE = {
     "name": "haptic", "modality": "haptic", "what": "trace", "medium": "signal", "rate": 1000,
     "file_rate": 1000, "least": 10,
