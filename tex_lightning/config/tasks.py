@@ -292,8 +292,8 @@ class ExportConfig:
         default=None,
     )
     web_runtime: str | None = key(
-        "web: folder or .tgz of the npm package onnxruntime-web, for machines without a network; "
-        "null fetches it once",
+        "format=web: folder or .tgz of the npm package onnxruntime-web, for machines without a "
+        "network; null fetches it once",
         default=None,
     )
 
