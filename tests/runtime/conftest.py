@@ -1,0 +1,42 @@
+"""A small FusionNet with random weights, as a checkpoint and as an exported file."""
+
+import dataclasses
+
+import pytest
+import torch
+from conftest import make_card
+
+import tex_lightning as tl
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.export.onnx_file import make_onnx, write_onnx
+from tex_lightning.export.tracing import trace
+from tex_lightning_runtime import Runtime
+
+RANGES = {
+    "haptic": {"level": [0.1, 0.3], "rate": [10_000.0, 10_000.0]},
+    "image": {"brightness": [100.0, 140.0], "contrast": [30.0, 60.0]},
+}
+
+
+@pytest.fixture(scope="session")
+def exported(tmp_path_factory):
+    """Checkpoint and exported file of one network, which halves photos and may lack a sense."""
+    torch.manual_seed(1)
+    card = make_card("haptic", "visual", width=0.1, half_scale=True, pairs=200)
+    classifier = SurfaceClassifier(dataclasses.replace(card, input_ranges=RANGES)).eval()
+    state = {f"classifier.{key}": each for key, each in classifier.state_dict().items()}
+    content = {"hyper_parameters": {"card": classifier.card.to_dict()}, "state_dict": state}
+    folder = tmp_path_factory.mktemp("exported")
+    torch.save(content, folder / "fusion.ckpt")
+    write_onnx(make_onnx(classifier, trace(classifier)), folder / "fusion.onnx")
+    return folder / "fusion.ckpt", folder / "fusion.onnx"
+
+
+@pytest.fixture(scope="session")
+def model(exported):
+    return tl.load(exported[0])
+
+
+@pytest.fixture(scope="session")
+def runtime(exported):
+    return Runtime(exported[1], threads=1)

@@ -1,0 +1,134 @@
+"""Files are decoded as the package decodes them, or refused in one sentence."""
+
+import numpy as np
+import pytest
+import soundfile
+from conftest import make_photo, make_trace
+from PIL import Image
+
+from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
+from tex_lightning_runtime import UserError
+from tex_lightning_runtime.files import as_photo, as_trace, read_photo, read_trace
+from tex_lightning_runtime.resampling import Resampler
+
+AXES = np.stack([make_trace(kind, 0, 0.2) for kind in range(3)])
+
+
+def decoded(path, channel=None, rate=None):
+    samples, rate = read_trace(path, channel, rate)
+    return Resampler(rate or 10_000, 10_000)(samples)
+
+
+def write(path, text):
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("subtype", ["PCM_16", "PCM_24", "FLOAT", "DOUBLE"])
+@pytest.mark.parametrize("rate", [10_000, 44_100])
+def test_sounds_are_those_of_the_package(tmp_path, subtype, rate):
+    path = tmp_path / "a.wav"
+    soundfile.write(path, AXES.T, rate, subtype=subtype)
+    np.testing.assert_array_equal(decoded(path), SignalDecoder().decode(path)[0])
+    one = SignalDecoder(channel=1).decode(path)[0]
+    np.testing.assert_array_equal(decoded(path, 1), one)
+
+
+def test_flac_and_arrays_are_those_of_the_package(tmp_path):
+    soundfile.write(tmp_path / "a.flac", AXES[0], 8_000)
+    np.save(tmp_path / "a.npy", AXES.T)
+    for name in ("a.flac", "a.npy"):
+        expected = SignalDecoder().decode(tmp_path / name)[0]
+        np.testing.assert_array_equal(decoded(tmp_path / name), expected)
+
+
+@pytest.mark.parametrize(
+    ("mark", "header"),
+    [
+        (",", "x,y,z\n"),
+        (";", "# x;y;z\n\nx;y;z\nm/s2;m/s2;m/s2\n"),
+        ("\t", ""),
+        (" ", "\ufeff%a\n"),
+    ],
+)
+@pytest.mark.parametrize("axes", [1, 3])
+def test_text_is_that_of_the_package(tmp_path, mark, header, axes):
+    lines = [mark.join(f"{value:.6g}" for value in row) for row in AXES[:axes].T]
+    path = write(tmp_path / "a.csv", (header if axes == 3 else "") + "\n".join(lines) + mark)
+    np.testing.assert_array_equal(decoded(path), SignalDecoder().decode(path)[0])
+    slow = SignalDecoder(file_rate=4_000.0).decode(path)[0]
+    np.testing.assert_array_equal(decoded(path, rate=4_000.0), slow)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,x\n0,1\n1,2\n", "column of time"),
+        ("".join(f"{i / 1e4},{-i}\n" for i in range(9)), "column of time"),
+        ("1,5;2,5\n1,0;1,0\n", "cannot be read"),
+        ("words\n", "cannot be read"),
+        ("1 2\n3 4\n5 6\n7 8\n", "one axis or three"),
+        ("1\nnan\n", "cannot be read|NaN"),
+        ("1\n1e12\n", "at sample 1"),
+        ("", "empty"),
+    ],
+)
+def test_text_that_is_unclear_is_refused(tmp_path, text, message):
+    with pytest.raises(UserError, match=message):
+        read_trace(write(tmp_path / "a.csv", text), None, None)
+
+
+def test_files_that_only_the_package_reads_are_refused(tmp_path):
+    for axis in "XY":
+        np.save(tmp_path / f"a_{axis}_1.npy", AXES[0])
+    with pytest.raises(UserError, match="several files"):
+        read_trace(tmp_path / "a_X_1.npy", None, None)
+    np.save(tmp_path / "b.npy", AXES)
+    write(tmp_path / "b.json", '{"rate": 4000}')
+    with pytest.raises(UserError, match=r"b\.json may say the rate"):
+        read_trace(tmp_path / "b.npy", None, None)
+    assert read_trace(tmp_path / "b.npy", None, 4_000.0)[1] == 4_000
+    with pytest.raises(UserError, match="unknown type"):
+        read_trace(write(tmp_path / "a.xml", "<a/>"), None, None)
+
+
+def test_damage_is_refused(tmp_path):
+    soundfile.write(tmp_path / "a.wav", AXES[0], 10_000)
+    (tmp_path / "b.wav").write_bytes((tmp_path / "a.wav").read_bytes()[:-100])
+    (tmp_path / "c.wav").write_bytes(b"RIFF and nothing else")
+    np.save(tmp_path / "d.npy", np.array([{}]), allow_pickle=True)
+    np.savez(tmp_path / "e", AXES)
+    (tmp_path / "e.npz").rename(tmp_path / "e.npy")
+    for name in "bcde":
+        with pytest.raises(UserError, match=rf"{name}\..*; (replace|give)"):
+            read_trace(next(tmp_path.glob(f"{name}.*")), None, None)
+    with pytest.raises(UserError, match="one axis or three"):
+        read_trace(tmp_path / "a.wav", 2, None)
+
+
+@pytest.mark.parametrize("given", [AXES.astype("U"), AXES[:2], AXES[:, :0], [[1], [1, 2]], 1.0])
+def test_arrays_that_are_no_trace_are_refused(given):
+    with pytest.raises(UserError, match="haptic"):
+        as_trace(given, "haptic")
+
+
+@pytest.mark.parametrize("mode", ["RGB", "L", "RGBA", "LA", "P", "CMYK", "1"])
+def test_photos_are_those_of_the_package(tmp_path, mode):
+    path = tmp_path / "a.tif"
+    image = Image.fromarray(make_photo(0, 0)[:61, :40]).convert(mode)
+    exif = Image.Exif()
+    exif[0x0112] = 6  # lies on its side
+    image.save(path, exif=exif)
+    np.testing.assert_array_equal(read_photo(path), decode_image(path, PhotoDecoder(False)))
+
+
+def test_photos_that_are_none_are_refused(tmp_path):
+    Image.fromarray(np.zeros((9, 9), np.uint16)).save(tmp_path / "deep.png")
+    (tmp_path / "words.png").write_text("words")
+    for name, message in {"deep": "8 bits", "words": "cannot be read", "no": "exist"}.items():
+        with pytest.raises(UserError, match=message):
+            read_photo(tmp_path / f"{name}.png")
+    for wrong in (np.zeros((9, 9)), np.zeros((9, 9, 2), np.uint8), np.zeros((0, 9), np.uint8)):
+        with pytest.raises(UserError, match="image"):
+            as_photo(wrong, "image")
+    assert as_photo(np.zeros((4, 5), np.uint8), "image").shape == (4, 5, 3)

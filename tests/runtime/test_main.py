@@ -1,0 +1,104 @@
+"""The command line: a line of JSON for each sample, sentences for the rest."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import soundfile
+from conftest import RATE, make_photo, make_trace
+from PIL import Image
+
+from tex_lightning_runtime.__main__ import main
+
+
+@pytest.fixture
+def command(exported, monkeypatch, capfd):
+    def run(*arguments, model=exported[1]):
+        monkeypatch.setattr(sys, "argv", ["tex-runtime", str(model), *map(str, arguments)])
+        status = main()
+        said = capfd.readouterr()
+        return status, [json.loads(line) for line in said.out.splitlines()], said.err
+
+    return run
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for number in (2, 10):
+        soundfile.write(tmp_path / f"s{number}.wav", make_trace(number % 3, 0), RATE)
+        Image.fromarray(make_photo(number % 3, 0, 480)).save(tmp_path / f"s{number}.png")
+    (tmp_path / "notes.md").write_text("words")
+    return tmp_path
+
+
+def test_a_sample_is_a_line(command, folder, runtime):
+    given = {"haptic": str(folder / "s2.wav"), "image": str(folder / "s2.png")}
+    status, (line,), _ = command(*(f"{name}={file}" for name, file in given.items()), "--top-k=1")
+    assert status == 0
+    assert line["label"] == runtime.predict(**given)["label"]
+    assert [*line][:2] == ["haptic", "image"]
+    assert len(line["top_k"]) == 1
+
+
+def test_the_rate_of_files_that_carry_none_can_be_given(command, tmp_path, runtime):
+    np.save(tmp_path / "a.npy", make_trace(0, 0))
+    _, (line,), _ = command(f"haptic={tmp_path / 'a.npy'}", "--rate=8000")
+    expected = runtime.predict(haptic=make_trace(0, 0), rate=8_000)
+    assert line["fragments"] == expected["fragments"]
+    assert line["probability"] == pytest.approx(expected["probability"])
+
+
+def test_patterns_and_folders_are_matched_in_order(command, folder):
+    status, lines, _ = command(f"haptic={folder}/*.wav", f"image={folder}/s*.png")
+    assert status == 0
+    assert [line["haptic"] for line in lines] == [str(folder / f"s{n}.wav") for n in (2, 10)]
+    assert [line["image"] for line in lines] == [str(folder / f"s{n}.png") for n in (2, 10)]
+    assert command(f"haptic={folder}")[2].count("unknown type") == 2  # photos are no traces
+
+
+def test_the_card_can_be_read(exported, monkeypatch, capfd):
+    monkeypatch.setattr(sys, "argv", ["tex-runtime", str(exported[1]), "--info"])
+    assert main() == 0
+    assert json.loads(capfd.readouterr().out)["kind"] == "fusion"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "NAME=FILE"),
+        (["haptic"], "NAME=FILE"),
+        (["haptic=nowhere.wav"], "nowhere.wav does not exist"),
+        (["haptic=nowhere/*.wav"], "no file of a known type"),
+        (["haptic=a.wav", "rate=8000"], "does not look at rate"),
+        (["sound=nowhere.wav"], "does not look at sound"),
+    ],
+)
+def test_mistakes_are_told_in_a_sentence(command, arguments, message):
+    status, lines, told = command(*arguments)
+    assert (status, lines) == (2, [])
+    assert told.startswith("Error: ")
+    assert told.count("\n") == 1
+    assert message in told
+
+
+def test_what_cannot_be_classified_does_not_stop_the_others(command, folder):
+    soundfile.write(folder / "s1.wav", make_trace(0, 0)[:100], RATE)
+    status, lines, told = command(f"haptic={folder}/*.wav")
+    assert status == 2
+    assert len(lines) == 2
+    assert "s1.wav" in told
+
+
+def test_a_model_that_is_none_ends_without_a_traceback(command, folder):
+    status, lines, told = command("haptic=a.wav", model=folder / "notes.md")
+    assert (status, lines) == (2, [])
+    assert "notes.md is missing, or no file of task=export" in told
+
+
+def test_nothing_heavy_is_imported_before_it_is_needed():
+    code = "import sys, tex_lightning_runtime; print(*sys.modules)"
+    names = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    heavy = {"torch", "scipy", "tex_lightning", "PIL", "soundfile", "onnxruntime", "numpy.random"}
+    assert not heavy & set(names.split())

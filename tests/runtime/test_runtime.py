@@ -1,0 +1,130 @@
+"""The package's own predictions are the reference, field by field."""
+
+import json
+
+import numpy as np
+import pytest
+import soundfile
+from conftest import RATE, make_photo, make_trace
+from PIL import Image
+
+import tex_lightning as tl
+from tex_lightning_runtime import Runtime, UserError
+
+TRACE, PHOTO = make_trace(0, 0), make_photo(0, 0, 480)
+
+
+def same(found, expected):
+    """Whether two predictions are equal to rounding, but for the time they took."""
+    found, expected = (json.loads(json.dumps(each)) for each in (found, expected))
+    del found["latency_ms"], expected["latency_ms"]
+    assert [*found] == [*expected]
+    for each in (found, expected):
+        each["shares"] = [top.pop("share") for top in each["top_k"]]
+    for name in ("shares", "probability", "confidence"):
+        assert found.pop(name) == pytest.approx(expected.pop(name), abs=1e-5)
+    assert found == expected
+
+
+def check(runtime, model, **given):
+    same(runtime.predict(**given), model.predict(**given).to_dict())
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A trace at another rate, one of three axes, and a photo that lies on its side."""
+    folder = tmp_path_factory.mktemp("files")
+    soundfile.write(folder / "a.wav", TRACE, 8_000)
+    axes = np.stack([make_trace(kind, 1) for kind in range(3)])
+    np.savetxt(folder / "b.csv", axes.T, delimiter=",", header="x,y,z")
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(PHOTO[:471]).convert("RGBA").save(folder / "c.png", exif=exif)
+    return folder
+
+
+@pytest.mark.parametrize("trace", ["a.wav", "b.csv", None])
+@pytest.mark.parametrize("photo", ["c.png", None])
+def test_predicts_of_files_as_the_package_does(runtime, model, files, trace, photo):
+    given = {"haptic": trace and files / trace, "image": photo and str(files / photo)}
+    if not trace and not photo:
+        with pytest.raises(UserError, match="haptic=FILE and image=FILE"):
+            runtime.predict(**given)
+        return
+    check(runtime, model, **given)
+
+
+@pytest.mark.parametrize("rate", [None, 4_000, 44_100 / 2])
+def test_predicts_of_arrays_as_the_package_does(runtime, model, rate):
+    check(runtime, model, haptic=np.tile(TRACE, 2), image=PHOTO, rate=rate)
+
+
+@pytest.mark.parametrize("trace", [0 * TRACE, TRACE.clip(-0.1, 0.1), 100 * TRACE])
+@pytest.mark.parametrize("photo", [0 * PHOTO, PHOTO // 8])
+def test_warns_as_the_package_does(runtime, model, trace, photo):
+    check(runtime, model, haptic=trace, image=photo)
+    check(runtime, model, haptic=trace)
+    check(runtime, model, image=photo)
+
+
+@pytest.mark.parametrize("least", [0.0, 0.2, 1.0])
+def test_rejects_as_the_package_does(exported, runtime, monkeypatch, least):
+    model = tl.load(exported[0], f"decision.reject_below={least}", "top_k=2")
+    monkeypatch.setitem(runtime.card["decision"], "reject_below", least)
+    monkeypatch.setattr(runtime, "_top_k", 2)
+    check(runtime, model, haptic=TRACE, image=PHOTO)
+    check(runtime, model, haptic=0 * TRACE)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"haptic": TRACE[:2000]}, "less movement than the 1.81 s"),
+        ({"image": PHOTO[:100]}, "240x50 pixels"),
+        ({"sound": TRACE}, "does not look at sound"),
+        ({"haptic": "nowhere.wav"}, "nowhere.wav"),
+        ({"haptic": TRACE, "rate": -1.0}, "rate"),
+        ({"haptic": [[1, 2], [3]]}, "haptic"),
+    ],
+)
+def test_refuses_in_one_sentence(runtime, model, given, message):
+    with pytest.raises(tl.UserError):
+        model.predict(**given)
+    with pytest.raises(UserError, match=message) as caught:
+        runtime.predict(**given)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"words"])
+def test_refuses_what_is_no_exported_file(tmp_path, content):
+    path = tmp_path / "a.onnx"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(UserError, match="no file of task=export"):
+        Runtime(path)
+
+
+@pytest.mark.parametrize("rate", [RATE, 4_410])
+@pytest.mark.parametrize("window", [None, 2.0])
+def test_a_stream_predicts_what_its_samples_would(runtime, rate, window):
+    samples = np.stack([make_trace(kind, 2, 6.0) for kind in range(3)])
+    kept = samples.shape[1] if window is None else round(window * rate)
+    stream = runtime.stream(window, rate=rate, image=PHOTO)
+    end, labels = 0, []
+    for chunk in np.array_split(samples, [1_000, 1_001, 9_000, 24_000, 24_500], axis=1):
+        found, end = stream.push(chunk), end + chunk.shape[1]
+        labels.append(found["label"])
+        if found["fragments"]:
+            begin = max(0, end - kept)
+            same(found, runtime.predict(haptic=samples[:, begin:end], image=PHOTO, rate=rate))
+    assert labels[0] is None
+    assert labels[-1] is not None
+    with pytest.raises(UserError, match="had 3 axes before"):
+        stream.push(samples[0])
+
+
+def test_a_stream_of_one_signal_needs_no_name(runtime):
+    named, stream = runtime.stream(), runtime.stream()
+    same(stream.push(TRACE), named.push(haptic=TRACE))
+    with pytest.raises(UserError, match="does not look at sound"):
+        stream.push(sound=TRACE)
