@@ -133,6 +133,17 @@ class CrossvalConfig:
 
 
 @dataclass
+class EnrollConfig:
+    """Classes that a trained network gets and loses."""
+
+    only: list[str] | None = key("classes of the data that are added; null adds all", default=None)
+    forget: list[str] | None = key(
+        "classes that are taken out first; without data= and data.root= nothing is added then",
+        default=None,
+    )
+
+
+@dataclass
 class PredictConfig:
     """Prediction."""
 
@@ -273,6 +284,9 @@ READS = {
     "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run", "optimized_metric"),
     "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
     "evaluate": ("checkpoint", "trusted", "seed", "data", "decision", "engine", *_RUNNING),
+    "enroll": (
+        "checkpoint", "trusted", "seed", "data", "decision", "engine", "enroll", *_RUNNING,
+    ),
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
     "stream": (
         *_CLASSIFYING, "image", "sound", "own", "stream", "decision.pairs", "decision.rule",

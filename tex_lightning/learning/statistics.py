@@ -1,6 +1,6 @@
 """Measure what a trained network's features look like for every class of its training set."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import torch
 from torch import Tensor
@@ -26,16 +26,16 @@ def keep_statistics(classifier: SurfaceClassifier, rows: Recordings, store: Stor
     for name, branch in classifier.branches.items():
         own = rows.of(branch.modality).rows
         labels = torch.tensor([classes.index(row.label) for row in own])
-        features = mean_features(classifier, name, own, store)
-        found = FeatureStatistics.of(features, labels, len(classes))
+        means = [each.mean(dim=1) for each in position_features(classifier, name, own, store)]
+        found = FeatureStatistics.of(torch.stack(means), labels, len(classes))
         classifier.statistics[name] = found.to(classifier.device)
 
 
 @torch.inference_mode()
-def mean_features(
+def position_features(
     classifier: SurfaceClassifier, name: str, rows: Sequence[Recording], store: Store
-) -> Tensor:
-    """Features (recordings, D) of one sense, mean over the positions of each recording.
+) -> Iterator[Tensor]:
+    """Features (D, positions) of one sense, on the CPU, of each recording.
 
     Args:
         classifier: In evaluation mode.
@@ -44,8 +44,5 @@ def mean_features(
         store: Where they are decoded.
     """
     what = plural(classifier.branch(name).modality)
-    found = [
-        classifier.described(name, load_recording(row, store)).mean(dim=1).cpu()
-        for row in track(rows, f"Statistics of {what}")
-    ]
-    return torch.stack(found)
+    for row in track(rows, f"Statistics of {what}"):
+        yield classifier.described(name, load_recording(row, store)).cpu()

@@ -96,6 +96,30 @@ class FeatureStatistics(nn.Module):
         found.load_state_dict(state)
         return found
 
+    def with_classes(self, means: Tensor, counts: Tensor) -> Self:
+        """Further classes, with means (added, D) of so many recordings; the spread stays."""
+        return self._changed(torch.cat([self.means, means]), torch.cat([self.counts, counts]))
+
+    def only(self, kept: Tensor) -> Self:
+        """Some of the classes, by their indices."""
+        return self._changed(self.means[kept], self.counts[kept])
+
+    def _changed(self, means: Tensor, counts: Tensor) -> Self:
+        return self.from_state({**self.state_dict(), "means": means, "counts": counts})
+
+    def draw(self, count: int, generator: torch.Generator) -> Tensor:
+        """Features (classes, count, D) that recordings of each class may have.
+
+        From a Gaussian that is wider than the spread, since a mean of n recordings is itself known
+        to the nth part of the covariance only.
+        """
+        shape = (len(self.means), count, self.means.shape[1])
+        noise = torch.randn(shape, generator=generator).to(self.means)
+        along, least = noise @ self.directions.T, self.rest.sqrt()
+        noise = least * noise + (along * (self.variances.sqrt() - least)) @ self.directions
+        wider = (1 + 1 / self.counts).sqrt()[:, None, None]
+        return self.means[:, None] + wider * noise
+
     def whiten(self, features: Tensor) -> Tensor:
         """Features (..., D) with the covariance turned into the identity, by a symmetric matrix."""
         along = features @ self.directions.T
