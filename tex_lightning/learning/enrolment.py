@@ -149,7 +149,10 @@ def _with_features(
 
 
 def _with_scores(classifier: SurfaceClassifier, fusion: FusionNet, added: int) -> State:
-    """The head of a fusion of scores: it treats a new class as the others on average."""
+    """The head of a fusion of scores: a new row is what the old ones are on average.
+
+    The old rows do without the new scores.
+    """
     known, blocks = fusion.classes, []
     weight, bias = _values(fusion.head)
     for block in torch.split(weight, fusion.sizes, dim=1):
@@ -157,7 +160,7 @@ def _with_scores(classifier: SurfaceClassifier, fusion: FusionNet, added: int) -
         other = (block.sum() - block.diagonal().sum()) / (known * (known - 1))
         wider = other.expand(known + added, known + added).clone()
         wider.diagonal().copy_(own.expand(known + added))
-        wider[:known, :known] = block
+        wider[:known] = nn.functional.pad(block, (0, added))
         blocks.append(wider)
     biases = torch.cat([bias, bias.mean().expand(added)])
     return _named(classifier, fusion.head, torch.cat(blocks, dim=1), biases)

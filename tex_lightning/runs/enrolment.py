@@ -76,6 +76,11 @@ def recordings_to_add(
             f"or replace it by enroll.forget=[{','.join(known)}] in the same command."
         )
     rows = recordings.in_classes(added)
+    if not added:
+        raise UserError(
+            f"The data has no {' or '.join(map(plural, card.modalities))} to learn a class from, "
+            f"which is what this {card.kind} network looks at; record some."
+        )
     if data.test_fold is not None:
         rows = split(rows, data).train
     elif data.per_class is not None:
