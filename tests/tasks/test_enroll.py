@@ -7,6 +7,8 @@ import pytest
 import torch
 
 import tex_lightning as tl
+from tex_lightning.networks.statistics import FeatureStatistics
+from tex_lightning.runs.enrolment import write_checkpoint
 
 
 @pytest.fixture(scope="module")
@@ -139,5 +141,39 @@ def test_a_baseline_is_refused(run_once, surfaces, new, cli, tmp_path):
     assert "holds mfcc_nb, and task=enroll changes the classes of this package's" in outcome.err
 
 
-def test_a_fusion_needs_every_sense_of_a_new_class(untrained, new, surfaces, cli, tmp_path):
-    pass
+@pytest.fixture(scope="module")
+def fusion(untrained, tmp_path_factory):
+    """A FusionNet of random weights that knows a, b and c, with statistics of no meaning."""
+    classifier = tl.load(untrained).classifier
+    labels = torch.arange(9) % 3
+    for name, size in zip(classifier.card.senses, classifier.fusion.sizes, strict=True):
+        rows = torch.rand(9, size, generator=torch.Generator().manual_seed(0))
+        classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
+    path = tmp_path_factory.mktemp("fusion") / "fusion.ckpt"
+    write_checkpoint(classifier, untrained / "checkpoints/fusion.ckpt", path, 0.0)
+    return path
+
+
+def test_a_fusion_learns_a_class_of_all_its_senses(fusion, surfaces, cli, tmp_path):
+    outcome = cli(
+        "task=enroll", f"checkpoint={fusion}", "data=folder", f"data.root={surfaces}",
+        "enroll.only=[gamma]", "data.per_class=2", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    network = json.loads((tmp_path / "results.json").read_text())["networks"]["fusion"]
+    assert network["added"] == {"gamma": {"haptic": 2, "image": 2}}
+    model = tl.load(tmp_path)
+    assert model.card.classes == ["a", "b", "c", "gamma"]
+    haptic, image = surfaces / "gamma/haptic/gamma_9.wav", surfaces / "gamma/image/gamma_9.png"
+    assert model.predict(haptic=haptic, image=image).label == "gamma"
+    assert model.predict(haptic=haptic).label == "gamma"
+    assert model.predict(image=image).label == "gamma"
+
+
+def test_a_fusion_needs_every_sense_of_a_new_class(fusion, new, cli, tmp_path):
+    outcome = cli(
+        "task=enroll", f"checkpoint={fusion}", "data=folder", f"data.root={new}",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "There are no photos of gamma to learn from" in outcome.err

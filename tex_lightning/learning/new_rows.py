@@ -17,9 +17,7 @@ Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, p
 
 DRAWN = 60  # features of each class that stand for its recordings
 FRAGMENTS = 200  # of a recording that are looked at, at most
-STRENGTH = (
-    1e-4  # of the penalty on the squared length of a row, in units of the class means' spread
-)
+STRENGTH = 1e-6  # of the penalty on a row's squared length, times the spread of the means
 STEPS = 200
 
 
@@ -45,9 +43,11 @@ def fit_rows(
     known, added = len(weight), len(features)
     inputs, labels, shares = _examples(statistics, features)
     scores = inputs @ weight.T + bias
-    means = statistics.means
-    penalty = STRENGTH * (means - means.mean(dim=0)).square().sum(dim=1).mean()
-    rows = torch.zeros(added, means.shape[1], requires_grad=True)
+    centre = statistics.means.mean(dim=0)
+    origin = centre if new_bias is None else torch.zeros_like(centre)
+    inputs = statistics.whiten(inputs - origin)  # else hardly any step along narrow directions
+    penalty = STRENGTH * statistics.whiten(statistics.means - centre).square().sum(dim=1).mean()
+    rows = torch.zeros(added, len(centre), requires_grad=True)
     biases = torch.full((added,), new_bias or 0.0, requires_grad=new_bias is None)
     fitted = [rows, biases] if new_bias is None else [rows]
     optimizer = torch.optim.LBFGS(fitted, max_iter=STEPS, line_search_fn="strong_wolfe")
@@ -61,7 +61,8 @@ def fit_rows(
         return found
 
     optimizer.step(loss)  # type: ignore[no-untyped-call]  # likewise
-    return rows.detach(), biases.detach()
+    weights = statistics.whiten(rows.detach())
+    return weights, biases.detach() - weights @ origin
 
 
 def _examples(statistics: FeatureStatistics, features: Fragments) -> tuple[Tensor, Tensor, Tensor]:
