@@ -7,6 +7,7 @@ old classes and as few of the new ones. Runs are kept below ``outputs/benchmarks
 not done twice.
 """
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,10 +79,10 @@ def _measured(
         base = _train(folder / "base", draw, experiment, rows, f"data.hold_out=[{','.join(new)}]")
         before += _votes(base, new)
         for count in COUNTS:
-            added = tl.train(
-                "task=enroll", f"checkpoint={base.folder}", *_data(draw),
+            added = _run(
+                folder / f"added{count}", "task=enroll", f"checkpoint={base.folder}",
+                "data=folder", f"data.root={REAL}", f"data.test_fold={draw}",
                 f"enroll.only=[{','.join(new)}]", f"data.per_class={count}",
-                f"hydra.run.dir={folder / f'added{count}'}",
             )  # fmt: skip
             after["added"][count] += _votes(added, new)
             seconds.append(added["networks"]["haptic"]["enroll_seconds"])
@@ -106,8 +107,12 @@ def _drawn(classes: Sequence[str], draw: int, size: int) -> list[str]:
     return sorted(np.random.default_rng(draw).permutation(classes)[:size].tolist())
 
 
-def _data(draw: int) -> list[str]:
-    return ["data=folder", f"data.root={REAL}", f"data.test_fold={draw}"]
+def _run(folder: Path, *overrides: str) -> tl.Results:
+    """The results of a run that is done, or is done now."""
+    done = folder / "results.json"
+    if done.is_file():
+        return tl.Results(json.loads(done.read_text(encoding="utf-8")), folder)
+    return tl.train(*overrides, f"hydra.run.dir={folder}")
 
 
 def _train(folder: Path, draw: int, experiment: str, rows: Recordings, *given: str) -> tl.Results:
@@ -115,9 +120,9 @@ def _train(folder: Path, draw: int, experiment: str, rows: Recordings, *given: s
     folder.mkdir(parents=True, exist_ok=True)
     manifest = folder.parent / f"{folder.name}.csv"
     write_manifest(rows, manifest)
-    return tl.train(
-        f"experiment={experiment}", "data=manifest", f"data.manifest={manifest}", *given,
-        f"data.test_fold={draw}", f"data.val_fold={(draw - 1) % FOLDS}", f"hydra.run.dir={folder}",
+    return _run(
+        folder, f"experiment={experiment}", "data=manifest", f"data.manifest={manifest}", *given,
+        f"data.test_fold={draw}", f"data.val_fold={(draw - 1) % FOLDS}",
     )  # fmt: skip
 
 
