@@ -25,6 +25,7 @@ from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder, find_checkpoint
 from tex_lightning.tasks import (
     crossval,
+    enroll,
     evaluate,
     export,
     fit,
@@ -41,6 +42,7 @@ TASKS: dict[str, Callable[[Config, Job], Any]] = {
     "fit": fit.run,
     "crossval": crossval.run,
     "evaluate": evaluate.run,
+    "enroll": enroll.run,
     "predict": predict.run,
     "stream": stream.run,
     "record": record.run,

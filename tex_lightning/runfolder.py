@@ -95,7 +95,9 @@ def find_checkpoint(given: str | Path) -> Path:
             "the folder of a finished run."
         )
     note = path / SETTINGS
-    senses = _read(note).get("model.senses") if note.is_file() else None
+    settings = _read(note) if note.is_file() else {}
+    # task=enroll has another model's senses among its settings, and a single network
+    senses = None if settings.get("task") == "enroll" else settings.get("model.senses")
     own = kind_of(senses) if senses else None
     if own is None and len(found) == 1:
         own = next(iter(found))

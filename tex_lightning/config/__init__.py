@@ -24,6 +24,7 @@ from tex_lightning.config.tasks import (
     CrossvalConfig,
     DecisionConfig,
     EngineConfig,
+    EnrollConfig,
     ExportConfig,
     FrontierConfig,
     GenerateConfig,
@@ -36,9 +37,9 @@ from tex_lightning.config.tasks import (
 
 __all__ = [
     "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
-    "ExportConfig", "Folding", "FrontierConfig", "GenerateConfig", "ModelConfig", "PredictConfig",
-    "ProfileConfig", "RecordConfig", "SourceConfig", "StabilityConfig", "StreamConfig",
-    "SyntheticConfig", "TrainerConfig", "flatten", "plain_values", "register",
+    "EnrollConfig", "ExportConfig", "Folding", "FrontierConfig", "GenerateConfig", "ModelConfig",
+    "PredictConfig", "ProfileConfig", "RecordConfig", "SourceConfig", "StabilityConfig",
+    "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten", "plain_values", "register",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -99,6 +100,7 @@ class Config:
     callbacks: dict[str, Any] = key("by name, each with its _target_", factory=dict)
     logger: dict[str, Any] = key("by name, each with its _target_", factory=dict)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
+    enroll: EnrollConfig = field(default_factory=EnrollConfig)
     predict: PredictConfig = field(default_factory=PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     record: RecordConfig = field(default_factory=RecordConfig)

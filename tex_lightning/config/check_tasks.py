@@ -22,14 +22,16 @@ PROFILED = (
     "visual_vgg_m",
     "tcnn",
 )
-NEED_CHECKPOINTS = ("evaluate", "predict", "stream", "export")
+NEED_CHECKPOINTS = ("evaluate", "enroll", "predict", "stream", "export")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile", "record")
 # Keys that the other tasks would pass over in silence, and the tasks that read them.
 READ_BY = {
     "data.hold_out": ("fit", "crossval", "evaluate"),
-    "data.per_class": ("fit", "crossval", "frontier"),
-    "data.skip_bad": ("fit", "crossval", "evaluate", "stability", "frontier"),
+    "data.per_class": ("fit", "crossval", "frontier", "enroll"),
+    "data.skip_bad": ("fit", "crossval", "evaluate", "enroll", "stability", "frontier"),
     "data.test_where": ("fit", "evaluate", "stability"),
+    "enroll.forget": ("enroll",),
+    "enroll.only": ("enroll",),
     "frontier.max_latency_ms": ("frontier",),
     "frontier.min_accuracy": ("frontier",),
     "frontier.only": ("frontier",),
@@ -62,8 +64,9 @@ def check_task(config: Config) -> Iterator[str]:
         yield "crossval.share is for runs on one device each: leave out trainer=ddp"
     if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
         yield (
-            f"checkpoint is given, but task={config.task} does not read it: use task=evaluate, "
-            "task=predict, task=profile, task=record, task=stream or model.fusion.haptic_checkpoint"
+            f"checkpoint is given, but task={config.task} does not read it: use task=enroll, "
+            "task=evaluate, task=predict, task=profile, task=record, task=stream or "
+            "model.fusion.haptic_checkpoint"
         )
     yield from _stream(config)
     if config.files and config.task not in ("predict", "profile", "record", "stream"):
@@ -72,10 +75,12 @@ def check_task(config: Config) -> Iterator[str]:
             f"by task={config.task}"
         )
     if config.checkpoint is None and config.task in NEED_CHECKPOINTS:
-        yield f"checkpoint is null, but task={config.task} classifies with one: give its file"
+        yield f"checkpoint is null, but task={config.task} needs one: give its file"
     if config.task == "record":
         yield from _record(config)
     yield from _figure(config)
+    if config.task == "enroll" and data.val_fold is not None:
+        yield "data.val_fold is set, but task=enroll chooses nothing: leave it null"
     yield from _unread(config)
     yield from _optimized_metric(config)
     yield from _frontier(config)

@@ -134,6 +134,17 @@ class CrossvalConfig:
 
 
 @dataclass
+class EnrollConfig:
+    """Classes that a trained network gets and loses."""
+
+    only: list[str] | None = key("classes of the data that are added; null adds all", default=None)
+    forget: list[str] | None = key(
+        "classes that are taken out first; without data= and data.root= nothing is added then",
+        default=None,
+    )
+
+
+@dataclass
 class PredictConfig:
     """Prediction."""
 
@@ -311,6 +322,9 @@ READS = {
     "evaluate": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",
         *_RUNNING,
+    ),
+    "enroll": (
+        "checkpoint", "trusted", "seed", "data", "decision", "engine", "enroll", *_RUNNING,
     ),
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
     "stream": (

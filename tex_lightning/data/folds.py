@@ -47,7 +47,7 @@ def split(recordings: Recordings, by: Folding) -> Split:
     for row in recordings:
         parts[_part(row, by)].append(row)
     if by.per_class is not None:
-        parts["train"] = _next_of_each(parts["train"], by.per_class, by.test_fold or 0, by.folds)
+        parts["train"] = next_of_each(parts["train"], by.per_class, by.test_fold or 0, by.folds)
     return Split(*(Recordings(tuple(parts[name])) for name in ("train", "val", "test")))
 
 
@@ -60,7 +60,7 @@ def _part(row: Recording, by: Folding) -> str:
     return alone if tested else "val" if fold == by.val_fold else others
 
 
-def _next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
+def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
     """The first ``count`` of each class and sense after a fold, round the circle of folds."""
     following = sorted(rows, key=lambda row: ((row.group - fold) % folds, row.group))
     taken: Counter[tuple[str, str]] = Counter()

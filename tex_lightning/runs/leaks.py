@@ -2,6 +2,7 @@
 
 import json
 from collections import defaultdict
+from collections.abc import Iterable
 from typing import Any
 
 from tex_lightning.card import Card
@@ -48,12 +49,8 @@ def trained_on_parts(card: Card, parts: Split, data: DataConfig, *starts: Card) 
 
 
 def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) -> dict[str, Any]:
-    seen = [
-        _digest(row)
-        for part in (parts.train, parts.val)
-        for row in part
-        if row.modality in card.modalities
-    ]
+    used = (row for part in (parts.train, parts.val) for row in part)
+    seen = digests(row for row in used if row.modality in card.modalities)
     earlier = {digest for each in begun for digest in each.get("seen", ())}
     return {
         "folds": data.folds,
@@ -64,10 +61,10 @@ def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) ->
     }
 
 
-def _digest(row: Recording) -> str:
-    """Of the content of its file, and which part of that it is."""
-    digest = fingerprint(row.path)
-    return digest if row.part is None else f"{digest}#{write_part(row.part)}"
+def digests(rows: Iterable[Recording]) -> list[str]:
+    """Of each recording that of the content of its file, and which part of that it is."""
+    found = ((fingerprint(row.path), row.part) for row in rows)
+    return [digest if part is None else f"{digest}#{write_part(part)}" for digest, part in found]
 
 
 def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:

@@ -31,6 +31,7 @@ class Opening:
         data: Where the recordings come from.
         what: The systems that are trained or tested.
         folds: Those that networks are trained without; None where nothing is trained.
+        adds: Whether the recordings are of classes that a trained network gets.
         announced: Senses that have been.
         skipped: Left-out files that have been.
     """
@@ -38,6 +39,7 @@ class Opening:
     data: DataConfig
     what: str
     folds: Sequence[int | None] | None = None
+    adds: bool = False
     announced: set[str] = field(default_factory=set)
     skipped: set[Recording] = field(default_factory=set)
 
@@ -81,13 +83,14 @@ class Opening:
         entries.append(("Folds", self._folds(recordings), 1))
         if left_out := _left_out(recordings, skipped):
             entries.append(("Skipped", left_out, 2))
-        entries.append(("Tests" if self.folds is None else "Trains", self.what, 2))
+        verb = "Adds to" if self.adds else "Tests" if self.folds is None else "Trains"
+        entries.append((verb, self.what, 2))
         return [line for entry in entries for line in _wrapped(*entry)]
 
     def _folds(self, recordings: Recordings) -> str:
         data = self.data
         if self.folds is None:
-            return f"{len(recordings)} recordings are tested"
+            return f"{len(recordings)} recordings are {'learnt from' if self.adds else 'tested'}"
         known = recordings.without(row for row in recordings if row.label in (data.hold_out or ()))
         parts = [split(known, replace(data, test_fold=fold)) for fold in self.folds]
         train, val, test = (

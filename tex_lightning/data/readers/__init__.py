@@ -20,13 +20,16 @@ class Reader(Protocol):
         """The table of its recordings."""
 
 
-def read_recordings(config: DataConfig, modalities: Sequence[str] | None = None) -> Recordings:
+def read_recordings(
+    config: DataConfig, modalities: Sequence[str] | None = None, *, least: int = 2
+) -> Recordings:
     """Read the configured data set, cut to its first ``data.classes`` classes if that is set.
 
     Args:
         config: Names the reader.
         modalities: That a checkpoint needs, for a reader that makes no others; None are those of
             the configured model.
+        least: Classes that there have to be; telling some apart takes two.
 
     Raises:
         UserError: If the data set is missing, incomplete or has fewer classes than asked for, or
@@ -43,7 +46,7 @@ def read_recordings(config: DataConfig, modalities: Sequence[str] | None = None)
             f"data.classes asks for {config.classes} classes, but the data has "
             f"{len(classes)}; lower it or leave it out."
         )
-    if len(classes) < 2:
+    if len(classes) < least:
         raise UserError(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two."
         )

@@ -1,0 +1,146 @@
+"""Classes that a network gets and loses after its training."""
+
+import pytest
+import torch
+from conftest import make_card
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.errors import UserError
+from tex_lightning.learning.enrolment import add_classes, keep_classes
+from tex_lightning.learning.new_rows import fit_rows
+from tex_lightning.networks.statistics import FeatureStatistics
+
+NEW = ["delta", "epsilon"]
+
+
+def recordings(sense):
+    generator = torch.Generator().manual_seed(0)
+    if sense == "haptic":
+        return [torch.randn(1, 24_000, generator=generator) for _ in range(3)]
+    size = (240, 256, 3)
+    return [torch.randint(256, size, dtype=torch.uint8, generator=generator) for _ in range(3)]
+
+
+@torch.no_grad()
+def described(classifier, senses):
+    """By sense two recordings of one class and one of another."""
+    found = {}
+    for name in senses:
+        one, other, third = (classifier.described(name, each) for each in recordings(name))
+        found[name] = [[one, other], [third]]
+    return found
+
+
+def make_classifier(*senses, level="fc2"):
+    torch.manual_seed(0)
+    classifier = SurfaceClassifier(make_card(*senses, level=level, width=0.1)).eval()
+    features = described(classifier, senses)
+    for name in senses:
+        size = features[name][0][0].shape[0]
+        rows = features[name][0][0].mean(dim=1) + torch.randn(9, size)
+        labels = torch.arange(9) % 3
+        classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
+    for parameter in classifier.network.parameters():  # scores that differ
+        parameter.requires_grad_(False)
+    return classifier, features
+
+
+@pytest.mark.parametrize(
+    ("senses", "level"),
+    [(["haptic"], "fc2"), (["haptic", "visual"], "fc2"), (["haptic", "visual"], "fc3")],
+)
+@torch.no_grad()
+def test_scores_of_the_old_classes_stay(senses, level):
+    classifier, features = make_classifier(*senses, level=level)
+    with torch.enable_grad():
+        found = add_classes(classifier, NEW, features)
+    assert found.card.classes == [*classifier.card.classes, *NEW]
+    sample = {classifier.branch(name).modality: recordings(name)[0] for name in senses}
+    before, after = classifier.logits(**sample), found.logits(**sample)
+    assert after.shape == (5, before.shape[1])
+    torch.testing.assert_close(after[:3], before)
+    for name in senses:
+        assert found.statistics[name].counts.tolist() == [3, 3, 3, 2, 1]
+        expected = torch.stack([each.mean(1) for each in features[name][0]]).mean(0)
+        torch.testing.assert_close(found.statistics[name].means[3], expected)
+    again = keep_classes(found, classifier.card.classes)
+    assert {name for name, _ in again.state_dict().items()} == {*classifier.state_dict()}
+    for name, value in classifier.state_dict().items():
+        torch.testing.assert_close(again.state_dict()[name], value)
+
+
+def test_the_parts_of_a_fusion_of_features_add_up():
+    classifier, features = make_classifier("haptic", "visual")
+    found = add_classes(classifier, NEW, features)
+    trace, photo = recordings("haptic")[0], recordings("visual")[0]
+    with torch.no_grad():
+        parts = [
+            found.part(["haptic"]).logits(haptic=trace), found.part(["visual"]).logits(image=photo)
+        ]  # fmt: skip
+        for name, part in zip(["haptic", "visual"], parts, strict=True):
+            recording = trace if name == "haptic" else photo
+            torch.testing.assert_close(part, found.summand(name, recording))
+
+
+@pytest.mark.parametrize("senses", [["haptic"], ["haptic", "visual"]])
+def test_a_class_that_is_taken_out_leaves_the_others_in_order(senses):
+    classifier, _ = make_classifier(*senses, level="fc3")
+    found = keep_classes(classifier, ["alpha", "gamma"])
+    sample = {classifier.branch(name).modality: recordings(name)[0] for name in senses}
+    with torch.no_grad():
+        if len(senses) == 1:
+            torch.testing.assert_close(found.logits(**sample), classifier.logits(**sample)[[0, 2]])
+        assert found.logits(**sample).shape[0] == 2
+    for name in senses:
+        kept = classifier.statistics[name].means[[0, 2]]
+        torch.testing.assert_close(found.statistics[name].means, kept)
+
+
+def gaussians(classes, seed=0):
+    """Centres (classes, 8), and 400 features (8, 400) of each with a shared covariance."""
+    generator = torch.Generator().manual_seed(seed)
+    centres = 4 * torch.randn(classes, 8, generator=generator)
+    mixing = torch.randn(8, 8, generator=generator) / 3
+    noise = torch.randn(classes, 400, 8, generator=generator) @ mixing
+    return centres, (centres[:, None] + noise).transpose(1, 2)
+
+
+@pytest.mark.parametrize("new_bias", [None, 0.0])
+def test_new_rows_beside_the_best_old_ones_are_nearly_the_best(new_bias):
+    centres, features = gaussians(6)
+    rows = features[:4].transpose(1, 2).flatten(0, 1)
+    labels = torch.arange(4).repeat_interleave(400)
+    statistics = FeatureStatistics.of(rows, labels, 4)
+    inverse = torch.linalg.inv(torch.cov(features[0] - features[0].mean(1, keepdim=True)))
+    weight = centres[:4] @ inverse  # linear discriminants, the best of Gaussians
+    bias = -0.5 * (weight * centres[:4]).sum(dim=1)
+    few = [[each[:, :5], each[:, 5:10]] for each in features[4:]]
+    means = torch.stack([each[:, :10].mean(1) for each in features[4:]])
+    whole = statistics.with_classes(means, torch.tensor([2, 2]))
+    new, biases = fit_rows(whole, weight, bias, few, temperature=1.0, new_bias=new_bias)
+    scores = torch.cat([weight, new]) @ features + torch.cat([bias, biases])[:, None]
+    right = scores.argmax(dim=1) == torch.arange(6)[:, None]
+    assert right.float().mean(dim=1).min() > 0.97
+    if new_bias is not None:
+        assert biases.tolist() == [new_bias, new_bias]
+
+
+def test_without_statistics_classes_are_not_added():
+    classifier, features = make_classifier("haptic")
+    del classifier.statistics["haptic"]
+    with pytest.raises(UserError, match="keeps no statistics of its features"):
+        add_classes(classifier, NEW, features)
+
+
+def test_a_network_without_a_score_layer_says_so():
+    classifier, features = make_classifier("haptic")
+
+    class Bare(torch.nn.Module):
+        def __init__(self, network):
+            super().__init__()
+            self.inner = network
+            self.features = network.features
+
+    classifier.network = Bare(classifier.network)
+    with pytest.raises(UserError, match="Bare of haptic has no score_layer"):
+        add_classes(classifier, NEW, features)

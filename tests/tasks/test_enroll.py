@@ -1,0 +1,179 @@
+"""task=enroll: classes that a trained network gets and loses."""
+
+import json
+import shutil
+
+import pytest
+import torch
+
+import tex_lightning as tl
+from tex_lightning.networks.statistics import FeatureStatistics
+from tex_lightning.runs.enrolment import write_checkpoint
+
+
+@pytest.fixture(scope="module")
+def two(run_once, surfaces):
+    """A rule on proportions of bands that knows alpha and beta."""
+    return run_once(
+        "experiment=few/haptic", "data=folder", f"data.root={surfaces}", "data.hold_out=[gamma]"
+    )
+
+
+@pytest.fixture(scope="module")
+def new(surfaces, tmp_path_factory):
+    """A folder of gamma alone, three traces of it."""
+    root = tmp_path_factory.mktemp("new")
+    (root / "gamma/haptic").mkdir(parents=True)
+    for number in (3, 5, 8):
+        shutil.copy(surfaces / f"gamma/haptic/gamma_{number}.wav", root / "gamma/haptic")
+    return root
+
+
+@pytest.fixture(scope="module")
+def three(run_once, two, new):
+    return run_once("task=enroll", f"checkpoint={two}", "data=folder", f"data.root={new}")
+
+
+def test_a_class_is_added_from_its_own_recordings_alone(three, two, surfaces, cli):
+    results = json.loads((three / "results.json").read_text())
+    network = results["networks"]["haptic"]
+    assert results["classes"] == ["alpha", "beta", "gamma"]
+    assert network["added"] == {"gamma": {"haptic": 3}}
+    assert network["enroll_seconds"] < 10
+    for label in ("alpha", "beta", "gamma"):
+        file = surfaces / f"{label}/haptic/{label}_0.wav"
+        said = json.loads(cli("task=predict", f"checkpoint={three}", f"haptic={file}").out)
+        assert said["label"] == label
+        assert not said["warnings"]
+    old, card = tl.load(two).card, tl.load(three).card
+    assert len(card.trained_on["seen"]) == len(old.trained_on["seen"]) + 3
+    assert card.calibration["temperature"] == old.calibration["temperature"]
+    for name, (low, high) in card.input_ranges["haptic"].items():
+        first, last = old.input_ranges["haptic"][name]
+        assert low <= first <= last <= high
+
+
+def test_what_was_added_is_not_tested_on(three, surfaces, cli, tmp_path):
+    asked = ("task=evaluate", f"checkpoint={three}", "data=folder", f"data.root={surfaces}")
+    refused = cli(*asked, "data.test_fold=3", f"hydra.run.dir={tmp_path}/3")
+    assert refused.status == 2
+    assert "has trained on" in refused.err
+    tested = cli(*asked, "data.test_fold=0", f"hydra.run.dir={tmp_path}/0")
+    assert tested.status == 0, tested.err
+    network = json.loads((tmp_path / "0/results.json").read_text())["networks"]["haptic"]
+    assert network["correct"] == network["test_samples"] == 3
+
+
+def test_a_fold_is_left_out_and_all_known_classes_are_tested_on_it(two, surfaces, cli, tmp_path):
+    outcome = cli(
+        "task=enroll", f"checkpoint={two}", "data=folder", f"data.root={surfaces}",
+        "enroll.only=[gamma]", "data.per_class=2", "data.test_fold=0", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    network = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]
+    assert network["added"] == {"gamma": {"haptic": 2}}
+    assert network["correct"] == network["test_samples"] == 3
+
+
+def test_a_class_is_replaced_or_taken_out(three, new, surfaces, cli, tmp_path):
+    outcome = cli(
+        "task=enroll", f"checkpoint={three}", "data=folder", f"data.root={new}",
+        "enroll.forget=[gamma]", f"hydra.run.dir={tmp_path}/replaced",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    before, after = (tl.load(run).classifier for run in (three, tmp_path / "replaced"))
+    assert after.card.classes == before.card.classes
+    assert after.card.trained_on["seen"] == before.card.trained_on["seen"]
+    for name, value in before.state_dict().items():
+        torch.testing.assert_close(after.state_dict()[name], value)
+    outcome = cli(
+        "task=enroll", f"checkpoint={three}", "enroll.forget=[alpha]",
+        f"hydra.run.dir={tmp_path}/less",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert tl.load(tmp_path / "less").card.classes == ["beta", "gamma"]
+    said = tl.load(tmp_path / "less").predict(haptic=surfaces / "gamma/haptic/gamma_0.wav")
+    assert said.label == "gamma"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["data=folder", "data.root={surfaces}"], "knows alpha, beta, gamma already; name the new"),
+        (["data=folder", "data.root={surfaces}", "enroll.only=[gama]"], "did you mean gamma?"),
+        (["enroll.forget=[alpa]"], "(did you mean alpha?), which the checkpoint does not know"),
+        (["enroll.forget=[alpha,beta]"], "would know 1 of its 3 classes"),
+        (["data=folder", "data.root={empty}"], "{empty}"),
+        (["data=folder", "data.root={photos}"], "has no traces to learn a class from"),
+        (["data=folder", "data.root={new}", "data.val_fold=1"], "leave it null"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_is_said(three, new, surfaces, cli, tmp_path, given, said):
+    places = {"surfaces": surfaces, "new": new, "empty": tmp_path / "e", "photos": tmp_path / "p"}
+    places["empty"].mkdir()
+    shutil.copytree(surfaces / "gamma/image", places["photos"] / "delta/image")
+    given = [each.format(**places) for each in given]
+    run = tmp_path / "run"
+    outcome = cli("task=enroll", f"checkpoint={three}", *given, f"hydra.run.dir={run}")
+    assert outcome.status == 2, outcome.err
+    assert said.format(**places) in outcome.err
+    assert not (run / "checkpoints").exists()
+
+
+def test_a_checkpoint_without_statistics_says_what_to_do(untrained, new, cli, tmp_path):
+    haptic = untrained / "checkpoints/haptic.ckpt"
+    given = ("data=folder", f"data.root={new}", f"hydra.run.dir={tmp_path}")
+    outcome = cli("task=enroll", f"checkpoint={haptic}", *given)
+    assert outcome.status == 2
+    assert "keeps no statistics of its features" in outcome.err
+    outcome = cli("task=enroll", f"checkpoint={haptic}", "enroll.forget=[b]", *given[2:])
+    assert outcome.status == 0, outcome.err
+    assert tl.load(tmp_path).card.classes == ["a", "c"]
+
+
+def test_a_baseline_is_refused(run_once, surfaces, new, cli, tmp_path):
+    run = run_once("model=mfcc_nb", "data=folder", f"data.root={surfaces}")
+    outcome = cli(
+        "task=enroll", f"checkpoint={run}", "data=folder", f"data.root={new}",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "holds mfcc_nb, and task=enroll changes the classes of this package's" in outcome.err
+
+
+@pytest.fixture(scope="module")
+def fusion(untrained, tmp_path_factory):
+    """A FusionNet of random weights that knows a, b and c, with statistics of no meaning."""
+    classifier = tl.load(untrained).classifier
+    labels = torch.arange(9) % 3
+    for name, size in zip(classifier.card.senses, classifier.fusion.sizes, strict=True):
+        rows = torch.rand(9, size, generator=torch.Generator().manual_seed(0))
+        classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
+    path = tmp_path_factory.mktemp("fusion") / "fusion.ckpt"
+    write_checkpoint(classifier, untrained / "checkpoints/fusion.ckpt", path, 0.0)
+    return path
+
+
+def test_a_fusion_learns_a_class_of_all_its_senses(fusion, surfaces, cli, tmp_path):
+    outcome = cli(
+        "task=enroll", f"checkpoint={fusion}", "data=folder", f"data.root={surfaces}",
+        "enroll.only=[gamma]", "data.per_class=2", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    network = json.loads((tmp_path / "results.json").read_text())["networks"]["fusion"]
+    assert network["added"] == {"gamma": {"haptic": 2, "image": 2}}
+    model = tl.load(tmp_path)
+    assert model.card.classes == ["a", "b", "c", "gamma"]
+    haptic, image = surfaces / "gamma/haptic/gamma_9.wav", surfaces / "gamma/image/gamma_9.png"
+    assert model.predict(haptic=haptic, image=image).label == "gamma"
+    assert model.predict(haptic=haptic).label == "gamma"
+    assert model.predict(image=image).label == "gamma"
+
+
+def test_a_fusion_needs_every_sense_of_a_new_class(fusion, new, cli, tmp_path):
+    outcome = cli(
+        "task=enroll", f"checkpoint={fusion}", "data=folder", f"data.root={new}",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "There are no photos of gamma to learn from" in outcome.err

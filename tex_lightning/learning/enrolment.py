@@ -1,0 +1,204 @@
+"""Add classes to a trained network without its old recordings, or take some out.
+
+What a network computes up to FC2 stays as it is; its score layer gets and loses rows.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.classifier import STATISTICS, SurfaceClassifier
+from tex_lightning.errors import UserError
+from tex_lightning.learning.new_rows import Fragments, fit_rows
+from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.statistics import FeatureStatistics
+
+Layer = nn.Conv2d | nn.Linear
+State = dict[str, Tensor]
+
+
+def add_classes(
+    classifier: SurfaceClassifier, names: Sequence[str], features: Mapping[str, Fragments]
+) -> SurfaceClassifier:
+    """A copy that knows further classes, after those that it knows.
+
+    Args:
+        classifier: Trained, on the CPU, with :attr:`~SurfaceClassifier.statistics`.
+        names: Of the new classes.
+        features: By sense what :meth:`~SurfaceClassifier.described` gives for the recordings of
+            each new class, at least one of each.
+
+    Raises:
+        UserError: If it has no statistics, or its class scores are no layer of their own.
+    """
+    check_extensible(classifier)
+    statistics = {
+        name: _with_classes(classifier, name, features[name]) for name in classifier.card.senses
+    }
+    temperature, fusion = classifier.card.temperature, classifier.fusion
+    state: State = {}
+    if fusion is None or "fc3" in fusion.levels:
+        for name in classifier.card.senses:
+            layer = _score_layer(classifier, name)
+            weight, bias = _values(layer)
+            new = fit_rows(
+                statistics[name], weight.flatten(1), bias, features[name],
+                temperature=temperature, new_bias=None,
+            )  # fmt: skip
+            state |= _appended(classifier, layer, *new)
+        if fusion is not None:
+            state |= _with_scores(classifier, fusion, len(names))
+    else:
+        state |= _with_features(classifier, fusion, statistics, features, temperature)
+    return _rebuilt(classifier, [*classifier.card.classes, *names], state, statistics)
+
+
+def keep_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
+    """A copy that knows these of its classes alone."""
+    kept = torch.tensor([classifier.card.classes.index(name) for name in names])
+    senses, fusion = classifier.card.senses, classifier.fusion
+    scored = [name for name in senses if classifier.level(name) == "fc3"]
+    layers: list[Layer] = [_score_layer(classifier, name) for name in scored]
+    state: State = {}
+    for layer in layers if fusion is None else [*layers, fusion.head]:
+        weight, bias = (values[kept] for values in _values(layer))
+        state |= _named(classifier, layer, weight, bias)
+    if fusion is not None and scored:
+        weight, bias = (values[kept] for values in _values(fusion.head))
+        blocks = [block[:, kept] for block in torch.split(weight, fusion.sizes, dim=1)]
+        state |= _named(classifier, fusion.head, torch.cat(blocks, dim=1), bias)
+    statistics = {name: each.only(kept) for name, each in _all_statistics(classifier).items()}
+    return _rebuilt(classifier, names, state, statistics)
+
+
+def check_extensible(classifier: SurfaceClassifier) -> None:
+    """Refuse a network that classes cannot be added to.
+
+    Raises:
+        UserError: Saying why.
+    """
+    if set(classifier.statistics) != {*classifier.card.senses}:
+        raise UserError(
+            "The checkpoint keeps no statistics of its features, which stand for its old "
+            "recordings, as it was trained by an earlier version; train it anew with task=fit."
+        )
+    for name in classifier.card.senses:
+        if classifier.level(name) == "fc3":
+            _score_layer(classifier, name)
+
+
+def _score_layer(classifier: SurfaceClassifier, name: str) -> Layer:
+    network = classifier.branch(name).network
+    layer = getattr(network, "score_layer", None)
+    if not isinstance(layer, Layer) or layer.bias is None:
+        raise UserError(
+            f"{type(network).__name__} of {name} has no score_layer that classes can be added to "
+            "or taken from; train it anew with all recordings."
+        )
+    return layer
+
+
+def _values(layer: Layer) -> tuple[Tensor, Tensor]:
+    """Weight and bias of a layer that has both."""
+    return layer.weight.detach(), cast(Tensor, layer.bias).detach()
+
+
+def _all_statistics(classifier: SurfaceClassifier) -> dict[str, FeatureStatistics]:
+    return {
+        name: each
+        for name, each in classifier.statistics.items()
+        if isinstance(each, FeatureStatistics)
+    }
+
+
+def _with_classes(
+    classifier: SurfaceClassifier, name: str, features: Fragments
+) -> FeatureStatistics:
+    means = [torch.stack([each.mean(dim=1) for each in own]).mean(dim=0) for own in features]
+    counts = torch.tensor([len(own) for own in features])
+    return _all_statistics(classifier)[name].with_classes(torch.stack(means), counts)
+
+
+def _with_features(
+    classifier: SurfaceClassifier,
+    fusion: FusionNet,
+    statistics: Mapping[str, FeatureStatistics],
+    features: Mapping[str, Fragments],
+    temperature: float,
+) -> State:
+    """The head of a fusion of features: each sense has its columns, and they are fitted apart.
+
+    The sum then knows what all senses say, and a part of the senses is right by itself. The only
+    bias is in the summand of the last sense; the new classes have the mean of the old ones', which
+    leaves nothing to it that the other senses would lack.
+    """
+    weight, whole = _values(fusion.head)
+    blocks = torch.split(weight, fusion.sizes, dim=1)
+    last, rows, mean = classifier.card.senses[-1], [], float(whole.mean())
+    for name, block in zip(classifier.card.senses, blocks, strict=True):
+        bias = whole if name == last else torch.zeros_like(whole)
+        new, biases = fit_rows(
+            statistics[name], block, bias, features[name],
+            temperature=temperature, new_bias=mean if name == last else 0.0,
+        )  # fmt: skip
+        rows.append(new)
+    return _appended(classifier, fusion.head, torch.cat(rows, dim=1), biases)
+
+
+def _with_scores(classifier: SurfaceClassifier, fusion: FusionNet, added: int) -> State:
+    """The head of a fusion of scores: a new row is what the old ones are on average.
+
+    The old rows do without the new scores.
+    """
+    known, blocks = fusion.classes, []
+    weight, bias = _values(fusion.head)
+    for block in torch.split(weight, fusion.sizes, dim=1):
+        own = block.diagonal().mean()
+        other = (block.sum() - block.diagonal().sum()) / (known * (known - 1))
+        wider = other.expand(known + added, known + added).clone()
+        wider.diagonal().copy_(own.expand(known + added))
+        wider[:known] = nn.functional.pad(block, (0, added))
+        blocks.append(wider)
+    biases = torch.cat([bias, bias.mean().expand(added)])
+    return _named(classifier, fusion.head, torch.cat(blocks, dim=1), biases)
+
+
+def _appended(classifier: SurfaceClassifier, layer: Layer, rows: Tensor, biases: Tensor) -> State:
+    weight, bias = _values(layer)
+    weight = torch.cat([weight, rows.reshape(len(rows), *weight.shape[1:])])
+    return _named(classifier, layer, weight, torch.cat([bias, biases]))
+
+
+def _named(classifier: SurfaceClassifier, layer: Layer, weight: Tensor, bias: Tensor) -> State:
+    """Weight and bias as the classifier's state names them."""
+    (name,) = (name for name, module in classifier.named_modules() if module is layer)
+    return {f"{name}.weight": weight, f"{name}.bias": bias}
+
+
+def _rebuilt(
+    classifier: SurfaceClassifier,
+    classes: Sequence[str],
+    changed: State,
+    statistics: Mapping[str, FeatureStatistics],
+) -> SurfaceClassifier:
+    """The same with other classes.
+
+    Raises:
+        UserError: If something else in the network depends on their number.
+    """
+    found = SurfaceClassifier(replace(classifier.card, classes=list(classes)))
+    found.tile = classifier.tile
+    state = {**classifier.state_dict(), **changed}
+    kept = {name: value for name, value in state.items() if not name.startswith(STATISTICS)}
+    try:
+        found.load_state_dict(kept)
+    except RuntimeError as error:
+        raise UserError(
+            f"More of {type(classifier.network).__name__} than its score layer depends on the "
+            "classes; train it anew with all recordings."
+        ) from error
+    found.statistics = nn.ModuleDict(statistics)
+    return found.eval()

@@ -1,0 +1,48 @@
+"""Measure what a trained network's features look like for every class of its training set."""
+
+from collections.abc import Iterator, Sequence
+
+import torch
+from torch import Tensor
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.datamodule import load_recording
+from tex_lightning.data.recordings import Recording, Recordings, plural
+from tex_lightning.data.store import Store
+from tex_lightning.networks.statistics import FeatureStatistics
+from tex_lightning.progress import track
+
+
+def keep_statistics(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> None:
+    """Give a trained classifier its :attr:`~SurfaceClassifier.statistics`, of every sense.
+
+    Args:
+        classifier: Trained, on the device that computes the features; left in evaluation mode.
+        rows: The training recordings, which are not perturbed.
+        store: Where they are decoded.
+    """
+    classes = classifier.card.classes
+    classifier.eval()
+    for name, branch in classifier.branches.items():
+        own = rows.of(branch.modality).rows
+        labels = torch.tensor([classes.index(row.label) for row in own])
+        means = [each.mean(dim=1) for each in position_features(classifier, name, own, store)]
+        found = FeatureStatistics.of(torch.stack(means), labels, len(classes))
+        classifier.statistics[name] = found.to(classifier.device)
+
+
+@torch.inference_mode()
+def position_features(
+    classifier: SurfaceClassifier, name: str, rows: Sequence[Recording], store: Store
+) -> Iterator[Tensor]:
+    """Features (D, positions) of one sense, on the CPU, of each recording.
+
+    Args:
+        classifier: In evaluation mode.
+        name: Of the sense.
+        rows: Recordings of its modality.
+        store: Where they are decoded.
+    """
+    what = plural(classifier.branch(name).modality)
+    for row in track(rows, f"Statistics of {what}"):
+        yield classifier.described(name, load_recording(row, store)).cpu()

@@ -1,0 +1,159 @@
+"""What a checkpoint that gets or loses classes goes through: checks, recordings, card, file."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import DataConfig
+from tex_lightning.config.check_ranges import nearest
+from tex_lightning.data.folds import next_of_each, split
+from tex_lightning.data.quality import training_ranges
+from tex_lightning.data.recordings import Recordings, plural
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError, listed
+from tex_lightning.files import write_atomically
+from tex_lightning.learning.enrolment import add_classes, keep_classes
+from tex_lightning.learning.new_rows import Fragments
+from tex_lightning.learning.statistics import position_features
+from tex_lightning.runs.leaks import digests
+
+VALIDATED = ("confidence_threshold", "disagreement")  # of a calibration, for the old classes alone
+
+
+def forget_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
+    """A copy without some classes; what it has seen of them it has still seen.
+
+    Raises:
+        UserError: If it does not know one of them, or fewer than two would be left.
+    """
+    known = classifier.card.classes
+    for name in names:
+        if name not in known:
+            raise UserError(
+                f"enroll.forget names {name}{nearest(name, known)}, which the checkpoint does not "
+                f"know; choose from {listed(known)}."
+            )
+    kept = [name for name in known if name not in names]
+    if len(kept) < 2:
+        raise UserError(
+            f"Without {listed(names)} the checkpoint would know {len(kept)} of its {len(known)} "
+            "classes, and telling classes apart takes two; forget fewer, or train a new network."
+        )
+    found = keep_classes(classifier, kept)
+    found.card = replace(found.card, calibration=_still_valid(found.card))
+    return found
+
+
+def recordings_to_add(
+    recordings: Recordings, data: DataConfig, card: Card, only: Sequence[str] | None
+) -> Recordings:
+    """The recordings of new classes, without a test fold if there is one.
+
+    Args:
+        recordings: All that were read, of modalities that the network looks at.
+        data: Says what is tested, and how many of a class are used.
+        card: Of the network.
+        only: Classes that are added; None adds all.
+
+    Raises:
+        UserError: If a class is known already, absent or lacks a sense.
+    """
+    classes = recordings.classes
+    for name in only or ():
+        if name not in classes:
+            raise UserError(
+                f"enroll.only names {name}{nearest(name, classes)}, and the data has no such "
+                f"class; choose from {listed(classes)}."
+            )
+    added = [name for name in classes if only is None or name in only]
+    if known := [name for name in added if name in card.classes]:
+        raise UserError(
+            f"The checkpoint knows {listed(known)} already; name the new classes in enroll.only, "
+            f"or replace it by enroll.forget=[{','.join(known)}] in the same command."
+        )
+    rows = recordings.in_classes(added)
+    if not added:
+        raise UserError(
+            f"The data has no {' or '.join(map(plural, card.modalities))} to learn a class from, "
+            f"which is what this {card.kind} network looks at; record some."
+        )
+    if data.test_fold is not None:
+        rows = split(rows, data).train
+    elif data.per_class is not None:
+        chosen = next_of_each(rows.rows, data.per_class, 0, data.folds)
+        rows = replace(rows, rows=tuple(chosen))
+    for modality in card.modalities:
+        if absent := sorted(set(added) - {row.label for row in rows.of(modality)}):
+            raise UserError(
+                f"There are no {plural(modality)} of {listed(absent)} to learn from, and this "
+                f"{card.kind} network looks at {' and '.join(card.modalities)}; record them, or "
+                "add the class to a network that does without."
+            )
+    return rows
+
+
+def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> SurfaceClassifier:
+    """A copy that knows the classes of the recordings, too, and says so in its card.
+
+    Raises:
+        UserError: If classes cannot be added to this network.
+    """
+    names = rows.classes
+    features: dict[str, Fragments] = {}
+    for name, branch in classifier.branches.items():
+        own = rows.of(branch.modality).rows
+        found = position_features(classifier, name, own, store)
+        labelled = list(zip((row.label for row in own), found, strict=True))
+        features[name] = [[each for label, each in labelled if label == one] for one in names]
+    extended = add_classes(classifier, names, features)
+    card = extended.card
+    seen = card.trained_on.get("seen", [])
+    fresh = [digest for digest in digests(rows) if digest not in seen]
+    extended.card = replace(
+        card,
+        calibration=_still_valid(card),
+        input_ranges=_wider_ranges(card, rows, store),
+        trained_on={**card.trained_on, "seen": [*seen, *fresh]},
+    )
+    return extended
+
+
+def write_checkpoint(
+    classifier: SurfaceClassifier, source: Path, target: Path, seconds: float
+) -> None:
+    """Write a changed classifier as the training wrote its source.
+
+    Args:
+        classifier: On the CPU.
+        source: Checkpoint that it came from.
+        target: The new file.
+        seconds: That the change took, which are added to those of the training.
+    """
+    content = read_checkpoint(source)
+    content["hyper_parameters"]["card"] = classifier.card.to_dict()
+    state = classifier.state_dict()
+    content["state_dict"] = {f"classifier.{name}": value for name, value in state.items()}
+    content["fit_seconds"] = content.get("fit_seconds", 0.0) + seconds
+    content["val_loss"] = None
+    write_atomically(target, lambda partial: torch.save(content, partial))
+
+
+def _still_valid(card: Card) -> dict[str, float]:
+    """The calibration without what was shown for the old classes alone."""
+    return {name: value for name, value in card.calibration.items() if name not in VALIDATED}
+
+
+def _wider_ranges(card: Card, rows: Recordings, store: Store) -> dict[str, dict[str, list[float]]]:
+    """By modality the ends of each measure, over the old and the new recordings."""
+    found = {}
+    for modality, old in card.input_ranges.items():
+        new = training_ranges(rows.of(modality), store)
+        found[modality] = {
+            name: [min(low, new[name][0]), max(high, new[name][1])]
+            for name, (low, high) in old.items()
+        }
+    return found
