@@ -24,6 +24,9 @@ from tex_lightning.decision.voting import RULES, Vote, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.statistics import FeatureStatistics
+
+STATISTICS = "statistics."  # in a state
 
 
 class SurfaceClassifier(nn.Module):
@@ -35,6 +38,10 @@ class SurfaceClassifier(nn.Module):
         card: What it is made of.
         features: Those of each branch, by the name of the sense.
         network: That of the only branch, or the FusionNet of all.
+        statistics: By the name of the sense, the
+            :class:`~tex_lightning.networks.statistics.FeatureStatistics` of what :meth:`described`
+            gives for the training recordings; empty before training has ended, and of a checkpoint
+            written without them.
         tile: Most elements of an input that go through a network at once; None never divides.
 
     Example:
@@ -60,6 +67,7 @@ class SurfaceClassifier(nn.Module):
             if len(networks) == 1
             else FusionNet(*networks, classes=len(card.classes), **card.fusion)
         )
+        self.statistics = nn.ModuleDict()
         empty = nn.Module()  # :meth:`branch` puts each together again
         self._templates = {
             name: replace(each, features=empty, network=empty) for name, each in branches.items()
@@ -97,6 +105,7 @@ class SurfaceClassifier(nn.Module):
                 for key, value in stored["state_dict"].items()
                 if key.startswith(prefix)
             }
+            classifier.statistics = _stored_statistics(state)
             classifier.load_state_dict(state)
         except UserError:
             raise
@@ -183,6 +192,20 @@ class SurfaceClassifier(nn.Module):
         """Features (D, positions) of one sense, of the layer that is fused; scores of a single."""
         return self.branch(name).positions(recording, self.level(name))
 
+    def described(self, name: str, recording: Tensor) -> Tensor:
+        """Features (D, positions) of one sense that its :attr:`statistics` are about.
+
+        FC2's, whatever is fused; of a network without a ``score_layer`` its class scores.
+
+        Args:
+            name: Of the sense.
+            recording: Decoded.
+        """
+        branch, level = self.branch(name), self.level(name)
+        if level == "fc3" and hasattr(branch.network, "score_layer"):  # which fusion on FC2 removes
+            level = "fc2"
+        return branch.positions(recording, level)
+
     def level(self, name: str) -> Level:
         """The layer of one sense that is fused; of a single one that of the scores."""
         place = self.card.senses.index(name)
@@ -223,6 +246,8 @@ class SurfaceClassifier(nn.Module):
         part.tile = self.tile
         for name in senses:
             part.features[name] = deepcopy(self.features[name])
+            if name in self.statistics:
+                part.statistics[name] = deepcopy(self.statistics[name])
         places = [self.card.senses.index(name) for name in senses]
         fused = self.fusion.subset(places)
         if len(self.card.senses) - 1 not in places:  # the bias is in the summand of the last
@@ -242,6 +267,16 @@ class SurfaceClassifier(nn.Module):
                 f"This {self.card.kind} network needs {' and '.join(needs)}; give "
                 f"{' and '.join(f'{key}=FILE' for key in absent)} too."
             )
+
+
+def _stored_statistics(state: dict[str, Tensor]) -> nn.ModuleDict:
+    """The statistics in a state; older checkpoints have none."""
+    found: dict[str, dict[str, Tensor]] = {}
+    for key, value in state.items():
+        if key.startswith(STATISTICS):
+            name, buffer = key.removeprefix(STATISTICS).rsplit(".", 1)
+            found.setdefault(name, {})[buffer] = value
+    return nn.ModuleDict({name: FeatureStatistics.from_state(each) for name, each in found.items()})
 
 
 def _alone(part: SurfaceClassifier, fused: FusionNet) -> nn.Module:

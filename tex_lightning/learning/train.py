@@ -21,6 +21,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.start import start_network
+from tex_lightning.learning.statistics import keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
 
@@ -114,6 +115,14 @@ def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
     return SurfaceData(batches, steps, validation, test, training.recipe.num_workers)
 
 
+def _keep_statistics(training: Training, module: SurfaceModule) -> None:
+    begin = time.perf_counter()
+    module.classifier.to(pick_device(training.recipe.trainer.accelerator))
+    keep_statistics(module.classifier, training.parts.train, training.store)
+    module.classifier.cpu()
+    module.fit_seconds += time.perf_counter() - begin
+
+
 def _finish(
     training: Training, trainer: Trainer, module: SurfaceModule, keeper: ModelCheckpoint | None
 ) -> None:
@@ -125,6 +134,8 @@ def _finish(
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
         module.val_loss = float(cast(torch.Tensor, keeper.best_model_score))
+    if trainer.is_global_zero:
+        _keep_statistics(training, module)
     trainer.save_checkpoint(training.final, weights_only=True)
     if trainer.is_global_zero:
         shutil.rmtree(training.working, ignore_errors=True)

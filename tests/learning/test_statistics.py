@@ -1,0 +1,59 @@
+"""Statistics of the training recordings' features, kept in the checkpoint."""
+
+import torch
+from conftest import CLASSES, make_card, make_trace
+
+import tex_lightning as tl
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import CONF
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.weights import read_config
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.statistics import FeatureStatistics
+
+ENGINE = read_config(compose_config(CONF, ["engine.precision=bf16"])).engine
+
+
+def traces(kind, numbers):
+    return [torch.from_numpy(make_trace(kind, number))[None] for number in numbers]
+
+
+def test_a_checkpoint_keeps_the_means_of_its_training_recordings(bands):
+    classifier = tl.load(bands).classifier
+    found = classifier.statistics["haptic"]
+    assert found.counts.tolist() == [8, 8, 8]  # without a test and a validation fold
+    for kind in range(len(CLASSES)):
+        means = [
+            classifier.described("haptic", each).mean(1) for each in traces(kind, range(2, 10))
+        ]
+        torch.testing.assert_close(found.means[kind], torch.stack(means).mean(0))
+
+
+def test_they_tell_the_classes_of_other_recordings(bands):
+    classifier = tl.load(bands).classifier
+    for kind in range(len(CLASSES)):
+        (trace,) = traces(kind, [0])
+        mean = classifier.described("haptic", trace).mean(dim=1, keepdim=True)
+        assert classifier.statistics["haptic"].distances(mean).argmin() == kind
+
+
+def test_a_part_and_a_fast_copy_keep_them():
+    classifier = SurfaceClassifier(make_card("haptic", "visual", width=0.1)).eval()
+    for number, name in enumerate(classifier.card.senses):
+        rows = torch.randn(6, classifier.fusion.sizes[number])
+        labels = torch.tensor([0, 0, 1, 1, 2, 2])
+        classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
+    alone = classifier.part(("visual",))
+    assert list(alone.statistics) == ["visual"]
+    photo = torch.randint(256, (240, 240, 3), dtype=torch.uint8)
+    torch.testing.assert_close(
+        alone.described("visual", photo), classifier.described("visual", photo)
+    )
+    fast = accelerate(classifier, ENGINE)
+    distances = fast.statistics["visual"].distances(fast.described("visual", photo))
+    assert distances.dtype == torch.float32
+    assert distances.shape[0] == 3
+
+
+def test_a_checkpoint_without_them_is_loaded(untrained):
+    assert not tl.load(untrained).classifier.statistics

@@ -1,0 +1,78 @@
+import pytest
+import torch
+from sklearn.covariance import oas
+
+from tex_lightning.networks.statistics import MAX_RANK, FeatureStatistics
+
+
+def drawn(recordings=40, features=6, classes=4, seed=0):
+    torch.manual_seed(seed)
+    labels = torch.arange(recordings) % classes
+    mixing = torch.randn(features, features)
+    centres = 5 * torch.randn(classes, features)
+    return centres[labels] + torch.randn(recordings, features) @ mixing, labels, classes
+
+
+def covariance(statistics):
+    """The full matrix that directions and variances stand for."""
+    directions, size = statistics.directions, statistics.means.shape[1]
+    along = directions.T @ torch.diag(statistics.variances - statistics.rest) @ directions
+    return along + statistics.rest * torch.eye(size)
+
+
+@pytest.mark.parametrize(("recordings", "features"), [(40, 6), (12, 30)])
+def test_the_covariance_is_shrunk_as_scikit_learn_does(recordings, features):
+    rows, labels, classes = drawn(recordings, features)
+    found = FeatureStatistics.of(rows, labels, classes)
+    centred = torch.cat([rows[labels == each] - rows[labels == each].mean(0) for each in range(4)])
+    freedom = recordings - classes
+    # scikit-learn divides by the rows it gets; an orthogonal basis of the centred ones is as many
+    _, scales, directions = torch.linalg.svd(centred.double(), full_matrices=False)
+    basis = (scales[:, None] * directions)[:freedom]
+    expected, _ = oas(torch.nn.functional.pad(basis, (0, 0, 0, freedom - len(basis))).numpy(),
+                      assume_centered=True)  # fmt: skip
+    torch.testing.assert_close(covariance(found), torch.from_numpy(expected).float())
+    assert found.counts.tolist() == [recordings // classes] * classes
+    torch.testing.assert_close(found.means[1], rows[labels == 1].mean(0))
+
+
+def test_distances_are_those_of_the_inverse_covariance():
+    rows, labels, classes = drawn(12, 30)
+    found = FeatureStatistics.of(rows, labels, classes)
+    inverse = torch.linalg.inv(covariance(found))
+    points = torch.randn(30, 5)
+    apart = points.T[None] - found.means[:, None]
+    expected = torch.einsum("cpi,ij,cpj->cp", apart, inverse, apart)
+    torch.testing.assert_close(found.distances(points), expected, rtol=1e-3, atol=1e-3)
+
+
+def test_thousands_of_features_take_little_room():
+    rows, labels, classes = drawn(300, 2000)
+    found = FeatureStatistics.of(rows, labels, classes)
+    assert found.directions.shape == (MAX_RANK, 2000)
+    total = found.variances.sum() + (2000 - MAX_RANK) * found.rest
+    means = torch.stack([rows[labels == each].mean(0) for each in range(classes)])
+    assert total.item() == pytest.approx(
+        (rows - means[labels]).square().sum().item() / 296, rel=1e-3
+    )
+
+
+def test_one_recording_of_each_class_gives_distances_too():
+    rows, labels, classes = drawn(4, 6)
+    found = FeatureStatistics.of(rows, labels, classes)
+    distances = found.distances(rows.T)
+    assert distances.isfinite().all()
+    assert distances.argmin(dim=0).tolist() == labels.tolist()
+
+
+def test_features_that_never_vary_leave_distances_finite():
+    rows, labels, classes = drawn()
+    found = FeatureStatistics.of(torch.zeros_like(rows), labels, classes)
+    assert found.distances(rows.T).isfinite().all()
+
+
+def test_a_state_is_read_back_whatever_its_sizes():
+    rows, labels, classes = drawn()
+    found = FeatureStatistics.of(rows, labels, classes)
+    again = FeatureStatistics.from_state(found.state_dict())
+    torch.testing.assert_close(again.distances(rows.T), found.distances(rows.T))

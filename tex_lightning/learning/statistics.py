@@ -1,0 +1,51 @@
+"""Measure what a trained network's features look like for every class of its training set."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.datamodule import load_recording
+from tex_lightning.data.recordings import Recording, Recordings, plural
+from tex_lightning.data.store import Store
+from tex_lightning.networks.statistics import FeatureStatistics
+from tex_lightning.progress import track
+
+
+def keep_statistics(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> None:
+    """Give a trained classifier its :attr:`~SurfaceClassifier.statistics`, of every sense.
+
+    Args:
+        classifier: Trained, on the device that computes the features; left in evaluation mode.
+        rows: The training recordings, which are not perturbed.
+        store: Where they are decoded.
+    """
+    classes = classifier.card.classes
+    classifier.eval()
+    for name, branch in classifier.branches.items():
+        own = rows.of(branch.modality).rows
+        labels = torch.tensor([classes.index(row.label) for row in own])
+        features = mean_features(classifier, name, own, store)
+        found = FeatureStatistics.of(features, labels, len(classes))
+        classifier.statistics[name] = found.to(classifier.device)
+
+
+@torch.inference_mode()
+def mean_features(
+    classifier: SurfaceClassifier, name: str, rows: Sequence[Recording], store: Store
+) -> Tensor:
+    """Features (recordings, D) of one sense, mean over the positions of each recording.
+
+    Args:
+        classifier: In evaluation mode.
+        name: Of the sense.
+        rows: Recordings of its modality.
+        store: Where they are decoded.
+    """
+    what = plural(classifier.branch(name).modality)
+    found = [
+        classifier.described(name, load_recording(row, store)).mean(dim=1).cpu()
+        for row in track(rows, f"Statistics of {what}")
+    ]
+    return torch.stack(found)

@@ -1,0 +1,135 @@
+"""What a network's features look like for every class: means, and the spread that they share.
+
+A checkpoint keeps them of its training recordings, one feature vector for each. Classes can then be
+added without the old recordings, and what is far from every class can be told.
+"""
+
+from typing import Self
+
+import torch
+from torch import Tensor, nn
+
+MAX_RANK = 128  # directions of the covariance that are kept; the others share one variance
+LEAST_VARIANCE = 1e-8  # of features that never vary
+
+
+class FeatureStatistics(nn.Module):
+    """Means of all classes and one covariance within them, as of a linear discriminant analysis.
+
+    The covariance is that of the recordings' mean features about the mean of their class, shrunk
+    towards a multiple of the identity: sum_i v_i d_i d_i^T + rest (1 - sum_i d_i d_i^T), with
+    orthonormal directions d_i. It takes little room for thousands of features, and is never
+    singular.
+
+    Args:
+        classes: Number of classes.
+        features: Length of a feature vector, D.
+        rank: Number of directions.
+
+    Attributes:
+        means: (classes, D), the mean features of each class.
+        counts: (classes,) int64, recordings behind each mean.
+        directions: (rank, D), orthonormal.
+        variances: (rank,) along the directions, above 0.
+        rest: () variance along every other direction, above 0.
+
+    Example:
+        >>> import torch
+        >>> from tex_lightning.networks.statistics import FeatureStatistics
+        >>> rows = torch.tensor([[0.0, 0.0], [0.0, 2.0], [9.0, 0.0], [9.0, 2.0]])
+        >>> statistics = FeatureStatistics.of(rows, torch.tensor([0, 0, 1, 1]), classes=2)
+        >>> statistics.means
+        tensor([[0., 1.],
+                [9., 1.]])
+        >>> statistics.distances(torch.tensor([[8.0], [1.0]])).argmin()
+        tensor(1)
+    """
+
+    means: Tensor
+    counts: Tensor
+    directions: Tensor
+    variances: Tensor
+    rest: Tensor
+
+    def __init__(self, classes: int, features: int, rank: int) -> None:
+        super().__init__()
+        self.register_buffer("means", torch.zeros(classes, features))
+        self.register_buffer("counts", torch.zeros(classes, dtype=torch.long))
+        self.register_buffer("directions", torch.zeros(rank, features))
+        self.register_buffer("variances", torch.ones(rank))
+        self.register_buffer("rest", torch.ones(()))
+
+    @classmethod
+    def of(cls, features: Tensor, labels: Tensor, classes: int) -> Self:
+        """Of the features (recordings, D) and class indices (recordings,) of a training set.
+
+        Every class occurs. Where none has two recordings, the spread is that of the class means.
+        """
+        rows, labels = features.double().cpu(), labels.cpu()
+        counts = labels.bincount(minlength=classes)
+        means = torch.zeros(classes, rows.shape[1], dtype=rows.dtype)
+        means = means.index_add(0, labels, rows) / counts[:, None]
+        centred, freedom = rows - means[labels], len(rows) - classes
+        if freedom < 1:
+            centred, freedom = means - means.mean(dim=0), max(1, classes - 1)
+        _, scales, directions = torch.linalg.svd(centred, full_matrices=False)
+        variances, rest = _shrunk(scales.square() / freedom, freedom, rows.shape[1])
+        found = cls(classes, rows.shape[1], len(variances))
+        for name, value in (
+            ("means", means), ("counts", counts), ("directions", directions[: len(variances)]),
+            ("variances", variances), ("rest", rest),
+        ):  # fmt: skip
+            found.get_buffer(name).copy_(value)
+        return found
+
+    @classmethod
+    def from_state(cls, state: dict[str, Tensor]) -> Self:
+        """Of the sizes of a stored state, which it holds then.
+
+        Raises:
+            KeyError: If a tensor is missing.
+            RuntimeError: If their sizes do not fit.
+            ValueError: If a tensor has another number of axes.
+        """
+        classes, features = state["means"].shape
+        found = cls(classes, features, len(state["directions"]))
+        found.load_state_dict(state)
+        return found
+
+    def whiten(self, features: Tensor) -> Tensor:
+        """Features (..., D) with the covariance turned into the identity, by a symmetric matrix."""
+        along = features @ self.directions.T
+        scale, least = self.variances.rsqrt(), self.rest.rsqrt()
+        return least * features + (along * (scale - least)) @ self.directions
+
+    def distances(self, features: Tensor) -> Tensor:
+        """Squared Mahalanobis distances (classes, P) of features (D, P) to the class means.
+
+        Features of a whole recording are the mean over its positions, so P is 1 for one recording:
+        the covariance is that of such means, and single positions spread more widely. Of features
+        that are distributed as those of the training the distance to the own mean is D on average.
+        """
+        apart = self.whiten(features.T)[None] - self.whiten(self.means)[:, None]
+        return apart.square().sum(dim=-1)
+
+
+def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
+    """Variances along the kept directions, and that along all others.
+
+    Oracle approximating shrinkage (Chen et al. 2010) of a sample covariance towards its mean
+    variance.
+
+    Args:
+        spread: Eigenvalues of the sample covariance, largest first; all others are 0.
+        freedom: Degrees of freedom of the sample covariance.
+        size: Number of features.
+    """
+    mean = spread.sum() / size
+    squares = spread.square().sum() / size**2
+    excess = (freedom + 1) * (squares - mean**2 / size)
+    share = (squares + mean**2) / excess if excess > 0 else torch.ones_like(mean)
+    share = share.clamp(max=1)
+    rank = min(MAX_RANK, len(spread), freedom)
+    left = spread[rank:].sum() / max(1, size - rank)
+    shrunk = [(1 - share) * each + share * mean for each in (spread[:rank], left)]
+    return shrunk[0].clamp(min=LEAST_VARIANCE), shrunk[1].clamp(min=LEAST_VARIANCE)
