@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import Sensed, SurfaceClassifier
 from tex_lightning.config import StreamConfig
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.decision.voting import Vote
@@ -46,11 +46,12 @@ class LiveStream:
         top_k: int,
     ) -> None:
         self.card = classifier.card
-        if config.wait > 0 and self.card.reject_below:
-            raise UserError(
-                "decision.reject_below needs the probability after every chunk, and with "
-                "stream.wait it is left behind: set stream.wait=0, or decision.reject_below=0."
-            )
+        for key in ("reject_below", "unknown"):
+            if config.wait > 0 and getattr(self.card, key):
+                raise UserError(
+                    f"decision.{key} is looked at after every chunk, and with stream.wait what it "
+                    f"needs is left behind: set stream.wait=0, or decision.{key}=0."
+                )
         self.device, self.top_k = classifier.device, top_k
         branches: dict[str, Any] = {each.modality: each for each in classifier.branches.values()}
         self.signals = {
@@ -58,7 +59,7 @@ class LiveStream:
             for name, rate in rates.items()
         }
         self.photo_quality = [quality for _, quality in photos.values()]
-        fixed = _summands(classifier, {name: photo for name, (photo, _) in photos.items()})
+        fixed = _senses(classifier, {name: photo for name, (photo, _) in photos.items()})
         self.classifier: WholeVote | WindowVote
         if config.window is None:
             self.classifier = WholeVote(classifier, fixed, config.wait)
@@ -144,10 +145,10 @@ class LiveStream:
 
 
 @torch.inference_mode()
-def _summands(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """What the senses of photos add to the scores, once for all."""
+def _senses(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Sensed]:
+    """What is said of the photos, once for all."""
     return {
-        name: classifier.summand(name, photos[branch.modality])
+        name: classifier.sense(name, photos[branch.modality])
         for name, branch in classifier.branches.items()
         if branch.modality in photos
     }
