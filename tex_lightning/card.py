@@ -117,8 +117,8 @@ class Card:
         """The card of some of the branches; their temperature is not known."""
         branches = {name: self.branches[name] for name in senses}
         fusion = self.fusion if len(branches) > 1 else {}
-        kept = {NOVELTIES: {name: self.novelties[name] for name in senses}}
-        calibration = kept if self.novelties else {}
+        kept = {name: self.novelties[name] for name in senses if name in self.novelties}
+        calibration = {NOVELTIES: kept} if kept else {}
         return replace(self, branches=branches, fusion=fusion, calibration=calibration)
 
     @property

@@ -76,3 +76,30 @@ def test_a_state_is_read_back_whatever_its_sizes():
     found = FeatureStatistics.of(rows, labels, classes)
     again = FeatureStatistics.from_state(found.state_dict())
     torch.testing.assert_close(again.distances(rows.T), found.distances(rows.T))
+
+
+def test_novelty_is_that_of_lengths_and_angle_in_whitened_space():
+    rows, labels, classes = drawn(40, 6)
+    found = FeatureStatistics.of(rows, labels, classes)
+    values, vectors = torch.linalg.eigh(covariance(found).double())
+    root = vectors @ torch.diag(values.rsqrt()) @ vectors.T
+    centre = found.means.mean(dim=0)
+    point = torch.randn(6)
+    x, means = root @ (point - centre).double(), (found.means - centre).double() @ root
+    a, b = x.norm(), means.norm(dim=1)
+    expected = a / b + b / a - 2 * (means @ x) / (a * b)
+    assert found.novelty(point).item() == pytest.approx(expected.min().item(), rel=1e-4)
+    several = torch.stack([point, rows[0]])
+    torch.testing.assert_close(found.novelty(several)[0], found.novelty(point))
+
+
+def test_novelty_is_nothing_at_a_class_and_large_far_out_and_between_all():
+    rows, labels, classes = drawn(40, 6)
+    found = FeatureStatistics.of(rows, labels, classes)
+    centre = found.means.mean(dim=0)
+    novelties = found.novelty(found.means)
+    assert novelties.max() < 1e-5
+    known = found.novelty(rows).max()
+    apart = found.means[0] - centre
+    assert found.novelty(centre + 50 * apart) > known
+    assert found.novelty(centre + 0.01 * apart) > known
