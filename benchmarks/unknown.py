@@ -7,6 +7,7 @@ checkpoint; without a validation fold trained features have none, and the other 
 The default needs the recordings of ``shared/data/lmt16`` beside the checkout.
 """
 
+import json
 import sys
 from collections.abc import Sequence
 from tempfile import TemporaryDirectory
@@ -19,7 +20,6 @@ from benchmarks._classifiers import configured
 from benchmarks.peers import REAL
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.errors import UserError
-from tex_lightning.progress import console
 
 DEFAULT = ("experiment=few/haptic", "data=folder", f"data.root={REAL}")
 DRAWS = 10
@@ -67,4 +67,4 @@ def _told(entry: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    console.print_json(data=measure(tuple(sys.argv[1:]) or DEFAULT))
+    print(json.dumps(measure(tuple(sys.argv[1:]) or DEFAULT), indent=1))

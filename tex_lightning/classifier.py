@@ -165,7 +165,7 @@ class SurfaceClassifier(nn.Module):
 
     @torch.inference_mode()
     def novelty(self, **recordings: Tensor) -> Tensor:
-        """How unlike every class of the training one sample is: (), 0 to infinity.
+        """How unlike every class of the training one sample is: (), 0 to 2 for each sense.
 
         The sum over its senses of :meth:`.FeatureStatistics.novelty` of their mean features.
 

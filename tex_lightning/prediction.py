@@ -36,8 +36,8 @@ class Prediction:
             where that is not looked at.
         changed_at: Where in such a stream, in seconds, the last touch after a pause was, or the
             last change to another surface.
-        novelty: How unlike every class of the training the sample is, from 0; None without
-            ``decision.unknown``.
+        novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
+            None without ``decision.unknown``.
 
     Example:
         >>> import tex_lightning as tl

@@ -113,20 +113,18 @@ class FeatureStatistics(nn.Module):
         return apart.square().sum(dim=-1)
 
     def novelty(self, features: Tensor) -> Tensor:
-        """How unlike every class features (..., D) of whole recordings are: (...), 0 to infinity.
+        """How unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
 
-        Of the closest class: its squared Mahalanobis distance, divided by the product of how far
-        the features and the class lie from the mean of all classes. With these two lengths a and b
-        and the angle between them that is a / b + b / a - 2 cos, which needs no unit: recordings
-        that say little, near the mean of all classes, are as unlike as those that lie far out. On
-        recordings of classes never seen it tells more than the distance itself (docs/unknown.md).
+        One minus the cosine to the closest class, seen from the mean of all classes, with the
+        covariance turned into the identity: 0 in the direction of a class, 1 at a right angle to
+        it. On recordings of classes never seen it tells more than the distance does, whose scale
+        differs from recording to recording (docs/unknown.md).
         """
         centre = self.means.mean(dim=0)
-        point = self.whiten(features - centre)[..., None, :]
-        means = self.whiten(self.means - centre)
-        squares = (point - means).square().sum(dim=-1)
-        lengths = point.square().sum(dim=-1) * means.square().sum(dim=-1)
-        return (squares / lengths.sqrt().clamp(min=LEAST_VARIANCE)).amin(dim=-1)
+        point, means = self.whiten(features - centre), self.whiten(self.means - centre)
+        lengths = point.norm(dim=-1, keepdim=True) * means.norm(dim=-1)
+        cosines: Tensor = (point @ means.T) / lengths.clamp(min=LEAST_VARIANCE)
+        return 1 - cosines.amax(dim=-1)
 
 
 def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:

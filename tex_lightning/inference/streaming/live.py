@@ -1,5 +1,6 @@
 """A recording that goes on, as a person follows it: samples in, predictions out."""
 
+import logging
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,6 +19,8 @@ from tex_lightning.inference.streaming.signal import LiveSignal
 from tex_lightning.inference.streaming.whole import WholeVote
 from tex_lightning.inference.streaming.window import WindowVote
 from tex_lightning.prediction import Prediction, describe
+
+log = logging.getLogger(__name__)
 
 
 class LiveStream:
@@ -65,6 +68,12 @@ class LiveStream:
             self.classifier = WholeVote(classifier, fixed, config.wait)
         else:
             self.classifier = WindowVote(classifier, fixed, config)
+            if self.card.unknown_above is not None:
+                log.warning(
+                    "decision.unknown=%g is the rate of whole recordings; %g s say less, and more "
+                    "of them are called unknown.",
+                    self.card.unknown, config.window,
+                )  # fmt: skip
 
     @property
     def rate(self) -> float:
