@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self, get_args
 
@@ -12,6 +13,7 @@ from tex_lightning.config import DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.config.trust import require_trust
+from tex_lightning.decision.unknown import novelty_threshold
 from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.features.spectrogram import Axes, Normalisation, Scale
@@ -19,7 +21,9 @@ from tex_lightning.networks.blocks import NORMS, Level
 
 SUFFIX = ".ckpt"  # of checkpoints of this package
 
-DECISION = ("pairs", "rule", "seed", "reject_below")  # of the configuration, kept by the card
+DECISION = ("pairs", "rule", "seed", "reject_below", "unknown")  # that the card keeps
+NOVELTIES = "novelties"  # of the calibration
+LEFT_OUT = "left_out_novelties"  # of a checkpoint
 MAX_WIDTH = 100  # a card that says more is damaged, and its network would not fit into memory
 CHOICES: dict[str, tuple[str, ...]] = {
     "norm": NORMS,
@@ -39,13 +43,16 @@ class Card:
         branches: By the name of each sense what
             :func:`~tex_lightning.branches.make_branch` makes its branch of: ``_target_``,
             ``modality``, ``decode``, ``features``, ``network`` and their arguments.
-        decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule``, and ``reject_below``.
+        decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule``, ``reject_below`` and
+            ``unknown``.
         fusion: ``level`` of FusionNet; empty for a single branch.
         baseline: ``name`` of a baseline, its ``node`` of the configuration, the ``budget`` that it
             was given and the ``weights`` it started from;
             empty for this package's networks.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
-            perhaps ``confidence_threshold`` of sequential decisions; empty without such a fold.
+            perhaps ``confidence_threshold`` of sequential decisions; and by sense the
+            ``novelties`` of known samples (:mod:`~tex_lightning.evaluation.known`). What cannot be
+            set is not there.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
             what each trunk began from if not at random.
@@ -58,7 +65,7 @@ class Card:
     decision: dict[str, Any]
     fusion: dict[str, Any] = field(default_factory=dict)
     baseline: dict[str, Any] = field(default_factory=dict)
-    calibration: dict[str, float] = field(default_factory=dict)
+    calibration: dict[str, Any] = field(default_factory=dict)
     trained_on: dict[str, Any] = field(default_factory=dict)
     input_ranges: dict[str, dict[str, list[float]]] = field(default_factory=dict)
 
@@ -110,7 +117,9 @@ class Card:
         """The card of some of the branches; their temperature is not known."""
         branches = {name: self.branches[name] for name in senses}
         fusion = self.fusion if len(branches) > 1 else {}
-        return replace(self, branches=branches, fusion=fusion, calibration={})
+        kept = {name: self.novelties[name] for name in senses if name in self.novelties}
+        calibration = {NOVELTIES: kept} if kept else {}
+        return replace(self, branches=branches, fusion=fusion, calibration=calibration)
 
     @property
     def rule(self) -> str:
@@ -123,9 +132,32 @@ class Card:
         return self.decision.get("reject_below")
 
     @property
+    def unknown(self) -> float:
+        """Share of known recordings that may be called unknown; 0 calls none unknown."""
+        return self.decision.get("unknown") or 0.0
+
+    @property
+    def novelties(self) -> dict[str, list[float]]:
+        """By sense the novelties of known samples, in the same order; empty if not known."""
+        found: dict[str, list[float]] = self.calibration.get(NOVELTIES, {})
+        return found
+
+    @property
+    def known_novelties(self) -> list[float]:
+        """Novelties of known samples: the sums over the senses."""
+        return [sum(each) for each in zip(*self.novelties.values(), strict=True)]
+
+    @cached_property
+    def unknown_above(self) -> float | None:
+        """The novelty above which a sample is called unknown; None if none is."""
+        known = self.known_novelties
+        return novelty_threshold(known, self.unknown) if known and self.unknown else None
+
+    @property
     def temperature(self) -> float:
         """What logits are divided by before they become probabilities."""
-        return self.calibration.get("temperature", 1.0)
+        found: float = self.calibration.get("temperature", 1.0)
+        return found
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
@@ -173,9 +205,15 @@ def _check(card: Card) -> None:
     _number("decision.pairs", card.decision["pairs"], 1, 1e9)
     _number("decision.seed", card.decision["seed"], 0, 2**32 - 1)
     _number("decision.reject_below", card.reject_below or 0, 0, 1)
+    _number("decision.unknown", card.unknown, 0, 1)
     _number("calibration.temperature", card.temperature, 1e-6, 1e6)
     threshold = card.calibration.get("confidence_threshold", 0)
     _number("calibration.confidence_threshold", threshold, 0, 1)
+    if card.novelties and set(card.novelties) != set(card.branches):
+        raise CardError("its calibration.novelties are not those of its branches")
+    for name, values in card.novelties.items():
+        for value in values:
+            _number(f"calibration.novelties.{name}", value, 0, math.inf)
     for modality, ranges in card.input_ranges.items():
         for name, ends in ranges.items():
             for end in ends:

@@ -5,9 +5,9 @@ that prediction from raw files does exactly what testing did.
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,11 +22,24 @@ from tex_lightning.card import Card, damaged, read_checkpoint
 from tex_lightning.config.model import FUSION
 from tex_lightning.decision.voting import RULES, Vote, random_tuples
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import Level
+from tex_lightning.networks.blocks import Head, Level
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.statistics import FeatureStatistics
 
 STATISTICS = "statistics."  # in a state
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """What one sense says of one recording.
+
+    Attributes:
+        summand: (classes, positions) that it adds to the class scores.
+        novelty: () how unlike the training its mean features are; None where that is not known.
+    """
+
+    summand: Tensor
+    novelty: Tensor | None
 
 
 class SurfaceClassifier(nn.Module):
@@ -146,8 +159,26 @@ class SurfaceClassifier(nn.Module):
 
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
-        """Decide on one sample; see :meth:`logits`."""
-        return self.decide(self.logits(**recordings), self.card.temperature)
+        """Decide on one sample, and say how unlike the training it is; see :meth:`logits`."""
+        sensed = self.sense_all(**recordings)
+        return self.vote(sensed, self._tuple_seed(**recordings))
+
+    @torch.inference_mode()
+    def novelty(self, **recordings: Tensor) -> Tensor:
+        """How unlike every class of the training one sample is: (), 0 to 2 for each sense.
+
+        The sum over its senses of :meth:`.FeatureStatistics.novelty` of their mean features.
+
+        Raises:
+            UserError: If the checkpoint has no statistics, or as :meth:`logits` does.
+        """
+        found = join_novelties(self.sense_all(**recordings).values())
+        if found is None:
+            raise UserError(
+                f"This {self.card.title} keeps no statistics of its features, so what it has never "
+                "seen cannot be told; train it anew with this version."
+            )
+        return found
 
     def decide(self, logits: Tensor, temperature: float) -> Vote:
         """Decide by class scores (classes, fragments) with the card's rule."""
@@ -171,8 +202,37 @@ class SurfaceClassifier(nn.Module):
             self.summand(name, recordings[branch.modality])
             for name, branch in self.branches.items()
         ]
-        # a seed is read out of every byte of the recordings, and a single sense draws nothing
-        return self.join(summands, self.seed(**recordings) if self.fusion is not None else 0)
+        return self.join(summands, self._tuple_seed(**recordings))
+
+    def sense_all(self, **recordings: Tensor) -> dict[str, Sensed]:
+        """What every sense says of one sample; arguments and errors as of :meth:`logits`."""
+        self.require(recordings)
+        branches = self.branches.items()
+        return {name: self.sense(name, recordings[each.modality]) for name, each in branches}
+
+    def sense(self, name: str, recording: Tensor) -> Sensed:
+        """What one sense says of a decoded recording, in one pass."""
+        return self.sensed(name, self.described(name, recording))
+
+    def sensed(self, name: str, features: Tensor) -> Sensed:
+        """The same of features (D, positions), see :meth:`described`."""
+        statistics = self.statistics_of(name)
+        novelty = None if statistics is None else statistics.novelty(features.mean(dim=1))
+        return Sensed(self._summand_of(name, features), novelty)
+
+    def statistics_of(self, name: str) -> FeatureStatistics | None:
+        """Those of one sense; None of a checkpoint without them."""
+        return cast(FeatureStatistics | None, dict(self.statistics.items()).get(name))
+
+    def vote(self, sensed: Mapping[str, Sensed], seed: int) -> Vote:
+        """Decide on what all senses say; ``seed`` is that of the tuples."""
+        logits = self.join([sensed[name].summand for name in self.card.senses], seed)
+        vote, novelty = self.decide(logits, self.card.temperature), join_novelties(sensed.values())
+        return vote if novelty is None else replace(vote, novelty=float(novelty))
+
+    def _tuple_seed(self, **recordings: Tensor) -> int:
+        # it is read out of every byte of the recordings, and a single sense draws nothing
+        return self.seed(**recordings) if self.fusion is not None else 0
 
     def seed(self, **recordings: Tensor) -> int:
         """Of the random choices for one sample of decoded recordings."""
@@ -186,7 +246,13 @@ class SurfaceClassifier(nn.Module):
             name: Of the sense.
             recording: Decoded.
         """
-        return self.project(name, self.positions(name, recording))
+        return self._summand_of(name, self.described(name, recording))
+
+    def _summand_of(self, name: str, features: Tensor) -> Tensor:
+        """The summand of what :meth:`described` gives."""
+        if self.described_level(name) != self.level(name):
+            features = _scores(self.branch(name).network, features)
+        return self.project(name, features)
 
     def positions(self, name: str, recording: Tensor) -> Tensor:
         """Features (D, positions) of one sense, of the layer that is fused; scores of a single."""
@@ -201,10 +267,14 @@ class SurfaceClassifier(nn.Module):
             name: Of the sense.
             recording: Decoded.
         """
-        branch, level = self.branch(name), self.level(name)
-        if level == "fc3" and hasattr(branch.network, "score_layer"):  # which fusion on FC2 removes
-            level = "fc2"
-        return branch.positions(recording, level)
+        return self.branch(name).positions(recording, self.described_level(name))
+
+    def described_level(self, name: str) -> Level:
+        """The layer of :meth:`described`."""
+        level = self.level(name)
+        if level == "fc3" and hasattr(self.branch(name).network, "score_layer"):
+            return "fc2"  # fusion on FC2, which removes that layer, is there already
+        return level
 
     def level(self, name: str) -> Level:
         """The layer of one sense that is fused; of a single one that of the scores."""
@@ -267,6 +337,26 @@ class SurfaceClassifier(nn.Module):
                 f"This {self.card.kind} network needs {' and '.join(needs)}; give "
                 f"{' and '.join(f'{key}=FILE' for key in absent)} too."
             )
+
+
+def join_novelties(sensed: Iterable[Sensed]) -> Tensor | None:
+    """The novelty of a sample: the sum over its senses; None if it is not known of all."""
+    total: Tensor | None = None
+    for each in sensed:
+        if each.novelty is None:
+            return None
+        total = each.novelty if total is None else total + each.novelty
+    return total
+
+
+def _scores(network: nn.Module, features: Tensor) -> Tensor:
+    """Class scores (classes, positions) of FC2's features (D, positions)."""
+    if isinstance(head := getattr(network, "head", None), Head):
+        scores: Tensor = head.scores(features[None, :, :, None])
+        return scores[0, :, :, 0]
+    layer: Any = network.score_layer
+    found: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
+    return found
 
 
 def _stored_statistics(state: dict[str, Tensor]) -> nn.ModuleDict:

@@ -6,6 +6,7 @@ from typing import Any
 
 from tex_lightning.card import Card
 from tex_lightning.data.quality import Quality
+from tex_lightning.decision.unknown import LABEL
 from tex_lightning.decision.voting import Vote
 
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
@@ -19,8 +20,10 @@ class Prediction:
     classes, and where nothing was measured all of them: the training says nothing of such inputs.
 
     Attributes:
-        label: Name of the class; None if it was rejected, or there is no fragment yet.
-        rejected: Whether the probability is below the threshold; None if there is no threshold.
+        label: Name of the class, or ``unknown``; None if the probability is below the threshold, or
+            there is no fragment yet.
+        rejected: Whether the novelty is above its threshold (``decision.unknown``) or the
+            probability below its own (``decision.reject_below``); None if there is no threshold.
         probability: Mean class probability of the winner over all fragments, 0 to 1.
         confidence: The winner's share of the votes, 0 to 1.
         top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
@@ -33,6 +36,8 @@ class Prediction:
             where that is not looked at.
         changed_at: Where in such a stream, in seconds, the last touch after a pause was, or the
             last change to another surface.
+        novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
+            None without ``decision.unknown``.
 
     Example:
         >>> import tex_lightning as tl
@@ -53,6 +58,7 @@ class Prediction:
     latency_ms: float
     contact: bool | None = None
     changed_at: float | None = None
+    novelty: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; those of some kinds only where they say something."""
@@ -61,6 +67,8 @@ class Prediction:
             del values["rejected"]
         if not self.modalities:
             del values["modalities"]
+        if self.novelty is None:
+            del values["novelty"]
         if self.contact is None:
             del values["contact"], values["changed_at"]
         return values
@@ -84,10 +92,10 @@ def describe(
         latency: In seconds.
         modalities: What a FusionNet looked at.
     """
-    least, milliseconds = card.reject_below, round(latency * 1000, 3)
-    warnings = tuple(quality.warnings)
+    least, most, milliseconds = card.reject_below, card.unknown_above, round(latency * 1000, 3)
+    warnings, judged = tuple(quality.warnings), least is not None or most is not None
     if vote is None:
-        rejected = None if least is None else False
+        rejected = False if judged else None
         return Prediction(
             None, rejected, None, None, (), 0, 1.0, warnings, tuple(modalities), milliseconds
         )
@@ -96,10 +104,12 @@ def describe(
     shares, classes = vote.shares.tolist(), card.classes
     # the label first whatever the tie, then the others by votes, then by their place
     ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
-    rejected = None if least is None else vote.probability < least or (quality.empty and least > 0)
+    novelty = None if most is None else vote.novelty
+    unknown = most is not None and (quality.empty or (novelty is not None and novelty > most))
+    doubtful = least is not None and (vote.probability < least or (quality.empty and least > 0))
     return Prediction(
-        label=None if rejected else classes[vote.label],
-        rejected=rejected,
+        label=LABEL if unknown else None if doubtful else classes[vote.label],
+        rejected=(unknown or doubtful) if judged else None,
         probability=vote.probability,
         confidence=shares[vote.label],
         top_k=tuple({"label": classes[i], "share": shares[i]} for i in ranked[:top_k]),
@@ -108,4 +118,5 @@ def describe(
         warnings=warnings,
         modalities=tuple(modalities),
         latency_ms=milliseconds,
+        novelty=novelty,
     )

@@ -27,6 +27,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.evidence import Evidence
 from tex_lightning.inference.gathering import gather, refuse_baseline
 from tex_lightning.inference.streaming.live import LiveStream
+from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.prediction import Prediction, describe
 from tex_lightning.report.explanation import Explanation
 from tex_lightning.runfolder import find_checkpoint
@@ -96,6 +97,7 @@ class Predictor:
         self.how = how
         self.classifier = classifier.to(pick_device(how.running.accelerator))
         self.card: Card = classifier.card.deciding(how.running.decision)
+        check_unknown(self.card, bool(classifier.statistics))
         self._deciders: dict[tuple[str, ...], SurfaceClassifier] = {}
 
     def predict(

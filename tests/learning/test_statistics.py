@@ -1,5 +1,6 @@
 """Statistics of the training recordings' features, kept in the checkpoint."""
 
+import pytest
 import torch
 from conftest import CLASSES, make_card, make_trace
 
@@ -9,6 +10,7 @@ from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.learning.statistics import left_out_novelties
 from tex_lightning.networks.statistics import FeatureStatistics
 
 ENGINE = read_config(compose_config(CONF, ["engine.precision=bf16"])).engine
@@ -57,3 +59,15 @@ def test_a_part_and_a_fast_copy_keep_them():
 
 def test_a_checkpoint_without_them_is_loaded(untrained):
     assert not tl.load(untrained).classifier.statistics
+
+
+def test_recordings_left_out_are_as_novel_as_new_ones():
+    torch.manual_seed(0)
+    centres = 4 * torch.randn(3, 40)
+    labels = torch.arange(60) % 3
+    rows, new = (centres[labels] + torch.randn(60, 40) for _ in range(2))
+    found = torch.tensor(left_out_novelties(rows, labels, 3))
+    statistics = FeatureStatistics.of(rows, labels, 3)
+    assert found.mean() == pytest.approx(statistics.novelty(new).mean().item(), rel=0.1)
+    assert statistics.novelty(rows).mean() < found.mean()
+    assert left_out_novelties(rows[:4], labels[:4], 3) == []  # of two classes there is but one

@@ -76,3 +76,30 @@ def test_a_state_is_read_back_whatever_its_sizes():
     found = FeatureStatistics.of(rows, labels, classes)
     again = FeatureStatistics.from_state(found.state_dict())
     torch.testing.assert_close(again.distances(rows.T), found.distances(rows.T))
+
+
+def test_novelty_is_that_of_the_angle_in_whitened_space():
+    rows, labels, classes = drawn(40, 6)
+    found = FeatureStatistics.of(rows, labels, classes)
+    values, vectors = torch.linalg.eigh(covariance(found).double())
+    root = vectors @ torch.diag(values.rsqrt()) @ vectors.T
+    centre = found.means.mean(dim=0)
+    point = torch.randn(6)
+    x, means = root @ (point - centre).double(), (found.means - centre).double() @ root
+    expected = 1 - (means @ x) / (x.norm() * means.norm(dim=1))
+    assert found.novelty(point).item() == pytest.approx(expected.min().item(), rel=1e-4)
+    several = torch.stack([point, rows[0]])
+    torch.testing.assert_close(found.novelty(several)[0], found.novelty(point))
+
+
+def test_novelty_is_nothing_towards_a_class_and_one_at_a_right_angle_to_all():
+    rows, labels, classes = drawn(40, 6)
+    found = FeatureStatistics.of(rows, labels, classes)
+    centre = found.means.mean(dim=0)
+    assert found.novelty(centre + 2 * (found.means - centre)).max() < 1e-5
+    whitened = found.whiten(found.means - centre)
+    *_, across = torch.linalg.svd(whitened)[2]  # four classes span three of six directions
+    along = found.directions @ across
+    scale, least = found.variances.sqrt(), found.rest.sqrt()
+    point = centre + least * across + found.directions.T @ (along * (scale - least))
+    assert found.novelty(point).item() == pytest.approx(1, abs=1e-4)

@@ -7,6 +7,7 @@ from pathlib import PurePath
 from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import beyond, choice
 from tex_lightning.config.keys import Key, plain
+from tex_lightning.config.model import ModelConfig
 from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.errors import shorten
 from tex_lightning.perturbations.table import perturbations, read_severities
@@ -222,6 +223,29 @@ def check_decision(config: Config) -> Iterator[str]:
         "profile", "record", "stability", "stream",
     ):  # fmt: skip
         yield f"decision=sequential is not read by task={config.task}: leave it out"
+    if decision.unknown and decision.name == "sequential":
+        yield (
+            "decision.unknown looks at all of a recording, and decision=sequential does not: use "
+            "decision=max_vote"
+        )
+    if decision.unknown and config.model.baseline is not None:
+        yield (
+            f"decision.unknown needs features of a network, and model={config.model.name} is none: "
+            "use decision.reject_below"
+        )
+    if decision.unknown and config.task == "fit" and config.data.val_fold is None:
+        yield from _unvalidated(config.model)
+
+
+def _unvalidated(model: ModelConfig) -> Iterator[str]:
+    kinds = [name for name in model.senses if name not in model.checkpoints]
+    if model.baseline is None and any(
+        model.fit_values(kind)["epochs"] for kind in {*kinds, model.kind}
+    ):
+        yield (
+            "decision.unknown needs known recordings that the network is not trained on: give "
+            "data.val_fold=1"
+        )
 
 
 def _stability(config: Config) -> Iterator[str]:

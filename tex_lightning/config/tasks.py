@@ -42,6 +42,11 @@ class DecisionConfig:
         "the checkpoint's",
         default=None, **SHARE,
     )  # fmt: skip
+    unknown: float | None = key(
+        "share of known recordings that may be called unknown, so that materials never seen are; "
+        "0 calls none, null takes the checkpoint's",
+        default=None, **CHANCE,
+    )  # fmt: skip
     alpha: float = key(
         "sequential: most chance that what is left out would change the label; 0 takes none",
         **CHANCE,
@@ -329,11 +334,11 @@ READS = {
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
     "stream": (
         *_CLASSIFYING, "image", "sound", "own", "stream", "decision.pairs", "decision.rule",
-        "decision.seed", "decision.reject_below",
+        "decision.seed", "decision.reject_below", "decision.unknown",
     ),
     "record": (
         "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
-        *_RUNNING, "decision.reject_below",
+        *_RUNNING, "decision.reject_below", "decision.unknown",
     ),
     "stability": ("stability", "trusted", "seed", "data", "engine", "logger", *_RUNNING),
     "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),

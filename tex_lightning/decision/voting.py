@@ -18,6 +18,7 @@ class Vote:
         probabilities: (classes,) float64, mean class probabilities of the fragments, or those of
             their mean score, as the rule says; they sum to 1.
         relative_macs: Arithmetic that was done, as a share of what all fragments take.
+        novelty: How unlike every class of the training the sample is, from 0; None if not known.
     """
 
     label: int
@@ -25,6 +26,7 @@ class Vote:
     fragments: Tensor
     probabilities: Tensor
     relative_macs: float = 1.0
+    novelty: float | None = None
 
     @property
     def probability(self) -> float:

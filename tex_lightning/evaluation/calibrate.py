@@ -42,20 +42,20 @@ def calibrate(
         running: How it runs and decides.
     """
     card = classifier.card
-    if not samples or card.calibration:
+    if not samples or "temperature" in card.calibration:
         return
     with torch.inference_mode():
         logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
     if card.rule == "score":  # which alone counts then
         logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
     labels = [card.classes.index(sample.label) for sample in samples]
-    found = {"temperature": fit_temperature(logits, labels)}
+    found = {**card.calibration, "temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)
     if running.decision.name == SEQUENTIAL and needs_threshold(classifier):
         fast = accelerate(classifier, running.engine)
         found |= choose_confidence_threshold(fast, running.decision, samples, store)
         classifier.card = replace(card, calibration=found)
-    _keep(classifier.card, checkpoint)
+    keep_card(classifier.card, checkpoint)
 
 
 def choose_confidence_threshold(
@@ -110,7 +110,8 @@ def upper_bound(count: int, samples: int, confidence: float) -> float:
     return float(interval.high)
 
 
-def _keep(card: Card, checkpoint: Path) -> None:
+def keep_card(card: Card, checkpoint: Path) -> None:
+    """Replace the card in a checkpoint."""
     content = read_checkpoint(checkpoint)
     content["hyper_parameters"]["card"] = card.to_dict()
     write_atomically(checkpoint, lambda partial: torch.save(content, partial))

@@ -4,6 +4,7 @@ The probabilities of a sample are the means over its fragments; its confidence i
 that won the vote.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -104,13 +105,22 @@ def unknown_auroc(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[
 
     Returns:
         ``classes`` never seen, their number of ``samples``, and ``auroc``: the probability that a
-        known sample gets more confidence than an unknown one.
+        known sample gets more confidence than an unknown one; ``novelty_auroc``, that it gets less
+        novelty, None where that is not known.
     """
+    novelties = [[outcome.novelty for outcome in part] for part in (known, unknown)]
+    told = not any(math.isnan(value) for part in novelties for value in part)
     return {
         "classes": sorted({outcome.label for outcome in unknown}),
         "samples": len(unknown),
         "auroc": auroc(confidences(unknown).tolist(), confidences(known).tolist()),
+        "novelty_auroc": auroc(*map(_bounded, novelties)) if told else None,
     }
+
+
+def _bounded(novelties: Sequence[float]) -> list[float]:
+    """From 0 to 1, in the same order."""
+    return [value / (1 + value) for value in novelties]
 
 
 def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
@@ -37,6 +38,7 @@ class Outcome:
         votes: Number of fragments for each class that has any, as JSON.
         relative_macs: Arithmetic done, as a share of what all fragments take.
         probabilities: Mean class probabilities of the fragments, as JSON.
+        novelty: How unlike the training the sample is, from 0; NaN if not known.
     """
 
     files: Mapping[str, str]
@@ -49,6 +51,7 @@ class Outcome:
     votes: str = "{}"
     relative_macs: float = 1.0
     probabilities: str = "{}"
+    novelty: float = math.nan
 
     @property
     def class_probabilities(self) -> dict[str, float]:
@@ -125,7 +128,8 @@ def read_outcomes(path: Path) -> list[Outcome]:
     with path.open(newline="", encoding="utf-8") as stream:
         for line in csv.DictReader(stream):
             files = {name: value for name, value in line.items() if name not in types}
-            rest: dict[str, Any] = {name: kind(line[name]) for name, kind in types.items()}  # type: ignore[operator]
+            given = {name: kind for name, kind in types.items() if name in line}
+            rest: dict[str, Any] = {name: kind(line[name]) for name, kind in given.items()}  # type: ignore[operator]
             outcomes.append(Outcome(files=files, **rest))
     return outcomes
 

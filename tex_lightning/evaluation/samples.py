@@ -1,6 +1,7 @@
 """Classify samples of the store, one at a time."""
 
 import json
+import math
 import time
 from collections.abc import Sequence
 
@@ -63,6 +64,7 @@ def run_test(
                 probabilities=json.dumps(
                     dict(zip(classes, vote.probabilities.tolist(), strict=True))
                 ),
+                novelty=math.nan if vote.novelty is None else vote.novelty,
             )
         )
     return outcomes

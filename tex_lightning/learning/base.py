@@ -8,7 +8,7 @@ from lightning import LightningModule
 from torch import Tensor, nn
 from torchmetrics import MetricCollection
 
-from tex_lightning.card import Card
+from tex_lightning.card import LEFT_OUT, Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
@@ -55,6 +55,7 @@ class SurfaceModule(LightningModule):
         self.augmentation = None if node is None else build(self._augmentation_key, node)
         self.fit_seconds = 0.0
         self.val_loss: float | None = None
+        self.left_out: dict[str, list[float]] = {}
         classes = len(self.classifier.card.classes)
         self.train_metrics = train_metrics(classes)
         self.val_metrics = vote_metrics(classes, "val")
@@ -191,6 +192,11 @@ class SurfaceModule(LightningModule):
         }
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the cost of the weights beside them, and the validation loss that chose them."""
+        """Keep the cost of the weights beside them, and the validation loss that chose them.
+
+        With them by sense the novelties of training recordings that its features do not know: no
+        layer before the scores was trained, and each was left out of the statistics.
+        """
         checkpoint["fit_seconds"] = self.fit_seconds
         checkpoint["val_loss"] = self.val_loss
+        checkpoint[LEFT_OUT] = self.left_out

@@ -12,23 +12,59 @@ from tex_lightning.data.store import Store
 from tex_lightning.networks.statistics import FeatureStatistics
 from tex_lightning.progress import track
 
+PARTS = 10  # in which training recordings are left out of the statistics
 
-def keep_statistics(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> None:
+
+def keep_statistics(
+    classifier: SurfaceClassifier, rows: Recordings, store: Store
+) -> dict[str, list[float]]:
     """Give a trained classifier its :attr:`~SurfaceClassifier.statistics`, of every sense.
 
     Args:
         classifier: Trained, on the device that computes the features; left in evaluation mode.
         rows: The training recordings, which are not perturbed.
         store: Where they are decoded.
+
+    Returns:
+        By sense :func:`left_out_novelties` of its recordings.
     """
+    novelties: dict[str, list[float]] = {}
     classes = classifier.card.classes
     classifier.eval()
     for name, branch in classifier.branches.items():
         own = rows.of(branch.modality).rows
         labels = torch.tensor([classes.index(row.label) for row in own])
         means = [each.mean(dim=1) for each in position_features(classifier, name, own, store)]
-        found = FeatureStatistics.of(torch.stack(means), labels, len(classes))
+        features = torch.stack(means)
+        found = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = found.to(classifier.device)
+        novelties[name] = left_out_novelties(features, labels, len(classes))
+    return novelties
+
+
+def left_out_novelties(features: Tensor, labels: Tensor, classes: int) -> list[float]:
+    """Novelty of every training recording by the statistics of nine tenths that lack it.
+
+    Args:
+        features: (recordings, D).
+        labels: (recordings,) class indices.
+        classes: Number of classes.
+
+    Returns:
+        Nothing where a class has but one recording, which cannot be left out.
+    """
+    if int(labels.bincount(minlength=classes).min()) < 2:
+        return []
+    ranks = torch.empty_like(labels)  # recordings of a class are in different parts
+    for label in range(classes):
+        own = labels == label
+        ranks[own] = torch.arange(int(own.sum())) % PARTS
+    found = torch.empty(len(labels))
+    for part in range(int(ranks.max()) + 1):
+        out = ranks == part
+        statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
+        found[out] = statistics.novelty(features[out])
+    return [float(each) for each in found]
 
 
 @torch.inference_mode()

@@ -12,6 +12,7 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
+from tex_lightning.card import LEFT_OUT, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
@@ -118,9 +119,17 @@ def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
 def _keep_statistics(training: Training, module: SurfaceModule) -> None:
     begin = time.perf_counter()
     module.classifier.to(pick_device(training.recipe.trainer.accelerator))
-    keep_statistics(module.classifier, training.parts.train, training.store)
+    left_out = keep_statistics(module.classifier, training.parts.train, training.store)
+    if _features_are_untrained(training):  # else these recordings fit too well
+        module.left_out = left_out
     module.classifier.cpu()
     module.fit_seconds += time.perf_counter() - begin
+
+
+def _features_are_untrained(training: Training) -> bool:
+    """Whether no layer before the scores was fitted to the labels."""
+    parts = [read_checkpoint(path).get(LEFT_OUT) for path in training.unimodal.values()]
+    return training.fit_values["epochs"] == 0 and all(parts)
 
 
 def _finish(

@@ -136,6 +136,20 @@ class FeatureStatistics(nn.Module):
         apart = self.whiten(features.T)[None] - self.whiten(self.means)[:, None]
         return apart.square().sum(dim=-1)
 
+    def novelty(self, features: Tensor) -> Tensor:
+        """How unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
+
+        One minus the cosine to the closest class, seen from the mean of all classes, with the
+        covariance turned into the identity: 0 in the direction of a class, 1 at a right angle to
+        it. On recordings of classes never seen it tells more than the distance does, whose scale
+        differs from recording to recording (docs/unknown.md).
+        """
+        centre = self.means.mean(dim=0)
+        point, means = self.whiten(features - centre), self.whiten(self.means - centre)
+        lengths = point.norm(dim=-1, keepdim=True) * means.norm(dim=-1)
+        cosines: Tensor = (point @ means.T) / lengths.clamp(min=LEAST_VARIANCE)
+        return 1 - cosines.amax(dim=-1)
+
 
 def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
     """Variances along the kept directions, and that along all others.

@@ -14,6 +14,7 @@ from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.calibrate import calibrate
+from tex_lightning.evaluation.known import keep_novelties
 from tex_lightning.evaluation.outcomes import RANDOM, environment
 from tex_lightning.learning.share import train_shared
 from tex_lightning.learning.start import name_source
@@ -131,6 +132,7 @@ def _tested_network(
     kind, modalities = classifier.card.kind, classifier.card.modalities
     validation, samples = (make_samples(part, modalities) for part in (parts.val, parts.test))
     calibrate(classifier, checkpoint, validation, store, running)
+    keep_novelties(classifier, checkpoint, parts, store)
     unknown = workspace.unknown_samples(modalities)
     result, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, running, unknown

@@ -23,6 +23,7 @@ from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
 from tex_lightning.inference.macs import count_macs
+from tex_lightning.inference.unknown import warn_of_few
 from tex_lightning.report.figures import (
     class_accuracy_figure,
     confusion_figure,
@@ -55,6 +56,7 @@ def report_network(
         Its entry of ``results.json``, and what became of each sample.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
+    warn_of_few(classifier.card.deciding(running.decision))
     decider = prepare(classifier, running.engine, running.decision)
     outcomes = run_test(decider, samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
@@ -73,7 +75,7 @@ def report_network(
         entry["sequential"] = report_sequential(
             decider, running.decision, samples, store, directory
         )
-    entry |= report_unknown(decider, unknown, store, directory)
+    entry |= report_unknown(decider, unknown, store, directory, outcomes)
     return entry, outcomes
 
 

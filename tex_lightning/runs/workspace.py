@@ -17,7 +17,9 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import Unusable
+from tex_lightning.decision.unknown import LABEL
 from tex_lightning.errors import UserError, listed
+from tex_lightning.inference.unknown import taken
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
 from tex_lightning.runs.opening import Opening
@@ -94,6 +96,8 @@ def open_workspace(
             f"{listed(recordings.classes) or 'no class'} for a {recipe.model.kind} network, and "
             "telling classes apart takes two; choose another model or add recordings."
         )
+    if recipe.running.decision.unknown and LABEL in recordings.classes:
+        raise taken("The data has")
     skipped = find_unusable(needed, store, branches, skip_bad=data.skip_bad)
     bad = [each.recording for each in skipped]
     opening.announce(needed.without(bad), store, skipped)

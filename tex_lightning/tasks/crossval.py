@@ -161,7 +161,12 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
         **pool_conditions(entries.values()),
         **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
         **pool_sequential(directories, name, workspace.directory, decision),
-        **pool_unknown(directories, name, outcomes, workspace.directory),
+        **pool_unknown(
+            dict(zip(directories, entries.values(), strict=True)),
+            name,
+            workspace.directory,
+            decision.unknown,
+        ),
         "parameters": first["parameters"],
         "macs_per_sample": first["macs_per_sample"],
         "fit_seconds": sum(entry["fit_seconds"] for entry in entries.values()),

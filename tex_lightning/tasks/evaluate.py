@@ -14,6 +14,7 @@ from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
+from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.explained import draw_telling
@@ -35,6 +36,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     device = pick_device(config.trainer.accelerator)
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
+    check_unknown(classifier.card.deciding(config.decision), bool(classifier.statistics))
     test = recordings_to_test(config.data, classifier, "The checkpoint")
     unknown = held_out_to_test(config.data, classifier)
     store = open_store(config.data, classifier)

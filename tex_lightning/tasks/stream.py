@@ -22,7 +22,7 @@ from tex_lightning.predictor import Predictor
 SAMPLE = np.dtype("<f4")  # of standard input
 KEYS = (
     "label", "rejected", "probability", "confidence", "fragments", "contact", "changed_at",
-    "warnings", "latency_ms",
+    "novelty", "warnings", "latency_ms",
 )  # fmt: skip
 PIPE = "-"
 

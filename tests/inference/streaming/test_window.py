@@ -131,7 +131,7 @@ def test_what_prevents_a_vote_is_said_in_the_end():
     def refuse(*_):
         raise UserError("Too short.")
 
-    stream.classifier.summand, stream._summand = refuse, refuse
+    stream._sense = refuse
     assert stream.push({"haptic": noise(1.0)}) is None
     with pytest.raises(UserError, match="Too short"):
         stream.check()

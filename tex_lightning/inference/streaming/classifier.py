@@ -62,7 +62,10 @@ class StreamingClassifier:
         _check_local(features, network)
         self.features = features
         self.keep_scores = keep_scores
-        self.layers = streaming_layers([network.trunk, network.head.hidden, network.head.scores])
+        self.hidden = streaming_layers([network.trunk, network.head.hidden])
+        self.scoring = streaming_layers([network.head.scores])
+        self.layers = [*self.hidden, *self.scoring]
+        self.statistics = classifier.statistics_of(branch.name)
         self.known = int(KNOWN_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
         self.wait = wait * features.sampling_rate
@@ -88,6 +91,13 @@ class StreamingClassifier:
     def scores(self) -> Tensor:
         """Class scores (classes, fragments) of everything so far, once there is a vote."""
         return torch.cat([*self.settled, self.edge], dim=1)
+
+    @property
+    def novelty(self) -> Tensor | None:
+        """How unlike the training everything so far is; None without a vote or statistics."""
+        if self.statistics is None or self.vote is None:
+            return None
+        return self.statistics.novelty(self.sums / len(self.vote.fragments))
 
     @torch.inference_mode()
     def push(self, chunk: Tensor) -> Vote | None:
@@ -160,6 +170,7 @@ class StreamingClassifier:
         self.labels = self.votes[:0]
         self.settled: list[Tensor] = []
         self.edge = self.probabilities.new_empty(len(self.votes), 0)
+        self.settled_sums = self.sums = self.edge.new_zeros(())  # of FC2's features
         self.vote: Vote | None = None
 
     def _take(self, piece: Tensor) -> None:
@@ -173,7 +184,12 @@ class StreamingClassifier:
         self.frames += count
         columns: Columns = features.normalise(features.spectra(samples)).T[:, :, None]
         settled = count
-        for layer in self.layers:
+        for layer in self.hidden:
+            columns, settled = layer.push(columns, settled)
+        if columns is not None and self.statistics is not None:
+            self.sums = self.settled_sums + columns[:, 0].sum(dim=0)
+            self.settled_sums = self.settled_sums + columns[:settled, 0].sum(dim=0)
+        for layer in self.scoring:
             columns, settled = layer.push(columns, settled)
         if columns is not None:
             self.vote = self._count(columns[:, 0].T, settled)

@@ -1,5 +1,6 @@
 """A recording that goes on, as a person follows it: samples in, predictions out."""
 
+import logging
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import Sensed, SurfaceClassifier
 from tex_lightning.config import StreamConfig
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.decision.voting import Vote
@@ -18,6 +19,8 @@ from tex_lightning.inference.streaming.signal import LiveSignal
 from tex_lightning.inference.streaming.whole import WholeVote
 from tex_lightning.inference.streaming.window import WindowVote
 from tex_lightning.prediction import Prediction, describe
+
+log = logging.getLogger(__name__)
 
 
 class LiveStream:
@@ -46,11 +49,12 @@ class LiveStream:
         top_k: int,
     ) -> None:
         self.card = classifier.card
-        if config.wait > 0 and self.card.reject_below:
-            raise UserError(
-                "decision.reject_below needs the probability after every chunk, and with "
-                "stream.wait it is left behind: set stream.wait=0, or decision.reject_below=0."
-            )
+        for key in ("reject_below", "unknown"):
+            if config.wait > 0 and getattr(self.card, key):
+                raise UserError(
+                    f"decision.{key} is looked at after every chunk, and with stream.wait what it "
+                    f"needs is left behind: set stream.wait=0, or decision.{key}=0."
+                )
         self.device, self.top_k = classifier.device, top_k
         branches: dict[str, Any] = {each.modality: each for each in classifier.branches.values()}
         self.signals = {
@@ -58,12 +62,18 @@ class LiveStream:
             for name, rate in rates.items()
         }
         self.photo_quality = [quality for _, quality in photos.values()]
-        fixed = _summands(classifier, {name: photo for name, (photo, _) in photos.items()})
+        fixed = _senses(classifier, {name: photo for name, (photo, _) in photos.items()})
         self.classifier: WholeVote | WindowVote
         if config.window is None:
             self.classifier = WholeVote(classifier, fixed, config.wait)
         else:
             self.classifier = WindowVote(classifier, fixed, config)
+            if self.card.unknown_above is not None:
+                log.warning(
+                    "decision.unknown=%g is the rate of whole recordings; %g s say less, and more "
+                    "of them are called unknown.",
+                    self.card.unknown, config.window,
+                )  # fmt: skip
 
     @property
     def rate(self) -> float:
@@ -144,10 +154,10 @@ class LiveStream:
 
 
 @torch.inference_mode()
-def _summands(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """What the senses of photos add to the scores, once for all."""
+def _senses(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Sensed]:
+    """What is said of the photos, once for all."""
     return {
-        name: classifier.summand(name, photos[branch.modality])
+        name: classifier.sense(name, photos[branch.modality])
         for name, branch in classifier.branches.items()
         if branch.modality in photos
     }

@@ -1,11 +1,12 @@
 """A vote over everything so far, of one sense or of several."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import Sensed, SurfaceClassifier
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
@@ -16,7 +17,7 @@ class WholeVote:
 
     Args:
         classifier: Accelerated; a :class:`StreamingClassifier` takes each of its live senses.
-        fixed: By sense the summand (classes, positions) of what stays as it is.
+        fixed: By sense what is said of a photo, which stays as it is.
         wait: See :class:`StreamingClassifier`.
 
     Attributes:
@@ -31,7 +32,7 @@ class WholeVote:
     changed_at: float | None = None
 
     def __init__(
-        self, classifier: SurfaceClassifier, fixed: Mapping[str, Tensor], wait: float
+        self, classifier: SurfaceClassifier, fixed: Mapping[str, Sensed], wait: float
     ) -> None:
         self.classifier, self.fixed = classifier, fixed
         # scores of fragments are kept where they are joined or averaged, else votes alone
@@ -79,16 +80,20 @@ class WholeVote:
     @torch.inference_mode()
     def _vote(self) -> Vote | None:
         """Of several senses over random tuples of their fragments, of the same seed every time."""
-        votes = [stream.vote for stream in self.streams.values()]
-        if self.counted or None in votes:
-            return votes[0] if self.counted else None
+        if any(stream.vote is None for stream in self.streams.values()):
+            return None
+        if self.counted:
+            return self._counted()
         whole = self.classifier
-        summands = [
-            self.fixed[name] if name in self.fixed else self._summand(name)
-            for name in whole.card.senses
-        ]
-        logits = whole.join(summands, whole.card.decision["seed"])
-        return whole.decide(logits, whole.card.temperature)
+        streams = self.streams.items()
+        live = {name: Sensed(self._summand(name), each.novelty) for name, each in streams}
+        return whole.vote({**self.fixed, **live}, whole.card.decision["seed"])
+
+    def _counted(self) -> Vote | None:
+        (stream,) = self.streams.values()
+        if stream.vote is None or stream.novelty is None:
+            return stream.vote
+        return replace(stream.vote, novelty=float(stream.novelty))
 
     def _summand(self, name: str) -> Tensor:
         """What a live sense adds: a part that is fused on FC2 has its summand as scores."""

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.branches.signal import SignalBranch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import Sensed, SurfaceClassifier
 from tex_lightning.config import StreamConfig
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
@@ -35,7 +35,7 @@ class WindowVote:
 
     Args:
         classifier: Accelerated; it is copied.
-        fixed: By sense the summand (classes, positions) of what stays as it is.
+        fixed: By sense what is said of a photo, which stays as it is.
         config: ``window``, ``odds`` and ``contact``.
 
     Attributes:
@@ -48,7 +48,7 @@ class WindowVote:
     waiting = False  # what is no whole step yet is not worth a vote
 
     def __init__(
-        self, classifier: SurfaceClassifier, fixed: Mapping[str, Tensor], config: StreamConfig
+        self, classifier: SurfaceClassifier, fixed: Mapping[str, Sensed], config: StreamConfig
     ) -> None:
         if config.window is None:
             raise ValueError("stream.window is None, which is for WholeVote")
@@ -197,27 +197,23 @@ class WindowVote:
         """Vote over some steps; None if they are too little for these features."""
         whole, recordings = self.classifier, self._joined(slices)
         try:
-            summands = [
-                self.fixed[name] if name in self.fixed else self._summand(name, recordings)
-                for name in whole.card.senses
-            ]
+            live = {name: self._sense(name, recordings) for name in self.branches}
         except UserError as error:
             self.failure = error
             return None
         self.voted = True
-        logits = whole.join(summands, whole.card.decision["seed"])
-        return whole.decide(logits, whole.card.temperature)
+        return whole.vote({**self.fixed, **live}, whole.card.decision["seed"])
 
-    def _summand(self, name: str, recordings: Slice) -> Tensor:
-        """What a live sense adds, of an input that is repeated to the size of a fragment."""
-        branch, level = self.branches[name], self.classifier.level(name)
+    def _sense(self, name: str, recordings: Slice) -> Sensed:
+        """What a live sense says of an input that is repeated to the size of a fragment."""
+        branch, level = self.branches[name], self.classifier.described_level(name)
         recording = recordings[branch.modality]
         if not branch.declares_geometry:
-            return self.classifier.project(name, branch.positions(recording, level))
+            return self.classifier.sense(name, recording)
         x = branch.dense_input(recording)
         frames = max(x.shape[-1], branch.window_size[1])
         x = x[..., torch.arange(frames, device=x.device) % x.shape[-1]]
-        return self.classifier.project(name, branch.dense(x, level))
+        return self.classifier.sensed(name, branch.dense(x, level))
 
     def _joined(self, slices: Sequence[Slice]) -> dict[str, Tensor]:
         """The samples of some steps (axes, samples), by modality."""

@@ -1,0 +1,163 @@
+"""Recordings of materials never seen, through the command line and in Python."""
+
+import json
+
+import pytest
+import soundfile
+import torch
+from conftest import RATE, make_photo, make_trace
+
+import tex_lightning as tl
+from tex_lightning.classifier import Sensed, join_novelties
+from tex_lightning.errors import UserError
+
+STRANGE = 7  # a tone of no class
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """A trace of a known class, and one of another."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for name, kind in (("known", 1), ("strange", STRANGE)):
+        soundfile.write(folder / f"{name}.wav", make_trace(kind, 42, 4.0), RATE, subtype="FLOAT")
+    return folder
+
+
+def said(cli, *arguments):
+    outcome = cli(*arguments)
+    assert outcome.status == 0, outcome.err
+    return [json.loads(line) for line in outcome.out.splitlines()]
+
+
+@pytest.mark.parametrize(
+    "how", [["task=predict"], ["task=stream", "stream.window=2"]], ids=["predict", "window"]
+)
+def test_what_is_unlike_every_class_is_called_unknown(cli, bands, recordings, how):
+    common = [*how, f"checkpoint={bands}", "decision.unknown=0.05"]
+    known = said(cli, *common, f"haptic={recordings}/known.wav")[-1]
+    assert (known["label"], known["rejected"]) == ("beta", False)
+    strange = said(cli, *common, f"haptic={recordings}/strange.wav")[-1]
+    assert (strange["label"], strange["rejected"]) == ("unknown", True)
+    assert strange["novelty"] > known["novelty"]
+
+
+def test_without_the_key_every_recording_gets_a_class(cli, bands, recordings):
+    common = ["task=predict", f"checkpoint={bands}", f"haptic={recordings}/strange.wav"]
+    for given in ([], ["decision.unknown=0"]):
+        (line,) = said(cli, *common, *given)
+        assert line["label"] in ("alpha", "beta", "gamma")
+        assert not {"rejected", "novelty"} & set(line)
+
+
+def test_too_few_known_recordings_are_said(cli, bands, recordings):
+    common = ["task=predict", f"checkpoint={bands}", f"haptic={recordings}/known.wav"]
+    assert "promise no rate below 0.036" in cli(*common, "decision.unknown=0.01").err  # 1 / 28
+    assert "promise" not in cli(*common, "decision.unknown=0.05").err
+
+
+def test_novelty_in_python_is_that_of_the_prediction(bands, recordings):
+    model = tl.load(bands, "decision.unknown=0.05")
+    found = model.predict(haptic=recordings / "strange.wav")
+    trace = torch.from_numpy(make_trace(STRANGE, 42, 4.0))[None]
+    assert found.novelty == pytest.approx(model.classifier.novelty(haptic=trace).item(), rel=1e-3)
+    assert model.card.unknown_above < found.novelty
+    assert len(model.card.known_novelties) == 27  # 24 left out in turn, 3 of the validation fold
+
+
+def test_evaluate_counts_what_is_rejected(cli, bands, surfaces, tmp_path):
+    outcome = cli(
+        "task=evaluate", f"checkpoint={bands}", "data=folder", f"data.root={surfaces}",
+        "decision.unknown=0.05", f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    found = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]["unknown"]
+    assert found["false_rejections"]["of"] == 3
+    assert found["accepted_unknown"] is None
+    assert found["threshold"] == tl.load(bands, "decision.unknown=0.05").card.unknown_above
+
+
+def test_crossval_measures_held_out_classes(cli, surfaces, tmp_path):
+    outcome = cli(
+        "task=crossval", "experiment=few/haptic", "data=folder", f"data.root={surfaces}",
+        "data.hold_out=[gamma]", "crossval.only=[0,1]", "decision.unknown=0.05",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    found = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]["unknown"]
+    assert found["novelty_auroc"] == 1
+    assert found["accepted_unknown"]["of"] == 2
+    assert found["false_rejections"]["of"] == 4
+
+
+def test_a_missing_sense_leaves_the_novelty_of_the_others(untrained, tmp_path):
+    """The statistics are made up: what counts is who adds what."""
+    content = torch.load(untrained / "checkpoints" / "fusion.ckpt", weights_only=True)
+    model = tl.load(untrained)
+    for name, size in zip(model.card.senses, model.classifier.fusion.sizes, strict=True):
+        torch.manual_seed(0)
+        made = tl.networks.statistics.FeatureStatistics.of(
+            torch.rand(9, size), torch.arange(9) % 3, 3
+        )
+        for key, value in made.state_dict().items():
+            content["state_dict"][f"classifier.statistics.{name}.{key}"] = value
+    novelties = {"haptic": [0.0] * 30, "visual": [1e9] * 30}
+    content["hyper_parameters"]["card"]["calibration"] = {"novelties": novelties}
+    path = tmp_path / "fusion.ckpt"
+    torch.save(content, path)
+    both = tl.load(path, "decision.unknown=0.05")
+    trace, photo = make_trace(0, 0), make_photo(0, 0)
+    assert both.predict(haptic=trace, image=photo).rejected is False
+    alone = both.predict(haptic=trace)
+    assert (alone.label, alone.rejected) == ("unknown", True)
+    parts = [both.predict(haptic=trace).novelty, both.predict(image=photo).novelty]
+    found = both.predict(haptic=trace, image=photo).novelty
+    assert found == pytest.approx(sum(parts), rel=1e-4)
+
+
+def test_novelties_add_up_as_far_as_all_are_known():
+    known = Sensed(torch.zeros(1, 1), torch.tensor(2.0))
+    assert join_novelties([known, known]).item() == 4
+    assert join_novelties([known, Sensed(torch.zeros(1, 1), None)]) is None
+
+
+def test_checkpoints_that_cannot_tell_are_refused(untrained, bands, tmp_path):
+    with pytest.raises(UserError, match="keeps no statistics"):
+        tl.load(untrained, "decision.unknown=0.05")
+    content = torch.load(bands / "checkpoints" / "haptic.ckpt", weights_only=True)
+    card = content["hyper_parameters"]["card"]
+    for change, message in (
+        ({"calibration": {}}, "without a validation fold"),
+        ({"classes": ["alpha", "beta", "unknown"]}, "a class named unknown"),
+    ):
+        content["hyper_parameters"]["card"] = card | change
+        torch.save(content, tmp_path / "haptic.ckpt")
+        with pytest.raises(UserError, match=message):
+            tl.load(tmp_path / "haptic.ckpt", "decision.unknown=0.05")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["decision.unknown=1"], "decision.unknown is 1"),
+        (["decision=sequential"], "use decision=max_vote"),
+        (["model=minirocket"], "model=minirocket is none"),
+        (["data.val_fold=null"], "give data.val_fold=1"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(cli, surfaces, arguments, message):
+    data = ["model=haptic", "data=folder", f"data.root={surfaces}", "decision.unknown=0.05"]
+    outcome = cli(*data, *arguments)
+    assert outcome.status == 2
+    assert message in outcome.err
+
+
+def test_data_with_a_class_of_that_name_is_refused(cli, surfaces, tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "alpha").symlink_to(surfaces / "alpha")
+    (tmp_path / "data" / "unknown").symlink_to(surfaces / "beta")
+    outcome = cli(
+        "experiment=few/haptic", "data=folder", f"data.root={tmp_path / 'data'}",
+        "decision.unknown=0.05",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "a class named unknown" in outcome.err

@@ -1,0 +1,77 @@
+"""How unlike the training known recordings are that nothing was fitted on."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+
+from tex_lightning.card import LEFT_OUT, NOVELTIES, read_checkpoint
+from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.data.datamodule import load_sample
+from tex_lightning.data.folds import Sample, Split, make_samples
+from tex_lightning.data.store import Store
+from tex_lightning.evaluation.calibrate import keep_card
+
+MOST = 1000  # samples; a thousandth is finer than any rate that is asked for
+
+
+def keep_novelties(
+    classifier: SurfaceClassifier, checkpoint: Path, parts: Split, store: Store
+) -> None:
+    """Keep in the card what ``decision.unknown`` is set by: novelties of known samples, by sense.
+
+    They are those of the validation fold, and where no layer before the scores was trained also
+    those of training recordings that were left out of the statistics in turn. Trained features fit
+    their training recordings too well: of new ones a third would lie above their 95 %
+    (docs/unknown.md).
+
+    Args:
+        classifier: As loaded from ``checkpoint``; its card is replaced.
+        checkpoint: The file, which is rewritten.
+        parts: Of the recordings.
+        store: Their recordings decoded.
+    """
+    card = classifier.card
+    if card.novelties or not classifier.statistics:
+        return
+    left_out = _left_out(read_checkpoint(checkpoint)[LEFT_OUT], classifier, parts)
+    validated = _measured(classifier, make_samples(parts.val, card.modalities), store)
+    rows = [*left_out, *validated]
+    rows = rows[:: max(1, math.ceil(len(rows) / MOST))]
+    if rows:
+        columns = dict(zip(card.senses, map(list, zip(*rows, strict=True)), strict=True))
+        classifier.card = replace(card, calibration={**card.calibration, NOVELTIES: columns})
+        keep_card(classifier.card, checkpoint)
+
+
+def _measured(
+    classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
+) -> list[list[float]]:
+    """Of every sample the novelties of all senses."""
+    found = []
+    for sample in samples:
+        with torch.inference_mode():
+            sensed = classifier.sense_all(**load_sample(sample, store))
+        known = [sensed[name].novelty for name in classifier.card.senses]
+        found.append([float(each) for each in known if each is not None])
+    return found
+
+
+def _left_out(
+    novelties: Mapping[str, Sequence[float]], classifier: SurfaceClassifier, parts: Split
+) -> list[list[float]]:
+    """The same of the samples of the training, as far as it was measured there."""
+    if not all(novelties.get(name) for name in classifier.card.senses):
+        return []
+    modalities = {name: branch.modality for name, branch in classifier.branches.items()}
+    known = {
+        name: dict(zip(parts.train.of(modality).rows, novelties[name], strict=True))
+        for name, modality in modalities.items()
+    }
+    samples = make_samples(parts.train, classifier.card.modalities)
+    return [
+        [known[name][sample.recordings[modality]] for name, modality in modalities.items()]
+        for sample in samples
+    ]

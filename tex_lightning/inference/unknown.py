@@ -1,0 +1,60 @@
+"""Whether a checkpoint can call recordings unknown, and how well that is supported."""
+
+import logging
+
+from tex_lightning.card import Card
+from tex_lightning.decision.unknown import LABEL, least_rate
+from tex_lightning.errors import UserError
+
+log = logging.getLogger(__name__)
+
+
+def check_unknown(card: Card, described: bool) -> None:
+    """Refuse ``decision.unknown`` of a checkpoint that cannot tell; warn where it hardly can.
+
+    Args:
+        card: As it is to decide.
+        described: Whether there are statistics of its features.
+
+    Raises:
+        UserError: Saying what it lacks.
+    """
+    if not card.unknown:
+        return
+    if card.baseline:
+        raise UserError(
+            f"decision.unknown needs features of a network, and {card.title} is none; set "
+            "decision.reject_below instead."
+        )
+    if not described:
+        raise UserError(
+            f"This {card.title} keeps no statistics of its features, which decision.unknown needs; "
+            "train it anew with this version, or set decision.unknown=0."
+        )
+    if LABEL in card.classes:
+        raise taken("The checkpoint knows")
+    if not card.novelties:
+        raise UserError(
+            f"This {card.title} was trained without a validation fold, so decision.unknown has "
+            "nothing to be set by; train with data.val_fold=1, or set decision.unknown=0."
+        )
+    warn_of_few(card)
+
+
+def taken(whose: str) -> UserError:
+    """What to say of a class that is called as what is none."""
+    return UserError(
+        f"{whose} a class named {LABEL}, the label that decision.unknown gives; rename the class, "
+        "or set decision.unknown=0."
+    )
+
+
+def warn_of_few(card: Card) -> None:
+    """Say where known recordings are too few to promise the rate that is asked for."""
+    count = len(card.known_novelties)
+    if card.unknown_above is not None and least_rate(count) > card.unknown:
+        log.warning(
+            "decision.unknown=%g: %d known recordings promise no rate below %.3f; what is more "
+            "unlike the training than all of them is called unknown.",
+            card.unknown, count, least_rate(count),
+        )  # fmt: skip
