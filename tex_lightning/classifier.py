@@ -251,7 +251,7 @@ class SurfaceClassifier(nn.Module):
     def _summand_of(self, name: str, features: Tensor) -> Tensor:
         """The summand of what :meth:`described` gives."""
         if self.described_level(name) != self.level(name):
-            features = _scores(self.branch(name).network, features)
+            features = class_scores(self.branch(name).network, features)
         return self.project(name, features)
 
     def positions(self, name: str, recording: Tensor) -> Tensor:
@@ -349,7 +349,7 @@ def join_novelties(sensed: Iterable[Sensed]) -> Tensor | None:
     return total
 
 
-def _scores(network: nn.Module, features: Tensor) -> Tensor:
+def class_scores(network: nn.Module, features: Tensor) -> Tensor:
     """Class scores (classes, positions) of FC2's features (D, positions)."""
     if isinstance(head := getattr(network, "head", None), Head):
         scores: Tensor = head.scores(features[None, :, :, None])

@@ -9,7 +9,7 @@ import torch
 from omegaconf import DictConfig
 
 from tex_lightning.auto import resolve_auto
-from tex_lightning.config import Config, flatten, plain_values
+from tex_lightning.config import SILENT, Config, flatten, plain_values
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import trust, trusting
@@ -91,7 +91,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         if config.model.name == AUTO:
             config = resolve_auto(config.frontier.run, config.data.test_fold, job)
         results = TASKS[config.task](config, job)
-    if results:  # other ranks have none
+    if results and config.task not in SILENT:  # other ranks have none
         write_page(job.directory)
     if config.task in TRAINING and results:
         return optimized_value(results, config.optimized_metric)

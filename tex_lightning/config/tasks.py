@@ -346,6 +346,9 @@ READS = {
         *_CLASSIFYING, "image", "sound", "seed", "profile", "model", "data.sampling_rate",
         "data.half_scale", "data.resize", "logger",
     ),
-    "export": ("checkpoint", "trusted", "seed", "export", "data", "engine", *_RUNNING),
+    "export": (
+        "checkpoint", "trusted", "seed", "export", "data", "engine", *_RUNNING, "decision.pairs",
+        "decision.rule", "decision.seed", "decision.reject_below", "decision.unknown",
+    ),
     "generate": ("generate", "data.classes", "data.synthetic"),
 }  # fmt: skip

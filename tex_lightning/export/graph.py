@@ -1,6 +1,7 @@
 """A trained classifier as one module from decoded recordings to a label, made to be traced."""
 
 from collections.abc import Sequence
+from copy import deepcopy
 from inspect import Parameter, Signature
 from typing import Any
 
@@ -8,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.branches import Branch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, class_scores
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.layers import exportable
@@ -25,7 +26,8 @@ class ClassifierGraph(nn.Module):
     Inputs are the recordings by modality, signals (axes, samples) float32 and photos (height,
     width, 3) uint8 as they come out of their files, and for a FusionNet ``draws``, int64 (K,
     senses), words of 32 random bits. Outputs are named tensors: ``scores``, ``label``, ``shares``,
-    ``probabilities``, ``NAME_scores``, and of spectrograms ``NAME_input`` and ``NAME_start``.
+    ``probabilities``, ``NAME_scores``, of spectrograms ``NAME_input`` and ``NAME_start``, and
+    ``novelty`` where the checkpoint can tell what it has never seen.
 
     Args:
         classifier: Trained; it is copied.
@@ -42,10 +44,16 @@ class ClassifierGraph(nn.Module):
         self.fronts = nn.ModuleDict({name: _front(each) for name, each in branches.items()})
         self.network = exportable(classifier.network)
         self.fused = classifier.fusion is not None
+        self.levels = {name: classifier.described_level(name) for name in branches}
+        self.scored = {name: classifier.level(name) != self.levels[name] for name in branches}
+        known = {name: classifier.statistics_of(name) for name in branches}
+        told = bool(classifier.card.novelties) and None not in known.values()
+        self.statistics = nn.ModuleDict(deepcopy(known) if told else {})  # type: ignore[arg-type]
 
     def forward(self, **given: Tensor) -> dict[str, Tensor]:
         """Classify one sample."""
         summands: list[Tensor] = []
+        novelties: list[Tensor] = []
         outputs: dict[str, Tensor] = {}
         for place, (name, modality) in enumerate(self.modalities.items()):
             front, recording = self.fronts[name], given[modality]
@@ -55,11 +63,17 @@ class ClassifierGraph(nn.Module):
                 x, start = front(recording)
                 if isinstance(front, SpectrogramGraph):
                     outputs |= {f"{name}_input": x[0, 0], f"{name}_start": start}
-            dense = self._dense(place, x)
+            found = self._described(name, place, x)
+            dense = self._dense(name, place, found)
             outputs[f"{name}_scores"] = dense
             summands.append(dense.flatten(1))
+            if name in self.statistics:
+                statistics: Any = self.statistics[name]
+                novelties.append(statistics.novelty(found[0].flatten(1).mean(dim=1)))
         scores = self._drawn(summands, given[DRAWS]) if self.fused else summands[0]
         vote = traced_vote(scores, self.card.rule, self.card.temperature)
+        if novelties:
+            outputs["novelty"] = torch.stack(novelties).sum()
         return {"scores": scores, **vote._asdict(), **outputs}
 
     def name_inputs(self, names: Sequence[str]) -> None:
@@ -72,15 +86,25 @@ class ClassifierGraph(nn.Module):
         forward.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         self.forward = forward  # type: ignore[method-assign]
 
-    def _dense(self, place: int, x: Tensor) -> Tensor:
-        """Scores (classes, rows, columns) of every position, or what a sense adds to them."""
+    def _network(self, place: int) -> Any:  # noqa: ANN401
         network: Any = self.network
-        found = network.features(place, x) if self.fused else network.features(x, "fc3")
-        positions = found.flatten(2)
+        return network.networks[place] if self.fused else network
+
+    def _described(self, name: str, place: int, x: Tensor) -> Tensor:
+        """Features (1, D, *positions) that scores and novelty are computed from."""
+        found: Tensor = self._network(place).features(x, self.levels[name])
+        return found
+
+    def _dense(self, name: str, place: int, found: Tensor) -> Tensor:
+        """Scores (classes, rows, columns) of every position, or what a sense adds to them."""
+        positions = found[0].flatten(1)
+        if self.scored[name]:
+            positions = class_scores(self._network(place), positions)
         if self.fused:
-            positions = network.project(place, positions)
+            network: Any = self.network
+            positions = network.project(place, positions[None])[0]
         rows = found.shape[2:-1] or (1,)
-        dense: Tensor = positions[0].reshape(-1, *rows, found.shape[-1])
+        dense: Tensor = positions.reshape(-1, *rows, found.shape[-1])
         return dense
 
     def _drawn(self, summands: list[Tensor], draws: Tensor) -> Tensor:

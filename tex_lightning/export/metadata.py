@@ -5,6 +5,7 @@ from typing import Any
 
 from tex_lightning import __version__
 from tex_lightning.branches import Branch
+from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.export.tracing import takes_axes
@@ -32,10 +33,16 @@ def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
             "pairs": card.decision["pairs"],
             "seed": card.decision["seed"],
         },
-        "unknown": None,
+        "unknown": _unknown(card),
         "ranges": card.input_ranges,
         "parts": fusion is not None and set(fusion.levels) == {"fc2"},
     }
+
+
+def _unknown(card: Card) -> dict[str, float] | None:
+    """The novelty above which a sample is called unknown; None calls none so."""
+    above = card.unknown_above
+    return None if above is None else {"threshold": above, "rate": card.unknown}
 
 
 def _sense(branch: Branch) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from tex_lightning.export.tracing import trace
 from tex_lightning.export.web_page import write_page
 from tex_lightning.export.web_runtime import runtime_files
 from tex_lightning.files import write_atomically, write_text
+from tex_lightning.inference.unknown import check_unknown
 
 log = logging.getLogger(__name__)
 
@@ -60,6 +61,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             f"Checkpoint {checkpoint} holds {classifier.card.title}, which computes outside of "
             "PyTorch; export one of this package's networks."
         )
+    classifier.card = classifier.card.deciding(config.decision)
+    check_unknown(classifier.card, bool(classifier.statistics))
     out = job.directory if config.export.out is None else Path(config.export.out).expanduser()
     entry = FORMATS[config.export.format](Order(config, checkpoint, classifier, out))
     results = {"task": config.task, "format": config.export.format, **entry}
