@@ -76,6 +76,21 @@ def test_rejects_as_the_package_does(exported, runtime, monkeypatch, least):
     check(runtime, model, haptic=0 * TRACE)
 
 
+@pytest.mark.parametrize("threshold", [2.0, 4.0])
+def test_what_is_novel_is_called_unknown(runtime, monkeypatch, threshold):
+    known, compute = runtime.predict(haptic=TRACE, image=PHOTO), runtime._compute
+    monkeypatch.setitem(runtime.card, "unknown", {"threshold": threshold, "rate": 0.05})
+    novel = [np.float32(3)]  # what a file that tells of it says
+    monkeypatch.setattr(
+        runtime, "_compute", lambda names, *given: novel + compute(names[1:], *given)
+    )
+    found = runtime.predict(haptic=TRACE, image=PHOTO)
+    assert found["novelty"] == 3
+    assert found["rejected"] == (threshold < 3)
+    assert found["label"] == ("unknown" if threshold < 3 else known["label"])
+    assert "novelty" not in runtime.predict(image=PHOTO)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
