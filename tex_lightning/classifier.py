@@ -26,7 +26,8 @@ from tex_lightning.networks.blocks import Head, Level
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.statistics import FeatureStatistics
 
-STATISTICS = "statistics."  # in a state
+PREFIX = "classifier."  # in the state of a LightningModule
+STATISTICS = "statistics."  # in its own
 
 
 @dataclass(frozen=True)
@@ -112,13 +113,8 @@ class SurfaceClassifier(nn.Module):
                     "networks; give another file."
                 )
             classifier = cls(card)
-            prefix = "classifier."
-            state = {
-                key.removeprefix(prefix): value
-                for key, value in stored["state_dict"].items()
-                if key.startswith(prefix)
-            }
-            classifier.statistics = _stored_statistics(state)
+            state = own_state(stored)
+            classifier.expect_statistics(state)
             classifier.load_state_dict(state)
         except UserError:
             raise
@@ -130,6 +126,10 @@ class SurfaceClassifier(nn.Module):
                 "is needed; give another file."
             )
         return classifier.eval()
+
+    def expect_statistics(self, state: Mapping[str, Tensor]) -> None:
+        """Have statistics of the sizes in a state; older checkpoints have none."""
+        self.statistics = _stored_statistics(state)
 
     @property
     def fusion(self) -> FusionNet | None:
@@ -359,8 +359,15 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
     return found
 
 
-def _stored_statistics(state: dict[str, Tensor]) -> nn.ModuleDict:
-    """The statistics in a state; older checkpoints have none."""
+def own_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
+    """The state of the classifier in a checkpoint of Lightning."""
+    stored: dict[str, Tensor] = checkpoint["state_dict"]
+    return {
+        key.removeprefix(PREFIX): value for key, value in stored.items() if key.startswith(PREFIX)
+    }
+
+
+def _stored_statistics(state: Mapping[str, Tensor]) -> nn.ModuleDict:
     found: dict[str, dict[str, Tensor]] = {}
     for key, value in state.items():
         if key.startswith(STATISTICS):

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,6 +74,7 @@ def test_fragments_are_pooled_over_samples():
 
 def test_outcomes_survive_a_round_trip(tmp_path):
     outcomes = [outcome("a", "b"), outcome('c,"x"', "ü")]
+    outcomes = [replace(each, novelty=place / 4) for place, each in enumerate(outcomes)]
     write_outcomes(outcomes, tmp_path / "sub" / "o.csv")
     assert read_outcomes(tmp_path / "sub" / "o.csv") == outcomes
 

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torchmetrics import MetricCollection
 
 from tex_lightning.card import LEFT_OUT, Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, own_state
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import Vote
@@ -190,6 +190,10 @@ class SurfaceModule(LightningModule):
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
         }
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Make room for the statistics that a finished training has added."""
+        self.classifier.expect_statistics(own_state(checkpoint))
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the cost of the weights beside them, and the validation loss that chose them.
