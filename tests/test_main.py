@@ -257,7 +257,13 @@ def test_the_defaults_run_on_synthetic_surfaces(cli, tmp_path):
     assert len(results["classes"]) == 3
 
 
-@pytest.mark.parametrize("preset", ["haptic", "visual_tcnn", "fusion_fc3"])
+@pytest.mark.parametrize(
+    "preset",
+    [
+        "haptic",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("visual_tcnn", "fusion_fc3")),
+    ],
+)
 def test_presets_of_the_paper_run(cli, tmp_path, preset):
     arguments = ["debug=tiny", "data.classes=2", "data.synthetic.photo_width=1000"]
     outcome = cli(
@@ -306,6 +312,7 @@ def test_robust_presets_train_on_what_is_not_held_out(preset):
     assert plain.model.haptic.fit.perturb == plain.model.visual.fit.perturb == []
 
 
+@pytest.mark.slow
 def test_a_robust_preset_runs(cli, tmp_path):
     arguments = ["debug=tiny", "data.classes=2", "logger=csv", "trainer.threads=1"]
     outcome = cli("experiment=robust/fusion", *arguments, f"hydra.run.dir={tmp_path}")

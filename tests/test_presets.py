@@ -31,7 +31,13 @@ def test_experiment_composes_and_its_rows_exist(experiment):
         assert config.hydra.mode.name == "MULTIRUN"
 
 
-@pytest.mark.parametrize("family", ["haptic", "visual", "sound", "fusion"])
+@pytest.mark.parametrize(
+    "family",
+    [
+        "sound",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ("haptic", "visual", "fusion")),
+    ],
+)
 def test_every_system_of_a_frontier_composes(family):
     systems = OmegaConf.load(CONF / "frontier" / f"{family}.yaml").systems
     assert len(systems) >= 8

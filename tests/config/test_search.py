@@ -70,6 +70,7 @@ def test_what_cannot_be_returned_is_refused(cli, tmp_path, arguments, message):
     assert message in outcome.err
 
 
+@pytest.mark.slow
 def test_optuna_searches(cli, surfaces, tmp_path):
     pytest.importorskip("optuna")
     outcome = cli(

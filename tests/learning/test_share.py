@@ -5,6 +5,8 @@ import json
 import pytest
 import torch
 
+pytestmark = pytest.mark.slow  # three FusionNets
+
 
 @pytest.fixture(scope="module")
 def runs(run_once, surfaces, tmp_path_factory):

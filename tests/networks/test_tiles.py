@@ -38,7 +38,11 @@ def windows(net: nn.Module):
     return layer_windows(net, 0), layer_windows(net, 1)
 
 
-@pytest.mark.parametrize("trunk", TRUNKS)
+LARGER = ("efficientnet_lite1", "efficientnet_lite2")  # as efficientnet_lite0, and slower
+CASES = [pytest.param(each, marks=pytest.mark.slow) if each in LARGER else each for each in TRUNKS]
+
+
+@pytest.mark.parametrize("trunk", CASES)
 @examples(max_examples=12)
 @given(st.integers(230, 700), st.integers(230, 700), st.integers(55_000, 250_000))
 def test_a_photo_in_pieces_has_the_class_scores_of_the_whole(trunk, height, width, most):

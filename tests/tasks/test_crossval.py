@@ -102,6 +102,7 @@ def test_one_failing_job_does_not_hide_the_others(cli, surfaces, tmp_path):
     assert [row["status"] for row in rows(tmp_path)] == ["done"] * 4
 
 
+@pytest.mark.slow
 def test_folds_run_side_by_side_through_joblib(cli, surfaces, tmp_path):
     outcome = cli(
         "-m",

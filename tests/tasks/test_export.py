@@ -87,6 +87,7 @@ def test_it_classifies_sizes_it_was_not_traced_with(fusion, untrained, axes, sid
     assert outputs["probabilities"].argmax() in range(3)
 
 
+@pytest.mark.slow
 def test_a_program_of_torch_export(run_once, bands):
     folder = run_once("task=export", f"checkpoint={bands}", "export.format=pt2", "export.check=2")
     assert results(folder)["same_labels"] == 2

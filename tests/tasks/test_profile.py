@@ -115,6 +115,7 @@ def test_the_parts_of_a_fusion_are_its_halves(fusion):
         torch.testing.assert_close(half, part, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_trained_network_is_profiled_on_a_real_file(cli, surfaces, tmp_path):
     fit = ["model=haptic", "data=folder", f"data.root={surfaces}", "debug=tiny"]
     assert cli(*fit, f"hydra.run.dir={tmp_path}/fit").status == 0
@@ -138,6 +139,7 @@ def test_a_trained_network_is_profiled_on_a_real_file(cli, surfaces, tmp_path):
         assert message in refused.err
 
 
+@pytest.mark.slow
 def test_a_sense_that_the_paper_does_not_have_is_profiled_at_its_own_rate(cli, tmp_path):
     outcome = cli("task=profile", "model=sound", "debug=tiny", f"hydra.run.dir={tmp_path}")
     assert outcome.status == 0, outcome.err

@@ -270,6 +270,7 @@ def run(cli, directory: Path, *arguments: str) -> dict:
     return json.loads((directory / "results.json").read_text())["networks"]
 
 
+@pytest.mark.slow
 def test_lmt108_end_to_end_with_predictions_from_one_axis_path(cli, tmp_path):
     root = write_lmt108(tmp_path / "data", 24_000, 240, 320)
     given = ["data=lmt108", f"data.root={root}"]
