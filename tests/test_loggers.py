@@ -60,6 +60,7 @@ def test_the_csv_has_the_same_metrics(run):
         assert written == pytest.approx(MemoryLogger.kept["haptic"].metrics[name], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_mlflow_gets_metrics_figures_and_hyper_parameters(cli, surfaces, tmp_path):
     pytest.importorskip("mlflow")
     from mlflow import MlflowClient

@@ -124,6 +124,7 @@ def spoil(path) -> None:
         writer.writerows({**row, "predicted": "none of them"} for row in rows)
 
 
+@pytest.mark.slow
 def test_later_systems_and_folds_join_what_the_folder_holds(
     two_folds, given, cli, tmp_path, monkeypatch
 ):

@@ -293,6 +293,7 @@ def test_lmt108_end_to_end_with_predictions_from_one_axis_path(cli, tmp_path):
     assert everything["haptic"]["test_samples"] == 20
 
 
+@pytest.mark.slow
 def test_kylberg_end_to_end(cli, tmp_path):
     root = write_kylberg(tmp_path / "data", 224, 224)
     given = ["model=visual", "data=kylberg", f"data.root={root}"]

@@ -169,6 +169,7 @@ def test_tum_counts_are_checked_and_a_manifest_overrides_the_order(tum):
         read_recordings(given)
 
 
+@pytest.mark.slow
 def test_generated_surfaces_in_the_tum_layout_train_end_to_end(cli, tmp_path):
     size = [
         "data.classes=2",
