@@ -25,6 +25,7 @@ from PIL import Image
 
 import tex_lightning as tl
 from benchmarks._classifiers import make_classifier
+from tex_lightning.classifier import lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.errors import UserError
 from tex_lightning.export.onnx_file import make_onnx, write_onnx
@@ -76,7 +77,7 @@ def write(folder: Path, overrides: tuple[str, ...]) -> dict[str, str]:
     """Checkpoint, exported file and recordings of one sample; gives the recordings."""
     folder.mkdir()
     classifier = make_classifier(*overrides)
-    state = {f"classifier.{key}": value for key, value in classifier.state_dict().items()}
+    state = lightning_state(classifier)
     card = classifier.card.to_dict()
     torch.save({"hyper_parameters": {"card": card}, "state_dict": state}, folder / "a.ckpt")
     write_onnx(make_onnx(classifier, trace(classifier)), folder / "a.onnx")

@@ -19,7 +19,6 @@ html_title = "tex_lightning"
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
-autodoc_mock_imports: list[str] = []
 
 # An inventory that cannot be fetched is a warning, and warnings are errors: links into other
 # projects only where a network is promised.

@@ -15,6 +15,7 @@ from tex_lightning.config.arguments import quote_files
 from tex_lightning.config.check import check_known
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
+from tex_lightning.export.metadata import receptive_field
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.tiles import layer_windows
 
@@ -77,14 +78,6 @@ def test_a_command_of_the_documentation_composes(page, command):
     read_config(composed)
 
 
-def reach(windows) -> int:
-    """Elements along one axis that one position depends on."""
-    total = 1
-    for window in reversed(windows):
-        total = (total - 1) * window.stride + window.kernel
-    return total
-
-
 def test_the_geometry_of_the_networks_is_that_of_the_code():
     page = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", page, re.MULTILINE)
@@ -97,7 +90,7 @@ def test_the_geometry_of_the_networks_is_that_of_the_code():
         places = "{} x {}".format(*network.output_size(1224, 1632))
         sizes = network.window_size[0], network.min_size[0], network.stride
         parameters = sum(each.numel() for each in network.parameters())
-        facts = (*sizes, reach(layer_windows(network, 1)), places, f"{parameters:,}")
+        facts = (*sizes, receptive_field(layer_windows(network, 1)), places, f"{parameters:,}")
         assert cells == " | ".join(map(str, facts)), name
 
 

@@ -359,6 +359,11 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
     return found
 
 
+def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:
+    """The state of a classifier as a checkpoint of Lightning has it; see :func:`own_state`."""
+    return {f"{PREFIX}{name}": value for name, value in classifier.state_dict().items()}
+
+
 def own_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
     """The state of the classifier in a checkpoint of Lightning."""
     stored: dict[str, Tensor] = checkpoint["state_dict"]

@@ -7,7 +7,7 @@ from sklearn.metrics import roc_auc_score
 
 from tex_lightning.evaluation.calibration import unknown_auroc
 from tex_lightning.evaluation.novelty import pool_unknown
-from tex_lightning.evaluation.outcomes import Outcome, write_outcomes
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
 
 
 def outcome(label: str, predicted: str, novelty: float) -> Outcome:
@@ -30,10 +30,14 @@ def folds(tmp_path):
     return [tmp_path / "0", tmp_path / "1"]
 
 
+def read(folds):
+    return [read_outcomes(fold / "predictions" / "haptic.csv") for fold in folds]
+
+
 def pooled(folds, thresholds, rate=0.3):
     entries = [{"unknown": {"threshold": value}} for value in thresholds]
     given = dict(zip(folds, entries, strict=True))
-    return pool_unknown(given, "haptic", folds[0].parent, rate)["unknown"]
+    return pool_unknown(given, read(folds), "haptic", folds[0].parent, rate)["unknown"]
 
 
 def test_each_fold_is_judged_by_its_own_threshold(folds):
@@ -64,7 +68,8 @@ def test_without_the_key_areas_alone_are_told(folds):
 
 
 def test_one_fold_without_a_threshold_says_so(folds):
-    found = pool_unknown({folds[0]: {}}, "haptic", folds[0].parent, 0.05)["unknown"]
+    given = {folds[0]: {}}
+    found = pool_unknown(given, read(given), "haptic", folds[0].parent, 0.05)["unknown"]
     assert found["threshold"] is None
     assert "false_rejections" not in found
 

@@ -65,8 +65,8 @@ def check_task(config: Config) -> Iterator[str]:
         yield "crossval.share is for runs on one device each: leave out trainer=ddp"
     if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
         yield (
-            f"checkpoint is given, but task={config.task} does not read it: use task=enroll, "
-            "task=evaluate, task=predict, task=profile, task=record, task=stream or "
+            f"checkpoint is given, but task={config.task} does not read it: use "
+            f"{', '.join(f'task={name}' for name in sorted(READ_CHECKPOINTS))} or "
             "model.fusion.haptic_checkpoint"
         )
     yield from _stream(config)

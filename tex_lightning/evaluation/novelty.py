@@ -64,22 +64,23 @@ def report_unknown(
 
 def pool_unknown(
     folds: Mapping[Path, Mapping[str, Any]],
+    known: Sequence[Sequence[Outcome]],
     name: str,
     directory: Path,
     rate: float | None,
 ) -> dict[str, Any]:
-    """The same of several folds, from their files.
+    """The same of several folds, the samples of held-out classes from their files.
 
     A fold whose own checkpoint has nothing to set a threshold by has that of what the other folds
     were tested on: their networks had not seen it either.
 
     Args:
         folds: By folder the network's entry of ``results.json``.
+        known: What became of the others in each fold.
         name: Of the network.
         directory: The run folder.
         rate: ``decision.unknown``.
     """
-    known = [read_outcomes(fold / "predictions" / f"{name}.csv") for fold in folds]
     files = [_file(fold, name) for fold in folds]
     unknown = [read_outcomes(file) if file.is_file() else [] for file in files]
     if found := [outcome for part in unknown for outcome in part]:
@@ -87,7 +88,7 @@ def pool_unknown(
     tested = []
     for place, entry in enumerate(folds.values()):
         threshold = entry.get("unknown", {}).get("threshold")
-        others = [each.novelty for part in known[:place] + known[place + 1 :] for each in part]
+        others = [each.novelty for part in [*known[:place], *known[place + 1 :]] for each in part]
         if threshold is None and rate and others and not any(map(math.isnan, others)):
             threshold = novelty_threshold(others, rate)
         tested.append(Tested(known[place], unknown[place], threshold))

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from tex_lightning.card import Card, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import DataConfig
 from tex_lightning.config.check_ranges import nearest
 from tex_lightning.data.folds import next_of_each, split
@@ -135,8 +135,7 @@ def write_checkpoint(
     """
     content = read_checkpoint(source)
     content["hyper_parameters"]["card"] = classifier.card.to_dict()
-    state = classifier.state_dict()
-    content["state_dict"] = {f"classifier.{name}": value for name, value in state.items()}
+    content["state_dict"] = lightning_state(classifier)
     content["fit_seconds"] = content.get("fit_seconds", 0.0) + seconds
     content["val_loss"] = None
     write_atomically(target, lambda partial: torch.save(content, partial))

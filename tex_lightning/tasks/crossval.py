@@ -163,6 +163,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
         **pool_sequential(directories, name, workspace.directory, decision),
         **pool_unknown(
             dict(zip(directories, entries.values(), strict=True)),
+            list(by_fold.values()),
             name,
             workspace.directory,
             decision.unknown,

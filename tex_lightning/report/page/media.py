@@ -64,7 +64,11 @@ class Shown:
 
 def embedded(path: Path) -> str:
     """A PNG as a data URI."""
-    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"
+    return _data_uri("image/png", path.read_bytes())
+
+
+def _data_uri(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def shown_samples(directory: Path, networks: Sequence[str]) -> list[Shown]:
@@ -120,7 +124,7 @@ def _thumbnail(path: Path) -> str:
 def _jpeg(image: Image.Image) -> str:
     stream = io.BytesIO()
     image.save(stream, "JPEG", quality=80)
-    return f"data:image/jpeg;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    return _data_uri("image/jpeg", stream.getvalue())
 
 
 def _spectrogram(samples: Samples) -> str:
@@ -141,4 +145,4 @@ def _sound(samples: Samples, source: float) -> str:
     heard = heard / max(float(np.abs(heard).max()), 1e-12)
     stream = io.BytesIO()
     soundfile.write(stream, heard, rate, format="WAV", subtype="PCM_16")
-    return f"data:audio/wav;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    return _data_uri("audio/wav", stream.getvalue())

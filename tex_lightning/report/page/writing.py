@@ -24,7 +24,6 @@ PAGE = "report.html"
 REPORT = "report.md"
 TABLES = ("frontier.csv", "senses.csv", "breaking_points.csv", "conditions.csv", "sweep.csv")
 MOST_LINES = 200  # of a table that are shown; the file has all
-HIDDEN = ("probabilities", "votes")  # columns that a person does not read
 
 
 def write_page(directory: Path, command: str | None = None) -> None:
@@ -103,7 +102,7 @@ def _table(path: Path) -> dict[str, Any]:
     """Heading and lines of a CSV, figures with four digits."""
     with path.open(newline="", encoding="utf-8") as stream:
         lines = list(csv.DictReader(stream))
-    heading = [name for name in (lines[0] if lines else {}) if name not in HIDDEN]
+    heading = list(lines[0]) if lines else []
     return {
         "heading": heading,
         "lines": [[_short(line[name]) for name in heading] for line in lines[:MOST_LINES]],
