@@ -5,11 +5,12 @@ marks what a configuration file or the user has to fill in.
 """
 
 from dataclasses import dataclass, field, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config.data import DataConfig, Folding, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
@@ -185,7 +186,13 @@ def flatten(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 def register() -> None:
     """Make the schema known to Hydra, beside those of other applications in this process."""
     register_folders()
-    node = OmegaConf.structured(Config)
+    ConfigStore.instance().store(name="tex_lightning_schema", node=_schema())
+
+
+@cache  # Hydra copies it; made anew it would be a sixth of every composition
+def _schema() -> DictConfig:
+    """The dataclasses as Hydra composes them: closed, but for what others know the keys of."""
+    node: DictConfig = OmegaConf.structured(Config)
     sections = [node.model[name] for name in (*PACKAGE_SENSES, FUSION)]
     nodes = [each.fit[part] for each in sections for part in ("optimizer", "schedule")]
     nodes += [node.model[name][part] for name in PACKAGE_SENSES for part in ("features", "network")]
@@ -194,4 +201,4 @@ def register() -> None:
     # whoever they are passed to knows their keys; senses may be a user's
     for opened in (node.model, node.model.fusion, node.trainer, *nodes):
         OmegaConf.set_struct(opened, False)
-    ConfigStore.instance().store(name="tex_lightning_schema", node=node)
+    return node
