@@ -6,10 +6,12 @@ decoded or trained. Each step is timed at a quarter, a half and all of the class
 recordings of each, and the same of the recordings with all classes. Its exponent is the slope of
 log time over log size: 1 where twice the data take twice the time. Confusion matrices and the
 probabilities of all classes are tables over pairs of classes, and so grow with 2 in the classes.
+At last a narrow HapticNet is trained and tested on a hundredth and on a tenth as many short traces.
 """
 
 import argparse
 import json
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,6 +24,7 @@ import numpy as np
 import torch
 
 from benchmarks._classifiers import configured
+from benchmarks._process import run_watched
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.conditions import check_conditions
 from tex_lightning.data.datamodule import TrainingBatches
@@ -50,6 +53,8 @@ CLASSES, RECORDINGS, FOLDS = 1000, 100, 10
 SENSES = ("haptic", "image")
 SHARES = (4, 2, 1)  # of the full size
 DIMENSIONS = 32  # of the features whose statistics are taken
+TRAINED = 50  # classes of the traces that are trained on
+RATE, SECONDS = 2000, 2.0  # of these traces: hardly more than a fragment
 LEAST = 0.005  # seconds, below which a time says nothing of growth
 FRAGMENTS = 20  # of a sample
 BATCHES = 200  # of training
@@ -125,7 +130,7 @@ def measure(classes: int = CLASSES, recordings: int = RECORDINGS) -> dict[str, A
     }
     seconds = {size: _times(*size) for sizes in series.values() for size in sizes}
     steps = seconds[classes, recordings]
-    return {
+    exponents = {
         step: {
             "seconds": steps[step],
             **{
@@ -137,6 +142,27 @@ def measure(classes: int = CLASSES, recordings: int = RECORDINGS) -> dict[str, A
         }
         for step in steps
     }
+    count = classes * recordings // 10
+    memory = {f"{each} recordings": training_memory(each) for each in (count // 10, count)}
+    return {**exponents, "memory of training": memory}
+
+
+def training_memory(recordings: int) -> dict[str, float]:
+    """Peak memory in MiB of training and testing a narrow HapticNet on so many short traces."""
+    with tempfile.TemporaryDirectory() as folder:
+        root, rng = Path(folder) / "data", np.random.default_rng(0)
+        for number in range(recordings):
+            path = root / f"c{number % TRAINED}" / "haptic" / f"{number:06d}.npy"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            np.save(path, rng.standard_normal(round(SECONDS * RATE)).astype(np.float32))
+        found = run_watched(
+            [sys.executable, "-m", "tex_lightning", "model=haptic", "model.haptic.width=0.1",
+             *(f"model.haptic.fit.{key}" for key in ("epochs=1", "steps_per_epoch=9")),
+             "data=folder", f"data.root={root}", f"data.sampling_rate={RATE}",
+             f"data.cache_dir={folder}/cache", f"hydra.run.dir={folder}/run",
+             "explained_samples=0"]
+        )  # fmt: skip
+    return {key: found[key] for key in ("peak_mib", "peak_own_mib", "seconds")}
 
 
 def exponent(sizes: list[int], seconds: list[float]) -> float | None:
