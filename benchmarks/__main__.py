@@ -14,6 +14,7 @@ from tex_lightning.config import flatten
 from tex_lightning.progress import console
 
 FOREMOST = "ratio"
+LONG = ("growth", "longrun", "scale")  # many minutes each: only by name
 
 
 def names() -> list[str]:
@@ -43,7 +44,7 @@ def _shown(value: float | str) -> str:
 
 
 def main(chosen: list[str]) -> int:
-    """Run the benchmarks named, or all; the exit status is 2 for a name that there is not."""
+    """Run those named, or all but the long ones; the status is 2 for a name that there is not."""
     unknown = [name for name in chosen if name not in names()]
     if unknown:
         print(
@@ -55,7 +56,7 @@ def main(chosen: list[str]) -> int:
         table.add_column(heading)
     table.add_column("value", justify="right")
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
-        for name in chosen or names():
+        for name in chosen or [each for each in names() if each not in LONG]:
             for place, (key, value) in enumerate(rows(pool.submit(run_one, name).result())):
                 table.add_row(name if place == 0 else "", key, value)
             table.add_section()

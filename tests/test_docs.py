@@ -15,9 +15,8 @@ from tex_lightning.config.arguments import quote_files
 from tex_lightning.config.check import check_known
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
-from tex_lightning.export.metadata import receptive_field
 from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.networks.tiles import layer_windows
+from tex_lightning.networks.tiles import layer_windows, receptive_field
 
 ROOT = CONF.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

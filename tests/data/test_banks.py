@@ -1,10 +1,15 @@
+import errno
+
 import numpy as np
 import pytest
 import torch
 from conftest import ramp
 from scipy import stats
 
+from tex_lightning.data import banks
 from tex_lightning.data.banks import InputBank, PhotoBank
+from tex_lightning.data.spool import spooled
+from tex_lightning.errors import UserError
 
 FIRST = np.array([0]), np.random.default_rng(0)
 
@@ -82,3 +87,35 @@ def test_photos_too_small_are_mirrored_without_black(photos):
     assert crop.shape == (3, 500, 500)
     assert torch.equal(crop[:, :240, :240], crop[:, :240, 240:480].flip(2))
     assert crop.float().mean() == pytest.approx(128, abs=10)
+
+
+def test_inputs_in_a_file_are_cut_as_those_in_memory(tmp_path):
+    inputs = [torch.rand(1, 3, length) for length in (20, 35, 7)]
+    memory, file = (InputBank(iter(inputs), 10, folder=folder) for folder in (None, tmp_path))
+    assert not list(tmp_path.iterdir())  # it has no name
+    indices = np.array([0, 2, 1, 1])
+    expected, found = (bank.cut(indices, np.random.default_rng(0)) for bank in (memory, file))
+    assert torch.equal(found["input"], expected["input"])
+    for ours, given in zip(file.inputs, [*inputs[:2], inputs[2].repeat(1, 1, 2)], strict=True):
+        assert torch.equal(ours, given)
+
+
+def test_a_full_disk_is_said_in_a_sentence(tmp_path):
+    def items():
+        yield torch.rand(3, 2)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(UserError, match=r"Features cannot be written .*No space left.*cache_dir"):
+        spooled(items(), tmp_path)
+
+
+def test_few_photos_stay_open_whatever_their_number(photos, monkeypatch):
+    rows, store = photos
+    expected = PhotoBank(rows, store, 20, 0.0).cut(np.arange(6), np.random.default_rng(0))["crop"]
+    monkeypatch.setattr(banks, "MAX_MAPS", 2)
+    bank = PhotoBank(rows, store, 20, 0.0)
+    assert torch.equal(bank.cut(np.arange(6), np.random.default_rng(0))["crop"], expected)
+    assert list(bank.maps) == [4, 5]  # each holds a file open
+    bank.photo(4)
+    bank.photo(0)
+    assert list(bank.maps) == [4, 0]

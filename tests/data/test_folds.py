@@ -131,3 +131,16 @@ def test_a_message_shortens_the_names_of_classes():
         check_split(parts, [label], ["haptic"], by(10, 0))
     assert "There are no traces to train on for xxx" in str(caught.value)
     assert len(str(caught.value)) < 400
+
+
+def test_samples_of_many_classes_are_listed_in_one_pass():
+    class Counted(Recordings):
+        passes = 0
+
+        def __iter__(self):
+            Counted.passes += 1
+            return super().__iter__()
+
+    rows = Counted(table(**{f"c{number}": (2, 1) for number in range(300)}).rows)
+    assert len(make_samples(rows, ["haptic", "image"])) == 600
+    assert Counted.passes <= 2  # once for each class took minutes for a thousand

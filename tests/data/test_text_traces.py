@@ -51,6 +51,19 @@ def test_dialects_give_the_same_axes(tmp_path, text, encoding):
     assert source.source == "assumed"
 
 
+@pytest.mark.parametrize("text", ["%s\n", "e\n%s\n", "\r\n\n%s", "# one axis\n%s", "%s \n"])
+def test_one_number_a_line_needs_no_dialect(tmp_path, text):
+    numbers = "\n".join(f"{value:.9g}" for value in AXES[0].tolist())
+    trace, _ = SAME.decode(write(tmp_path, text % numbers))
+    np.testing.assert_array_equal(trace, AXES[:1].astype(np.float32))
+
+
+@pytest.mark.parametrize("text", ["1\n2\n-\n3\n", "1\n2.3.4\n", "\n\n", "e\n"])
+def test_what_only_looks_like_numbers_is_refused(tmp_path, text):
+    with pytest.raises(UserError, match="cannot be read"):
+        SAME.decode(write(tmp_path, text))
+
+
 @pytest.mark.parametrize(
     ("name", "scale"),
     [

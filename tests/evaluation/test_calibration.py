@@ -103,3 +103,15 @@ def test_a_confidence_rounded_beyond_1_is_no_logit():
 def test_the_figure_is_drawn(outcomes, tmp_path):
     save_figure(calibration_figure(outcomes, "t"), tmp_path / "c.png")
     assert (tmp_path / "c.png").stat().st_size > 5000
+
+
+def test_probabilities_of_many_classes_are_parsed_but_a_few_times(outcomes, monkeypatch):
+    parsed = []
+
+    def noted(text):
+        parsed.append(text)
+        return json.JSONDecoder().decode(text)
+
+    monkeypatch.setattr(json, "loads", noted)
+    calibration(outcomes, CLASSES)
+    assert len(parsed) <= 3 * len(outcomes)  # once for each class was cubic in their number

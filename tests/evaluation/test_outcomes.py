@@ -79,6 +79,13 @@ def test_outcomes_survive_a_round_trip(tmp_path):
     assert read_outcomes(tmp_path / "sub" / "o.csv") == outcomes
 
 
+def test_outcomes_of_very_many_classes_survive_it_too(tmp_path):
+    known = json.dumps({f"a material with a long name {number}": 1 / 7 for number in range(4000)})
+    outcome = Outcome({"haptic": "a"}, "a", "b", 1.0, 1, 0, 1.0, probabilities=known)
+    write_outcomes([outcome], tmp_path / "predictions.csv")
+    assert read_outcomes(tmp_path / "predictions.csv")[0].probabilities == known
+
+
 def test_results_are_whole_or_not_there(tmp_path):
     path = tmp_path / "results.json"
     write_results(path, {"a": 1})

@@ -71,3 +71,19 @@ def test_recordings_left_out_are_as_novel_as_new_ones():
     assert found.mean() == pytest.approx(statistics.novelty(new).mean().item(), rel=0.1)
     assert statistics.novelty(rows).mean() < found.mean()
     assert left_out_novelties(rows[:4], labels[:4], 3) == []  # of two classes there is but one
+
+
+def test_recordings_are_left_out_in_ten_parts_of_each_class():
+    generator = torch.Generator().manual_seed(0)
+    labels = torch.randint(3, (70,), generator=generator)
+    features = torch.randn(70, 4, generator=generator)
+    seen = [0, 0, 0]
+    parts = torch.empty(70, dtype=torch.long)
+    for place, label in enumerate(labels.tolist()):
+        parts[place] = seen[label] % 10
+        seen[label] += 1
+    expected = torch.empty(70)
+    for part in range(10):
+        kept = FeatureStatistics.of(features[parts != part], labels[parts != part], 3)
+        expected[parts == part] = kept.novelty(features[parts == part])
+    assert left_out_novelties(features, labels, 3) == pytest.approx(expected.tolist())

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from torch import nn
 
 from tex_lightning.networks import HapticNet
-from tex_lightning.networks.tiles import in_tiles, layer_windows, split_axis
+from tex_lightning.networks.tiles import affordable, in_tiles, layer_windows, split_axis
 from tex_lightning.networks.trunks import TRUNKS
 
 NARROW = 0.03
@@ -103,6 +103,21 @@ def test_no_piece_is_larger_than_asked_where_that_is_possible(name):
     in_tiles(noted, x, windows(net), most)
     assert len(seen) > 2
     assert max(seen) <= most
+
+
+@pytest.mark.parametrize("name", TRUNKS)
+def test_the_pieces_of_a_large_photo_are_not_nearly_all_margin(name):
+    layers, size, default = windows(network(name)), (2448, 3264), 2_000_000
+    computed = []
+
+    def noted(piece):
+        computed.append(piece.shape[2] * piece.shape[3])
+        return torch.zeros(1, 1, *(sizes(layers[axis], piece.shape[2 + axis]) for axis in (0, 1)))
+
+    in_tiles(noted, torch.zeros(1, 1, *size), layers, affordable(layers, default))
+    assert sum(computed) < 2 * size[0] * size[1]  # 178 times of EfficientNet-Lite2's before
+    assert affordable(layers, None) is None
+    assert affordable(layers, 10**9) == 10**9
 
 
 def sizes(layers, size):

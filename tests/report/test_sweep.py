@@ -46,6 +46,18 @@ def test_a_failure_among_them_is_counted(tmp_path, ended):
     assert SweepSummary.failures == 1
 
 
+def test_overrides_that_only_a_job_can_resolve_are_kept_as_they_are(tmp_path):
+    job(tmp_path / "0", "frontier", {"chosen": "lbp"})
+    asked = ["hydra.sweep.subdir=${hydra.job.num}", "data.root=${oc.env:NOWHERE_SET}"]
+    OmegaConf.save(asked[1:], tmp_path / "0" / ".hydra" / "overrides.yaml")
+    config = {"sweep": {"dir": str(tmp_path)}, "overrides": {"hydra": asked[:1], "task": asked[1:]}}
+    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config}))
+    with (tmp_path / "sweep.csv").open() as stream:
+        assert [row["overrides"] for row in csv.DictReader(stream)] == asked[1:]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "hydra.sweep.subdir=${hydra.job.num}" in page
+
+
 def finish(folder: Path, seed: int, correct: int, fold: int = 0) -> None:
     """A finished run that classified ten samples of a fold."""
     job(folder, "fit", None)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tex_lightning.baselines.classifier import BaselineClassifier, Loaded
+from tex_lightning.data.recordings import class_indices
 from tex_lightning.learning.training import Training
 
 log = logging.getLogger(__name__)
@@ -23,7 +24,7 @@ def fit_baseline(training: Training) -> Path:
         return training.final
     card = training.card
     rows = training.parts.train.of(card.modalities[0]).rows
-    labels = np.array([card.classes.index(row.label) for row in rows])
+    labels = np.array(class_indices([row.label for row in rows], card.classes))
     classifier = BaselineClassifier(card)
     if training.weights is not None:
         log.info(classifier.baseline.load_weights(training.weights))

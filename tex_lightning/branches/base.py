@@ -17,7 +17,7 @@ from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.networks.blocks import Level
-from tex_lightning.networks.tiles import in_tiles, layer_windows
+from tex_lightning.networks.tiles import affordable, in_tiles, layer_windows
 
 GEOMETRY = ("window_size", "min_size", "stride", "output_size")  # that a network may declare
 
@@ -40,7 +40,8 @@ class Branch(ABC):
         decoder: Of its files.
         features: See above.
         network: See above.
-        tile: Most elements of an input that go through the network at once; None never divides.
+        tile: Most elements of an input that go through the network at once, or twice its receptive
+            field each way if that is more; None never divides.
         medium: What its recordings are: ``signal`` or ``photo``.
         windowed: Whether single windows of a recording can be classified.
     """
@@ -268,7 +269,7 @@ class Branch(ABC):
         if self.tile is None or not self.declares_geometry:
             return features(x)[0]
         windows = layer_windows(self.network, 0), layer_windows(self.network, 1)
-        return in_tiles(features, x, windows, self.tile)[0]
+        return in_tiles(features, x, windows, affordable(windows, self.tile))[0]
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
         """Features (1, D, *positions), float32, of a network input."""

@@ -1,6 +1,7 @@
 """The branch of a sense whose recordings are signals: traces of acceleration, sounds, forces."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -114,11 +115,14 @@ class SignalBranch(Branch):
         if learn and hasattr(self.features, "learn"):
             signals = (load_recording(row, store).to(self.device) for row in rows)
             self.features.learn(signals)  # type: ignore[operator]  # of features that have one
-        raw = [self._raw(load_recording(row, store)) for row in self._tracked(rows)]
+        store.root.mkdir(parents=True, exist_ok=True)
+        clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
+        perturbed = self._perturbed(rows, store, fit, seed)
+        raw = InputBank(chain(clean, perturbed), 1, folder=store.root).inputs
         if learn and hasattr(self.features, "fit"):
-            self.features.fit(raw)  # type: ignore[operator]  # of features that have one
-        raw += self._perturbed(rows, store, fit, seed)
-        return InputBank([self._normalised(each) for each in raw], size, len(raw) // len(rows))
+            self.features.fit(raw[: len(rows)])  # type: ignore[operator]  # of features with one
+        versions = len(raw) // len(rows)
+        return InputBank(map(self._normalised, raw), size, versions, store.root)
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
@@ -131,6 +135,7 @@ class SignalBranch(Branch):
     def _normalised(self, raw: Tensor) -> Tensor:
         """Network input (..., frames) on the CPU."""
         if hasattr(self.features, "magnitudes"):
+            raw = raw.to(self.device)
             raw = self.features.normalise(raw)[None]  # type: ignore[operator]  # they have both
         return raw.cpu()
 
@@ -139,21 +144,19 @@ class SignalBranch(Branch):
 
     def _perturbed(
         self, rows: Sequence[Recording], store: Store, fit: Mapping[str, Any], seed: int
-    ) -> list[Tensor]:
+    ) -> Iterator[Tensor]:
         """Of all signals perturbed, once for each copy; seeded by recording and copy."""
         augmentation = Augmentation.of(fit["perturb"], rate=self.decoder.sampling_rate)
         if augmentation is None:
-            return []
-        found = []
+            return
         for copy in range(fit["perturbed_copies"]):
             for number, row in enumerate(self._tracked(rows)):
                 rng = np.random.default_rng([seed, copy, number])
                 changed = torch.from_numpy(augmentation(np.array(store.load(row)), rng))
                 try:
-                    found.append(self._raw(changed))
+                    yield self._raw(changed)
                 except UserError:  # hardly anything was left of it
-                    found.append(self._raw(load_recording(row, store)))
-        return found
+                    yield self._raw(load_recording(row, store))
 
     def training_input(self, pieces: Mapping[str, Tensor], size: int) -> Tensor:
         """The sub-samples as they are."""

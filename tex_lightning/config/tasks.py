@@ -118,8 +118,8 @@ class EngineConfig:
     )
     compile: bool = key("fuse layers with torch.compile, which needs a C++ compiler")
     tile: int | None = key(
-        "most pixels, or frames times 50 channels, that go through a network at once; null never "
-        "divides",
+        "most pixels, or frames times 50 channels, that go through a network at once, or twice its "
+        "receptive field each way if that is more; null never divides",
         least=100_000, most=1_000_000_000_000,  # smaller pieces are nearly all margin
     )  # fmt: skip
 

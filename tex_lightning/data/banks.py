@@ -1,8 +1,9 @@
 """Recordings in memory, or in reach of it, that training batches are cut from."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,11 +13,13 @@ from torch import Tensor
 
 from tex_lightning.data.decode import Photo
 from tex_lightning.data.recordings import Recording
+from tex_lightning.data.spool import spooled
 from tex_lightning.data.store import Store
 from tex_lightning.perturbations.augment import Augmentation
 
 Indices = npt.NDArray[np.int64]
 WHOLE = slice(None)
+MAX_MAPS = 768  # photos; many systems allow a process 1024 open files, macOS and Windows fewer
 
 
 class Bank(ABC):
@@ -39,21 +42,33 @@ class InputBank(Bank):
         inputs: Of all recordings in their first version, then of all in their second, and so on.
         frames: Length of the sub-samples.
         versions: How many there are of every recording; which one is cut is drawn.
+        folder: Where a file holds them; None keeps them in memory.
     """
 
-    def __init__(self, inputs: Sequence[Tensor], frames: int, versions: int = 1) -> None:
+    def __init__(
+        self,
+        inputs: Iterable[Tensor],
+        frames: int,
+        versions: int = 1,
+        folder: Path | None = None,
+    ) -> None:
         self.versions = versions
-        whole = [_at_least(item.cpu(), frames) for item in inputs]
+        # frames first: a sub-sample is then one piece of memory, or of the file
+        whole = (_at_least(item.cpu(), frames).movedim(-1, 0) for item in inputs)
         self.frames = frames
-        self.lengths = np.array([item.shape[-1] for item in whole])
+        if folder is None:
+            kept = list(whole)
+            self.flat, lengths = torch.cat(kept), [len(item) for item in kept]
+        else:
+            self.flat, lengths = spooled(whole, folder)
+        self.lengths = np.array(lengths)
         self.starts = np.concatenate(([0], np.cumsum(self.lengths)[:-1]))
-        self.flat = torch.cat(whole, dim=-1)
 
     @property
     def inputs(self) -> list[Tensor]:
         """The inputs (..., frames), in the order in which they were given."""
         starts = zip(self.starts.tolist(), self.lengths.tolist(), strict=True)
-        return [self.flat[..., start : start + length] for start, length in starts]
+        return [self.flat[start : start + length].movedim(0, -1) for start, length in starts]
 
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
@@ -63,8 +78,8 @@ class InputBank(Bank):
             version = rng.integers(0, self.versions, len(indices))
             indices = indices + version * (len(self.lengths) // self.versions)
         offsets = rng.integers(0, self.lengths[indices] - self.frames + 1)
-        columns = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
-        return {"input": self.flat[..., torch.from_numpy(columns)].movedim(-2, 0)}
+        rows = (self.starts[indices] + offsets)[share, None] + np.arange(self.frames)
+        return {"input": self.flat[torch.from_numpy(rows)].movedim(1, -1).contiguous()}
 
 
 @dataclass
@@ -87,14 +102,21 @@ class PhotoBank(Bank):
     side: int
     rotation: float
     augmentation: Augmentation | None = None
-    # opened on first use, each loader process its own
+    # opened on first use, each loader process its own; the latest used last
     maps: dict[int, Photo] = field(default_factory=dict, init=False)
 
     def photo(self, index: int) -> Photo:
-        """The memory map of a photo; finding it again costs more than copying a crop."""
-        if index not in self.maps:
-            self.maps[index] = self.store.load(self.recordings[index])
-        return self.maps[index]
+        """The memory map of a photo; finding it again costs more than copying a crop.
+
+        Only so many stay open: each is an open file, and what was read of it stays in memory.
+        """
+        photo = self.maps.pop(index, None)
+        if photo is None:
+            photo = self.store.load(self.recordings[index])
+            if len(self.maps) >= MAX_MAPS:
+                del self.maps[next(iter(self.maps))]
+        self.maps[index] = photo
+        return photo
 
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE

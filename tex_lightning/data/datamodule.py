@@ -6,6 +6,7 @@ interruption change what the network sees.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from tex_lightning.data.banks import WHOLE, Bank, Indices
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.recordings import Recording
+from tex_lightning.data.recordings import Recording, class_indices
 from tex_lightning.data.store import Store
 
 Batch = dict[str, Any]  # tensors, and mappings of them
@@ -62,8 +63,8 @@ class TrainingBatches(Dataset[Batch]):
     def _next_in_permutation(self, step: int, count: int) -> Indices:
         positions = step * self.batch_size + np.arange(self.batch_size)
         rounds = {
-            number: np.random.default_rng([self.seed, UNSEEN + number]).permutation(count)
-            for number in np.unique(positions // count)
+            number: _permutation(self.seed, number, count)
+            for number in np.unique(positions // count).tolist()
         }
         return np.array([rounds[place // count][place % count] for place in positions])
 
@@ -93,11 +94,11 @@ class SampleSet(Dataset[Batch]):
     def __init__(self, samples: Sequence[Sample], store: Store, classes: list[str]) -> None:
         self.samples = samples
         self.store = store
-        self.classes = classes
+        self.labels = class_indices([sample.label for sample in samples], classes)
 
     def __getitem__(self, index: int) -> Batch:
         sample = self.samples[index]
-        label = torch.tensor(self.classes.index(sample.label))
+        label = torch.tensor(self.labels[index])
         return {"label": label, "recordings": load_sample(sample, self.store)}
 
     def __len__(self) -> int:
@@ -204,6 +205,12 @@ class SurfaceData(LightningDataModule):
             sampler=numbers[self._share()] or numbers,
             generator=torch.Generator(),
         )
+
+
+@lru_cache(maxsize=4)
+def _permutation(seed: int, number: int, count: int) -> Indices:
+    """Order of all recordings in one round; of many recordings it takes longer than a batch."""
+    return np.random.default_rng([seed, UNSEEN + number]).permutation(count)
 
 
 def _partners(labels: Indices, pool: Indices, rng: np.random.Generator) -> Indices:

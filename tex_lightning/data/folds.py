@@ -5,7 +5,7 @@ is tested together. The paper (section IV) trains on nine recordings of each cla
 the tenth, ten times.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -78,10 +78,12 @@ def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
     Of several modalities the longest list of a class decides the number of samples and shorter ones
     are gone through again, so that every recording is seen; a class that lacks one gives none.
     """
+    found: dict[tuple[str, str], list[Recording]] = defaultdict(list)
+    for row in part:
+        found[row.label, row.modality].append(row)
     samples: list[Sample] = []
     for label in part.classes:
-        found = part.in_classes([label])
-        rows = {modality: found.of(modality).rows for modality in modalities}
+        rows = {modality: found[label, modality] for modality in modalities}
         if all(rows.values()):
             samples += [
                 Sample(label, {name: each[i % len(each)] for name, each in rows.items()})

@@ -4,7 +4,7 @@ import csv
 import difflib
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -126,6 +126,12 @@ class Note:
     count: int
     text: str
     modality: str | None = None
+
+
+def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
+    """The index of each label among the classes."""
+    index = {name: number for number, name in enumerate(classes)}
+    return [index[label] for label in labels]
 
 
 def name_one(modality: str) -> str:

@@ -7,6 +7,7 @@ byte order marks, UTF-16, trailing delimiters and a column of time (:mod:`.time_
 
 import codecs
 import re
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from tex_lightning.data.time_column import RawTrace, separate_time
 
 MARKS = ("#", "%")
+PLAIN = b"0123456789+-.eE\r\n"  # of a file of one number a line
 MAX_HEADER = 2  # names and units
 
 
@@ -26,7 +28,11 @@ def read_text_trace(path: Path, channel: int | None = None) -> RawTrace:
         ValueError: If it holds no numbers, or they cannot be told apart.
         UserError: If its column of time cannot be used.
     """
-    comments, header, data = _divide(_decode(path.read_bytes()))
+    content = path.read_bytes()
+    if content.strip() and not content.translate(None, PLAIN):  # no dialect to find out
+        with suppress(ValueError):
+            return separate_time(path, np.loadtxt(path, ndmin=2), None, None, channel)
+    comments, header, data = _divide(_decode(content))
     if not data:
         raise ValueError("no numbers")
     if len(header) > MAX_HEADER:

@@ -14,6 +14,7 @@ from tex_lightning.config import DecisionConfig
 from tex_lightning.config.recipe import Running
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store
 from tex_lightning.decision.temperature import fit_temperature
 from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
@@ -48,7 +49,7 @@ def calibrate(
         logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
     if card.rule == "score":  # which alone counts then
         logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
-    labels = [card.classes.index(sample.label) for sample in samples]
+    labels = class_indices([sample.label for sample in samples], card.classes)
     found = {**card.calibration, "temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)
     if running.decision.name == SEQUENTIAL and needs_threshold(classifier):

@@ -32,23 +32,26 @@ def calibration(outcomes: Sequence[Outcome], classes: list[str]) -> dict[str, fl
         curve (Traub et al., NeurIPS 2024): the mean share of all samples that is accepted and
         wrong, 0 to 0.5. Lower is better for all.
     """
-    table = np.array(
-        [[outcome.class_probabilities[name] for name in classes] for outcome in outcomes]
-    )
-    places = np.array([classes.index(outcome.label) for outcome in outcomes])
-    truth = np.eye(len(classes))[places]
+    scores = np.array([_brier_and_likelihood(outcome, classes) for outcome in outcomes])
+    brier, likelihoods = scores.T
     confidence, correct = confidences(outcomes), correct_votes(outcomes)
-    likelihoods = table[np.arange(len(table)), places]
     return {
         "ece": float(
             binary_calibration_error(
                 torch.from_numpy(confidence), torch.from_numpy(correct).int(), n_bins=BINS
             )
         ),
-        "brier": float(np.square(table - truth).sum(axis=1).mean()),
+        "brier": float(brier.mean()),
         "nll": float(-np.log(np.maximum(likelihoods, MIN_PROBABILITY)).mean()),
         "augrc": augrc(confidence, correct),
     }
+
+
+def _brier_and_likelihood(outcome: Outcome, classes: list[str]) -> tuple[float, float]:
+    """Of one sample, since all probabilities of many classes are more than fits into memory."""
+    known = outcome.class_probabilities
+    probabilities, own = np.array([known[name] for name in classes]), known[outcome.label]
+    return float(np.square(probabilities).sum() - own**2 + (1 - own) ** 2), own
 
 
 def confidences(outcomes: Sequence[Outcome]) -> Array:

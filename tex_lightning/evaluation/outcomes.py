@@ -20,6 +20,7 @@ from tex_lightning.files import write_text
 
 RANDOM = "random weights"  # in place of the file that weights came from
 FILES = "files"
+MAX_FIELD = 1 << 30  # characters; the probabilities of 1000 classes take more than csv's own limit
 LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 
@@ -125,6 +126,7 @@ def read_outcomes(path: Path) -> list[Outcome]:
     """Read what :func:`write_outcomes` wrote."""
     types = {entry.name: entry.type for entry in fields(Outcome) if entry.name != FILES}
     outcomes = []
+    csv.field_size_limit(MAX_FIELD)
     with path.open(newline="", encoding="utf-8") as stream:
         for line in csv.DictReader(stream):
             files = {name: value for name, value in line.items() if name not in types}

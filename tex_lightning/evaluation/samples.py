@@ -44,12 +44,13 @@ def run_test(
 ) -> list[Outcome]:
     """Classify every sample, one at a time."""
     classes = classifier.card.classes
+    index = {name: number for number, name in enumerate(classes)}
     for sample in samples[:WARM_UP]:
         classify_sample(classifier, sample, store)
     outcomes = []
     for sample in track(samples, f"Testing {classifier.card.title}"):
         vote, latency = classify_sample(classifier, sample, store)
-        truth = classes.index(sample.label) if sample.label in classes else -1
+        truth = index.get(sample.label, -1)
         outcomes.append(
             Outcome(
                 files={name: row.source for name, row in sample.recordings.items()},

@@ -1,6 +1,5 @@
 """What an exported file says of itself, for whoever runs it without this package."""
 
-from collections.abc import Iterable
 from typing import Any
 
 from tex_lightning import __version__
@@ -10,8 +9,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.export.tracing import takes_axes
 from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.networks.blocks import Window
-from tex_lightning.networks.tiles import layer_windows
+from tex_lightning.networks.tiles import layer_windows, receptive_field
 
 KEY = "tex_lightning"  # of the metadata
 FORMAT = 1  # of what stands there
@@ -88,11 +86,3 @@ def _least(branch: Branch) -> int | None:
     if isinstance(branch.features, SpectrogramFeatures):
         return branch.features.samples(branch.min_size[1])
     return max(branch.min_size)
-
-
-def receptive_field(windows: Iterable[Window]) -> int:
-    """Elements along one axis that one position of layers in a row depends on."""
-    reach = 1
-    for window in reversed(list(windows)):
-        reach = (reach - 1) * window.stride + window.kernel
-    return reach

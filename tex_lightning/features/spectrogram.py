@@ -1,6 +1,6 @@
 """From a raw signal to the normalised spectrogram that HapticNet reads (paper, section III-B)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import torch
@@ -204,13 +204,26 @@ class SpectrogramFeatures(nn.Module):
         """Learn level, mean and deviation from the training set's magnitudes (bands, frames)."""
         if self.normalisation == "paper":
             return
-        frames = torch.cat(list(magnitudes), dim=1)
-        level = frames.mean()
+        # one recording after another: together they may be more than fits into memory
+        count = sum(each.shape[1] for each in magnitudes)
+        level = self._mean(count, (each.cpu().double() for each in magnitudes)).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
-        logs = self._log(frames)
-        std = logs.std(dim=1, keepdim=True)
-        self.channel_mean.copy_(logs.mean(dim=1, keepdim=True))
+        mean = self._mean(count, map(self._logs, magnitudes))
+        away = ((self._logs(each) - mean).square() for each in magnitudes)
+        std = self._mean(count - 1, away).sqrt()
+        self.channel_mean.copy_(mean)
         self.channel_std.copy_(torch.where(std > 1e-6, std, torch.ones_like(std)))
+
+    def _logs(self, magnitudes: Tensor) -> Tensor:
+        """On the CPU: not every device computes in float64."""
+        return self._log(magnitudes.to(self.level)).cpu().double()
+
+    def _mean(self, count: int, parts: Iterable[Tensor]) -> Tensor:
+        """Sum (bands, 1) over the frames of all parts (bands, frames), divided by ``count``."""
+        total = torch.zeros(self.bands, 1, dtype=torch.float64)
+        for part in parts:
+            total += part.sum(dim=1, keepdim=True)
+        return total / count
 
     def normalise(self, magnitudes: Tensor) -> Tensor:
         """Normalise magnitudes (bands, frames) to the network's input of the same shape."""

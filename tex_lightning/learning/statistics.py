@@ -7,7 +7,7 @@ from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.datamodule import load_recording
-from tex_lightning.data.recordings import Recording, Recordings, plural
+from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store
 from tex_lightning.networks.statistics import FeatureStatistics
 from tex_lightning.progress import track
@@ -33,7 +33,7 @@ def keep_statistics(
     classifier.eval()
     for name, branch in classifier.branches.items():
         own = rows.of(branch.modality).rows
-        labels = torch.tensor([classes.index(row.label) for row in own])
+        labels = torch.tensor(class_indices([row.label for row in own], classes))
         means = [each.mean(dim=1) for each in position_features(classifier, name, own, store)]
         features = torch.stack(means)
         found = FeatureStatistics.of(features, labels, len(classes))
@@ -56,9 +56,10 @@ def left_out_novelties(features: Tensor, labels: Tensor, classes: int) -> list[f
     if int(labels.bincount(minlength=classes).min()) < 2:
         return []
     ranks = torch.empty_like(labels)  # recordings of a class are in different parts
-    for label in range(classes):
-        own = labels == label
-        ranks[own] = torch.arange(int(own.sum())) % PARTS
+    ends = labels.bincount(minlength=classes).cumsum(0)
+    order = labels.argsort(stable=True)
+    begins = torch.cat([ends[:1] * 0, ends[:-1]])[labels[order]]
+    ranks[order] = (torch.arange(len(labels)) - begins) % PARTS
     found = torch.empty(len(labels))
     for part in range(int(ranks.max()) + 1):
         out = ranks == part

@@ -17,6 +17,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import make_samples
+from tex_lightning.data.recordings import class_indices
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
@@ -96,7 +97,7 @@ def _make_batches(training: Training, module: SurfaceModule) -> TrainingBatches:
     classifier.features.to(pick_device(training.recipe.trainer.accelerator))
     for name, branch in classifier.branches.items():
         rows = training.parts.train.of(branch.modality).rows
-        labels = np.array([card.classes.index(row.label) for row in rows])
+        labels = np.array(class_indices([row.label for row in rows], card.classes))
         bank = branch.bank(
             rows, training.store, {**training.recipe.model.fit_values(name), **training.fit_values},
             size=module.pieces[name], seed=training.recipe.seed, learn=not training.unimodal,

@@ -5,7 +5,7 @@ with those of the whole. Inside the input its edge is padded with zeros where th
 predictions that this reaches are computed and thrown away.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -14,6 +14,8 @@ from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import SameConv2d, Window
 from tex_lightning.networks.trunks.squeezenet import Fire
+
+MARGINS = 2  # receptive fields along an axis of a piece; of less, most is computed several times
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,29 @@ def _windows(module: nn.Module, axis: int) -> Iterator[Window]:
         parts = list(module.children())
     for part in parts:
         yield from _windows(part, axis)
+
+
+def receptive_field(windows: Iterable[Window]) -> int:
+    """Elements along one axis that one position of layers in a row depends on."""
+    reach = 1
+    for window in reversed(list(windows)):
+        reach = (reach - 1) * window.stride + window.kernel
+    return reach
+
+
+def affordable(windows: tuple[Sequence[Window], Sequence[Window]], most: int | None) -> int | None:
+    """Largest H * W of a piece, as asked for or as it takes to be more than margins.
+
+    Of EfficientNet-Lite2, whose predictions see 1307 pixels along each axis, pieces of two million
+    pixels would compute a photo of eight million 178 times over.
+
+    Args:
+        windows: The layers along H and along W.
+        most: What is asked for; None does not divide.
+    """
+    if most is None:
+        return None
+    return max(most, prod(MARGINS * receptive_field(each) for each in windows))
 
 
 def split_axis(windows: Sequence[Window], size: int, pieces: int) -> list[Span]:

@@ -19,7 +19,15 @@ from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.files import write_text
 from tex_lightning.progress import console
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
-from tex_lightning.report.table import TINY, is_tiny, make_table, python_command, seconds
+from tex_lightning.report.table import (
+    TINY,
+    is_tiny,
+    make_table,
+    python_command,
+    run_overrides,
+    seconds,
+    written,
+)
 
 Row = dict[str, Any]
 
@@ -85,8 +93,8 @@ class SweepSummary(Callback):
 def rerun_command(config: DictConfig, directory: Path) -> str:
     """The command that repeats a sweep, or goes on with it, in its folder."""
     overrides = OmegaConf.select(config, "hydra.overrides", default={})
-    given = [*overrides.get("hydra", []), *overrides.get("task", [])]
-    kept = [str(item) for item in given if not str(item).startswith(OWN_KEYS)]
+    given = [item for each in ("hydra", "task") for item in written(overrides.get(each, []))]
+    kept = [item for item in given if not item.startswith(OWN_KEYS)]
     return python_command("-m", *kept, f"hydra.sweep.dir={directory}")
 
 
@@ -95,7 +103,7 @@ def _rows(job: Path, root: Path) -> list[Row]:
     if (job / FAILURE).is_file():
         failure = json.loads((job / FAILURE).read_text(encoding="utf-8"))
         return [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
-    start["overrides"] = [str(item) for item in OmegaConf.load(job / ".hydra/overrides.yaml")]
+    start["overrides"] = run_overrides(job)
     results = job / "results.json"
     if not results.is_file():
         silent = {f"task={task}" for task in SILENT} & {*start["overrides"]}
@@ -127,7 +135,8 @@ def _pooled(rows: list[Row]) -> list[Row]:
     tested = [row for row in rows if "vote_accuracy" in row]
     groups = list(_alike(tested, FOLD_KEYS))
     folds = [_over_folds(*group) for group in groups]
-    whole = [row for row in tested if not any(row in members for _, members in groups)]
+    pooled = {id(row) for _, members in groups for row in members}
+    whole = [row for row in tested if id(row) not in pooled]
     return folds + [_over_seeds(*group) for group in _alike(whole + folds, SEED_KEYS)]
 
 

@@ -74,9 +74,15 @@ def print_tables(directory: Path, *tables: Table) -> None:
 
 
 def run_overrides(directory: Path) -> list[str]:
-    """What was asked for in a run folder; nothing if it does not say."""
+    """What was asked for in a run folder, as it was written; nothing if it does not say."""
     path = directory / ".hydra" / "overrides.yaml"
-    return [str(item) for item in OmegaConf.load(path)] if path.is_file() else []
+    return written(OmegaConf.load(path)) if path.is_file() else []
+
+
+def written(overrides: Any) -> list[str]:  # noqa: ANN401  (a list, or one of OmegaConf's)
+    """Overrides with their interpolations as such: outside of the job some have no value."""
+    plain: Any = OmegaConf.to_container(OmegaConf.create(overrides), resolve=False)
+    return [str(item) for item in plain]
 
 
 def is_tiny(overrides: list[str]) -> bool:

@@ -59,6 +59,17 @@ def whole(classifier: SurfaceClassifier, trace: torch.Tensor):
         return None
 
 
+def test_fragments_of_hours_are_not_copied_with_every_push():
+    stream, trace = StreamingClassifier(make_classifier()), recording(4.3, None, 1, 0)
+    places = {stream.push(chunk).fragments.data_ptr() for chunk in trace.split(20_000, dim=1)[1:]}
+    assert len(places) == 1
+    stream.settled_count = len(stream.labels)  # full
+    known = stream.labels.clone()
+    fragments = stream.push(trace[:, :5000]).fragments
+    assert len(fragments) > len(known)
+    assert torch.equal(fragments[: len(known)], known)
+
+
 @pytest.mark.parametrize("norm", ["batch", "lrn", "none"])
 @settings(max_examples=6)
 @given(

@@ -15,6 +15,7 @@ from tex_lightning.inference.streaming.convolutions import Columns
 from tex_lightning.inference.streaming.layers import streaming_layers
 from tex_lightning.networks.hapticnet import HapticNet
 
+MIN_ROOM = 1000  # labels
 PIECE_SECONDS = 1.0  # longer chunks are taken in pieces, so that memory stays bounded
 
 
@@ -109,7 +110,8 @@ class StreamingClassifier:
 
         Returns:
             The vote of all samples so far; None while they do not give one fragment. Where some
-            wait, the label is that of all, and the rest is of those that were computed.
+            wait, the label is that of all, and the rest is of those that were computed. Its
+            fragments are good until the next push, which may change the last of them.
         """
         samples = _joined(self.waiting, chunk.to(self.features.window))
         if self._can_wait(samples):
@@ -167,7 +169,8 @@ class StreamingClassifier:
             layer.restart()
         self.votes.zero_()
         self.probabilities = torch.zeros_like(self.votes, dtype=torch.float64)
-        self.labels = self.votes[:0]
+        self.labels = self.votes.new_empty(MIN_ROOM)  # of fragments, with room for more
+        self.settled_count = 0  # of them
         self.settled: list[Tensor] = []
         self.edge = self.probabilities.new_empty(len(self.votes), 0)
         self.settled_sums = self.sums = self.edge.new_zeros(())  # of FC2's features
@@ -202,10 +205,10 @@ class StreamingClassifier:
             settled: The first so many of them are settled now.
         """
         labels = scores.argmax(dim=0)
-        fragments = torch.cat((self.labels, labels))
+        fragments = self._noted(labels)
         votes, sums = self.votes, self.probabilities
         if settled:
-            self.labels = fragments[: self.labels.shape[0] + settled]
+            self.settled_count += settled
             votes += self._votes(labels[:settled])
             sums += probabilities(scores[:, :settled], self.temperature)
         if self.keep_scores:
@@ -217,6 +220,16 @@ class StreamingClassifier:
         count = fragments.shape[0]
         vote = Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
         return vote.by_mean() if self.by_mean else vote
+
+    def _noted(self, labels: Tensor) -> Tensor:
+        """Labels of all fragments so far, these last; after hours a copy would cost too much."""
+        count = self.settled_count + len(labels)
+        if count > len(self.labels):
+            grown = self.labels.new_empty(2 * count)
+            grown[: self.settled_count] = self.labels[: self.settled_count]
+            self.labels = grown
+        self.labels[self.settled_count : count] = labels
+        return self.labels[:count]
 
     def _votes(self, labels: Tensor) -> Tensor:
         return torch.bincount(labels, minlength=self.votes.shape[0])
