@@ -24,6 +24,15 @@ def pick_device(accelerator: str) -> torch.device:
     return torch.device("cpu")
 
 
+def use_tf32(allowed: bool) -> None:
+    """Let NVIDIA GPUs round the factors of fp32 products to 10 bits, or let none of them.
+
+    PyTorch lets convolutions do so unless it is told otherwise.
+    """
+    torch.backends.cudnn.allow_tf32 = allowed
+    torch.backends.cuda.matmul.allow_tf32 = allowed
+
+
 def count_processes(trainer: TrainerConfig) -> int:
     """How many processes train one network together, on all nodes.
 

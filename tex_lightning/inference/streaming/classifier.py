@@ -73,7 +73,7 @@ class StreamingClassifier:
         self.temperature = classifier.card.temperature
         self.by_mean = classifier.card.rule == "mean"
         self.exact = StoppingRule(0, network.classes)  # what follows in time is no random draw
-        self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
+        self.votes = torch.zeros(network.classes, dtype=torch.long)
         self.restart(start_known=not features.skip_impact)
 
     def restart(self, *, start_known: bool) -> None:
@@ -201,7 +201,7 @@ class StreamingClassifier:
             scores: (classes, fragments), those settled before left out.
             settled: The first so many of them are settled now.
         """
-        labels = scores.argmax(dim=0)
+        labels = scores.argmax(dim=0).cpu()  # where votes are, see decision.voting
         fragments = torch.cat((self.labels, labels))
         votes, sums = self.votes, self.probabilities
         if settled:
