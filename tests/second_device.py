@@ -86,15 +86,16 @@ def compute(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
     given = {**kwargs, "device": torch.device("cpu")} if wanted is not None else kwargs
     args_near, given = tree_map_only(Far, lambda each: each.near, (args, given))
     out = function(*args_near, **given)
-    for far in tree_leaves((args, kwargs)):
-        if isinstance(far, Far) and far.shape != far.near.shape:
-            raise NotImplementedError(f"{function} changes the shape of a tensor of the device")
     if function.overloadpacket is torch.ops.aten._to_copy and is_near(wanted):
         return out
     if function is torch.ops.aten.copy_.default:
         return args[0]
     out = tree_map_only(torch.Tensor, Far, out)
-    return return_and_correct_aliasing(function, args, kwargs, out)
+    out = return_and_correct_aliasing(function, args, kwargs, out)
+    for far in tree_leaves((args, kwargs)):
+        if isinstance(far, Far) and far.shape != far.near.shape:
+            raise NotImplementedError(f"{function} changes the shape of a tensor of the device")
+    return out
 
 
 def is_near(wanted: torch.device | None) -> bool:
@@ -105,7 +106,7 @@ def check(function: Callable[..., Any], args: Any, kwargs: Any) -> None:
     """Refuse what a real device would.
 
     Raises:
-        MixedDevicesError: If a tensor with axes, or one that is changed, lies elsewhere.
+        MixedDevicesError: If a tensor with axes, of float64 or that is changed lies elsewhere.
     """
     leaves = tree_leaves((args, kwargs))
     tensors = [each for each in leaves if isinstance(each, torch.Tensor)]
@@ -115,7 +116,8 @@ def check(function: Callable[..., Any], args: Any, kwargs: Any) -> None:
     if function in CROSSING or not near:
         return
     scalars = all(not each.dim() for each in near) and torch.Tag.pointwise in function.tags
-    if not scalars or not isinstance(tensors[0], Far):
+    changed = function._schema.is_mutable and not isinstance(tensors[0], Far)
+    if changed or not scalars or any(each.dtype in WIDE for each in near):
         shapes = [tuple(each.shape) for each in near]
         raise MixedDevicesError(f"{function} has tensors on the CPU: {shapes}")
 
@@ -179,13 +181,16 @@ def chosen() -> Iterator[torch.device]:
     from tex_lightning import devices
     from tex_lightning.learning import trainer
 
+    pick = devices.pick_device
+    if (real := pick("auto")).type != "cpu":
+        yield real
+        return
     device = register()
 
     def make_trainer(**flags: Any) -> Trainer:
         flags |= {"accelerator": SecondAccelerator(), "strategy": SingleDeviceStrategy(device)}
         return Trainer(**flags)
 
-    pick = devices.pick_device
     with pytest.MonkeyPatch.context() as patch:
         for name, module in list(sys.modules.items()):
             if name.startswith("tex_lightning") and getattr(module, "pick_device", None) is pick:

@@ -170,7 +170,7 @@ class StreamingClassifier:
         self.labels = self.votes[:0]
         self.settled: list[Tensor] = []
         self.edge = self.probabilities.new_empty(len(self.votes), 0)
-        self.settled_sums = self.sums = self.edge.new_zeros(())  # of FC2's features
+        self.settled_sums = self.sums = self.features.window.new_zeros(())  # of FC2's features
         self.vote: Vote | None = None
 
     def _take(self, piece: Tensor) -> None:
