@@ -198,7 +198,7 @@ def bands(run_once, surfaces) -> Path:
     return run_once("experiment=few/haptic", "data=folder", f"data.root={surfaces}")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def second_device() -> Iterator[torch.device]:
     """A device beside the CPU, which ``trainer.accelerator=auto`` takes in these tests."""
     with chosen() as device:

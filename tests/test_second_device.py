@@ -4,12 +4,17 @@ The device is CUDA or MPS where the machine has one, else the stand-in of ``seco
 which refuses what they would: tensors in two places, float64, generators of the CPU.
 """
 
+import csv
+import functools
 from copy import deepcopy
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import second_device as stand_in
 import torch
+import torchgen
+import yaml
 from conftest import make_card, make_photo, make_trace, trunk_node
 from lightning.fabric.utilities import move_data_to_device
 
@@ -36,6 +41,7 @@ CARDS = {
     "fusion of scores": lambda: make_card("haptic", "visual", level="fc3", width=0.1),
     "fusion of three": lambda: make_card("haptic", "visual", "sound", width=0.1),
 }
+QUICK = ("haptic of the paper", "proportions of bands", "efficientnet_lite0", "fusion of features")
 FIT = {
     "optimizer": {"_target_": "torch.optim.AdamW", "_partial_": True},
     "schedule": {"_target_": "torch.optim.lr_scheduler.OneCycleLR", "_partial_": True},
@@ -81,7 +87,10 @@ def make_classifier(card: Card) -> SurfaceClassifier:
     return classifier
 
 
-@pytest.mark.parametrize("name", CARDS)
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CARDS],
+)
 def test_every_network_decides_as_on_the_cpu(second_device, name):
     near = make_classifier(CARDS[name]())
     far = deepcopy(near).to(second_device)
@@ -181,3 +190,78 @@ def test_the_stand_in_refuses_what_devices_refuse(mistake, error):
     assert (2 * far + torch.tensor(1.0)).tolist() == [1, 1, 1]  # a number of no axes may join
     with pytest.raises(error):
         mistake(far)
+
+
+# Of a checkpoint of the first one; together with it they run whatever computes on a device.
+RUNS = [
+    ["model=fusion"],
+    ["task=evaluate", "checkpoint=RUN", "decision=sequential", "decision.calibrated=false"],
+    ["task=evaluate", "checkpoint=RUN", "engine=reference"],
+    ["task=stability", "stability.systems=[RUN]"],
+    ["task=enroll", "checkpoint=RUN", "enroll.forget=[alpha]", "enroll.only=[alpha]"],
+    ["task=predict", "checkpoint=RUN", "haptic=WAV", "image=PNG", "predict.figure=PAGE"],
+    ["task=stream", "checkpoint=RUN/checkpoints/haptic.ckpt", "haptic=WAV"],
+    ["task=stream", "checkpoint=RUN/checkpoints/haptic.ckpt", "haptic=WAV", "stream.window=2"],
+    ["experiment=few/fusion"],
+    ["experiment=robust/fusion"],
+    ["model=fusion_fc3"],
+    ["model=visual_efficientnet", "weights=imagenet"],
+    ["model=haptic", "model.haptic.axes=trace", "model.haptic.normalisation=paper"],
+    ["model=acnn"],
+]
+
+
+def run_all(cli, surfaces, folder):
+    """The runs of ``RUNS``; gives the folder of the first."""
+    words = {"RUN": folder / "0", "PAGE": folder / "why.png"}
+    words |= {"WAV": surfaces / "beta/haptic/beta_0.wav", "PNG": surfaces / "beta/image/beta_0.png"}
+    data = ["data=folder", f"data.root={surfaces}", "data.half_scale=false"]
+    for number, run in enumerate(RUNS):
+        arguments = [*run, "debug=tiny", f"hydra.run.dir={folder / str(number)}"]
+        if not run[0].endswith(("predict", "stream")):
+            arguments += data
+        for word, path in words.items():
+            arguments = [each.replace(word, str(path)) for each in arguments]
+        outcome = cli(*arguments)
+        assert outcome.status == 0, (run, outcome.err)
+    return folder / "0"
+
+
+def predicted(directory):
+    with (directory / "predictions" / "fusion.csv").open() as stream:
+        return [(row["haptic"], row["predicted"]) for row in csv.DictReader(stream)]
+
+
+@pytest.mark.slow
+def test_whole_runs_on_the_device_end_well_and_its_kernels_exist(cli, surfaces, tmp_path):
+    stand_in.OPERATIONS.clear()
+    with stand_in.chosen() as device:
+        far = run_all(cli, surfaces, tmp_path)
+    near = tmp_path / "near"
+    data = ["data=folder", f"data.root={surfaces}", "data.half_scale=false", "debug=tiny"]
+    assert cli("model=fusion", *data, f"hydra.run.dir={near}").status == 0
+    if device.type == stand_in.NAME:  # which draws as the CPU does
+        assert predicted(far) == predicted(near)
+        assert len(stand_in.OPERATIONS) > 120
+        assert not {name for name in stand_in.OPERATIONS if not kernels(name) >= {"CUDA", "MPS"}}
+
+
+def kernels(name: str) -> set[str]:
+    """Devices that PyTorch says it has a kernel of an operation for."""
+    entry = native_functions()[name.removeprefix("aten.").removesuffix(".default")]
+    given = {key for keys in entry.get("dispatch", {}) for key in keys.split(", ")}
+    if "ufunc_inner_loop" in entry:
+        given |= {"CPU", "CUDA"}
+    if any(key.startswith("Composite") for key in given) or not entry.get("dispatch"):
+        given |= {"CUDA", "MPS"}  # made of other operations, which are looked up themselves
+    if "structured_delegate" in entry:
+        given = kernels(entry["structured_delegate"])
+    return given
+
+
+@functools.cache
+def native_functions():
+    """PyTorch's own table of its operations."""
+    path = Path(torchgen.__file__).parent / "packaged/ATen/native/native_functions.yaml"
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    return {each["func"].split("(")[0]: each for each in yaml.load(path.read_text(), loader)}

@@ -33,6 +33,19 @@ def use_tf32(allowed: bool) -> None:
     torch.backends.cuda.matmul.allow_tf32 = allowed
 
 
+def check_precision(trainer: TrainerConfig) -> None:
+    """Refuse to train in a precision that the device does not have.
+
+    Raises:
+        UserError: If float64 is asked of Apple's GPU.
+    """
+    if trainer.precision == "64-true" and pick_device(trainer.accelerator).type == "mps":
+        raise UserError(
+            "trainer.precision is 64-true, and Apple's GPUs have no float64; set "
+            "trainer.accelerator=cpu or trainer.precision=32-true."
+        )
+
+
 def count_processes(trainer: TrainerConfig) -> int:
     """How many processes train one network together, on all nodes.
 
