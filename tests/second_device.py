@@ -17,7 +17,10 @@ from lightning.pytorch.accelerators import Accelerator
 from lightning.pytorch.strategies import SingleDeviceStrategy
 from torch.utils._python_dispatch import return_and_correct_aliasing
 from torch.utils._pytree import tree_leaves, tree_map_only
-from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
+from torch.utils.backend_registration import (
+    _DummyBackendModule,
+    _setup_privateuseone_for_python_backend,
+)
 
 NAME = "faraway"
 WIDE = (torch.float64, torch.complex128)  # MPS has neither
@@ -122,6 +125,16 @@ def check(function: Callable[..., Any], args: Any, kwargs: Any) -> None:
         raise MixedDevicesError(f"{function} has tensors on the CPU: {shapes}")
 
 
+class Module(_DummyBackendModule):
+    """``torch.faraway``: its numbers are drawn by the CPU's generator."""
+
+    def get_rng_state(self, device: object = None) -> torch.Tensor:
+        return torch.get_rng_state()
+
+    def set_rng_state(self, state: torch.Tensor, device: object = None) -> None:
+        pass
+
+
 class SecondAccelerator(Accelerator):
     """What Lightning has to know of it."""
 
@@ -159,9 +172,13 @@ _library: list[torch.library.Library] = []  # registered as long as it lives
 
 
 def register() -> torch.device:
-    """Make the device known to PyTorch, for as long as the process lives."""
+    """Make the device known to PyTorch, for as long as the process lives.
+
+    No gradient flows there once one has flowed in the process: PyTorch makes the threads of all
+    devices with the first.
+    """
     if not _library:
-        _setup_privateuseone_for_python_backend(rename=NAME)
+        _setup_privateuseone_for_python_backend(rename=NAME, backend_module=Module())
         library = torch.library.Library("_", "IMPL")
         library.fallback(compute, "PrivateUse1")
         own = torch.library.Library("aten", "IMPL")

@@ -6,6 +6,9 @@ which refuses what they would: tensors in two places, float64, generators of the
 
 import csv
 import functools
+import os
+import subprocess
+import sys
 from copy import deepcopy
 from pathlib import Path
 from types import SimpleNamespace
@@ -124,6 +127,42 @@ def test_a_network_that_has_classified_there_learns_a_class(second_device):
     assert wider.to(second_device).classify(haptic=given).label == 3
 
 
+@pytest.mark.parametrize(
+    ("mistake", "error"),
+    [
+        (lambda far: far + torch.ones(3), stand_in.MixedDevicesError),
+        (lambda far: torch.ones(3).add_(far), stand_in.MixedDevicesError),
+        (lambda far: torch.stack([far[0], torch.tensor(1.0)]), stand_in.MixedDevicesError),
+        (lambda far: far[torch.tensor([0, 1])], stand_in.MixedDevicesError),
+        (lambda far: far.random_(generator=torch.Generator()), stand_in.MixedDevicesError),
+        (lambda far: far.double(), TypeError),
+        (lambda far: far.numpy(), RuntimeError),
+    ],
+)
+def test_the_stand_in_refuses_what_devices_refuse(mistake, error):
+    far = torch.zeros(3, device=stand_in.register())
+    assert (2 * far + torch.tensor(1.0)).tolist() == [1, 1, 1]  # a number of no axes may join
+    with pytest.raises(error):
+        mistake(far)
+
+
+ALONE = "SECOND_DEVICE_ALONE"
+alone = pytest.mark.skipif(ALONE not in os.environ, reason="runs in a process of its own, below")
+
+
+@pytest.mark.slow
+def test_training_in_a_process_of_its_own():
+    arguments = [__file__, "-q", "-n", "0", "-m", "slow", "-k", "test_alone", "-p", "no:cacheprovider"]
+    finished = subprocess.run(
+        [sys.executable, "-m", "pytest", *arguments],
+        env={**os.environ, ALONE: "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert finished.returncode == 0, finished.stdout
+    assert "3 passed" in finished.stdout
+
+
 def make_module(dropout: float) -> FusionModule:
     torch.manual_seed(0)
     card = make_card("haptic", "visual", width=0.1, dropout=dropout).to_dict()
@@ -146,7 +185,9 @@ def batch() -> dict[str, object]:
     }
 
 
-def test_a_step_of_training_and_one_of_validation_are_those_on_the_cpu(second_device):
+@alone
+@pytest.mark.slow
+def test_alone_a_step_of_training_and_one_of_validation_are_those_on_the_cpu(second_device):
     losses, weights = [], []
     for device in (torch.device("cpu"), second_device):
         module = make_module(dropout=0.0).to(device)
@@ -167,29 +208,12 @@ def test_a_step_of_training_and_one_of_validation_are_those_on_the_cpu(second_de
         torch.testing.assert_close(found, expected, rtol=1e-2, atol=3e-3)
 
 
-def test_dropout_is_drawn_on_the_device(second_device):
+@alone
+@pytest.mark.slow
+def test_alone_dropout_is_drawn_on_the_device(second_device):
     module = make_module(dropout=0.5).to(second_device)
     loss = module.training_step(move_data_to_device(batch(), second_device), 0)
     assert loss.device.type == second_device.type
-
-
-@pytest.mark.parametrize(
-    ("mistake", "error"),
-    [
-        (lambda far: far + torch.ones(3), stand_in.MixedDevicesError),
-        (lambda far: torch.ones(3).add_(far), stand_in.MixedDevicesError),
-        (lambda far: torch.stack([far[0], torch.tensor(1.0)]), stand_in.MixedDevicesError),
-        (lambda far: far[torch.tensor([0, 1])], stand_in.MixedDevicesError),
-        (lambda far: far.random_(generator=torch.Generator()), stand_in.MixedDevicesError),
-        (lambda far: far.double(), TypeError),
-        (lambda far: far.numpy(), RuntimeError),
-    ],
-)
-def test_the_stand_in_refuses_what_devices_refuse(mistake, error):
-    far = torch.zeros(3, device=stand_in.register())
-    assert (2 * far + torch.tensor(1.0)).tolist() == [1, 1, 1]  # a number of no axes may join
-    with pytest.raises(error):
-        mistake(far)
 
 
 # Of a checkpoint of the first one; together with it they run whatever computes on a device.
@@ -232,8 +256,9 @@ def predicted(directory):
         return [(row["haptic"], row["predicted"]) for row in csv.DictReader(stream)]
 
 
+@alone
 @pytest.mark.slow
-def test_whole_runs_on_the_device_end_well_and_its_kernels_exist(cli, surfaces, tmp_path):
+def test_alone_whole_runs_on_the_device_end_well_and_its_kernels_exist(cli, surfaces, tmp_path):
     stand_in.OPERATIONS.clear()
     with stand_in.chosen() as device:
         far = run_all(cli, surfaces, tmp_path)
