@@ -14,6 +14,7 @@ import soundfile
 import torch
 from hypothesis import settings
 from PIL import Image
+from second_device import chosen
 
 from tex_lightning.__main__ import main
 from tex_lightning.card import Card
@@ -195,6 +196,13 @@ def make_card(
 def bands(run_once, surfaces) -> Path:
     """A run folder of the rule on proportions of bands, fitted to the surfaces in a moment."""
     return run_once("experiment=few/haptic", "data=folder", f"data.root={surfaces}")
+
+
+@pytest.fixture
+def second_device() -> Iterator[torch.device]:
+    """A device beside the CPU, which ``trainer.accelerator=auto`` takes in these tests."""
+    with chosen() as device:
+        yield device
 
 
 @pytest.fixture(scope="session", autouse=True)

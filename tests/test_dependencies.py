@@ -1,17 +1,101 @@
-"""What the README's first command installs is enough to start."""
+"""What the README's first command installs is enough to start; what is pinned is all, and good."""
 
-import re
 import subprocess
 import sys
 import tomllib
-from importlib.metadata import packages_distributions
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
-PROJECT = Path(__file__).parents[1] / "pyproject.toml"
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from packaging.version import Version
+
+ROOT = Path(__file__).parents[1]
+PROJECT = ROOT / "pyproject.toml"
+ELSEWHERE = ("cuda-", "nvidia-", "setuptools", "triton")  # of a CUDA build, or of any environment
+BAD = tomllib.loads((Path(__file__).parent / "known_bad_releases.toml").read_text())["release"]
 
 
 def names(requirements):
-    return {re.match(r"[\w-]+", each)[0].replace("_", "-").lower() for each in requirements}
+    return {canonicalize_name(Requirement(each).name) for each in requirements}
+
+
+def direct(project=PROJECT):
+    """Requirements of the distribution and of all its extras."""
+    project = tomllib.loads(project.read_text())["project"]
+    extras = project.get("optional-dependencies", {}).values()
+    every = [*project["dependencies"], *(each for extra in extras for each in extra)]
+    found = [Requirement(each) for each in every]
+    return [each for each in found if canonicalize_name(each.name) != "tex-lightning"]
+
+
+def pins():
+    """Name and version of every line of constraints.txt."""
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    found = [line.partition("==") for line in lines if line and not line.startswith("#")]
+    assert all(mark == "==" and name and version for name, mark, version in found)
+    return [(canonicalize_name(name), Version(version)) for name, _, version in found]
+
+
+def resolved():
+    """Names of what the direct requirements bring along, as far as it is installed here."""
+    waiting, seen = direct(), set()
+    while waiting:
+        requirement = waiting.pop()
+        name = canonicalize_name(requirement.name)
+        key = name, frozenset(requirement.extras)
+        if key in seen:
+            continue
+        seen.add(key)
+        try:
+            further = [Requirement(each) for each in requires(name) or []]
+        except PackageNotFoundError:
+            continue
+        for each in further:
+            extras = requirement.extras or {""}
+            if each.marker is None or any(each.marker.evaluate({"extra": e}) for e in extras):
+                waiting.append(each)
+    return {name for name, _ in seen}
+
+
+def test_everything_installed_is_pinned_exactly_once():
+    pinned = [name for name, _ in pins()]
+    assert len(pinned) == len(set(pinned))
+    unpinned = resolved() - set(pinned)
+    assert not {name for name in unpinned if not name.startswith(ELSEWHERE)}
+
+
+def test_every_bound_takes_its_pin():
+    pinned = dict(pins())
+    for requirement in direct():
+        assert requirement.specifier.contains(pinned[canonicalize_name(requirement.name)])
+
+
+def oldest(requirement):
+    """The version of its lower bound, or the only one; None where another extra has the bound."""
+    bounds = [each.version for each in requirement.specifier if each.operator in (">=", "==")]
+    return Version(*bounds) if bounds else None
+
+
+@pytest.mark.parametrize("project", ["pyproject.toml", "runtime/pyproject.toml"])
+def test_no_known_bad_release_is_pinned_or_the_oldest_allowed(project):
+    bounds = [(canonicalize_name(each.name), oldest(each)) for each in direct(ROOT / project)]
+    lowest = [(name, version) for name, version in bounds if version is not None]
+    assert len(lowest) > 3
+    for release in BAD:
+        assert release["source"]
+        assert release["month"]
+        for versions in release["versions"]:
+            bad = Requirement(release["name"] + versions)
+            for name, version in [*pins(), *lowest]:
+                assert name != bad.name or not bad.specifier.contains(version), release
+
+
+@pytest.mark.parametrize("name", ["lightning", "pytorch-lightning"])
+def test_the_compromised_releases_are_excluded(name):
+    (requirement,) = [each for each in direct() if each.name == name]
+    assert not any(requirement.specifier.contains(each) for each in ("2.6.2", "2.6.3"))
 
 
 def test_no_optional_library_is_imported_before_it_is_asked_for():

@@ -24,6 +24,28 @@ def pick_device(accelerator: str) -> torch.device:
     return torch.device("cpu")
 
 
+def use_tf32(allowed: bool) -> None:
+    """Let NVIDIA GPUs round the factors of fp32 products to 10 bits, or let none of them.
+
+    PyTorch lets convolutions do so unless it is told otherwise.
+    """
+    torch.backends.cudnn.allow_tf32 = allowed
+    torch.backends.cuda.matmul.allow_tf32 = allowed
+
+
+def check_precision(trainer: TrainerConfig) -> None:
+    """Refuse to train in a precision that the device does not have.
+
+    Raises:
+        UserError: If float64 is asked of Apple's GPU.
+    """
+    if trainer.precision == "64-true" and pick_device(trainer.accelerator).type == "mps":
+        raise UserError(
+            "trainer.precision is 64-true, and Apple's GPUs have no float64; set "
+            "trainer.accelerator=cpu or trainer.precision=32-true."
+        )
+
+
 def count_processes(trainer: TrainerConfig) -> int:
     """How many processes train one network together, on all nodes.
 

@@ -15,7 +15,7 @@ from tex_lightning.config.job import Job
 from tex_lightning.config.trust import trust, trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.defaults import TRAINING, with_defaults
-from tex_lightning.devices import count_processes
+from tex_lightning.devices import check_precision, count_processes, use_tf32
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.memory import kept_memory
@@ -76,7 +76,11 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     set_threads(config.task, config.trainer.threads)
-    processes = count_processes(config.trainer) if config.task in TRAINING else 1
+    use_tf32(config.trainer.tf32)
+    processes = 1
+    if config.task in TRAINING:
+        check_precision(config.trainer)
+        processes = count_processes(config.trainer)
     if processes > 1:
         _check_origin(job)
     check_shares(config, processes)

@@ -20,7 +20,7 @@ from tex_lightning.config.trust import trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.decision.voting import Vote
-from tex_lightning.devices import pick_device, synchronise
+from tex_lightning.devices import pick_device, synchronise, use_tf32
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
 from tex_lightning.inference.engine import accelerate
@@ -95,6 +95,7 @@ class Predictor:
 
     def __init__(self, classifier: SurfaceClassifier, how: PredictionRecipe) -> None:
         self.how = how
+        use_tf32(how.running.tf32)
         self.classifier = classifier.to(pick_device(how.running.accelerator))
         self.card: Card = classifier.card.deciding(how.running.decision)
         check_unknown(self.card, bool(classifier.statistics))

@@ -10,28 +10,28 @@ import pytest
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.official_weights import find_weights
-from tex_lightning.networks.trunks import published
+from tex_lightning.networks.trunks import TRUNKS, published
 
 PACKAGE = "weights_of_a_test"
+CONTENT = bytes(range(256)) * 100
 
 
 @pytest.fixture
 def trunk(monkeypatch):
     trunk = published("efficientnet_lite0")
     monkeypatch.setattr(type(trunk), "imagenet_package", PACKAGE)
+    monkeypatch.setattr(type(trunk), "imagenet_sha256", hashlib.sha256(CONTENT).hexdigest())
     return trunk
 
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """A package whose code would fail, with a file named after its SHA-256."""
+    """A package whose code would fail, with a file of weights."""
     folder = tmp_path / PACKAGE
     (folder / "models").mkdir(parents=True)
     (folder / "__init__.py").write_text("raise RuntimeError('was run')")
-    content = bytes(range(256)) * 100
-    digits = hashlib.sha256(content).hexdigest()[:8]
-    path = folder / "models" / f"lite-{digits}.pth"
-    path.write_bytes(content)
+    path = folder / "models" / "lite.pth"
+    path.write_bytes(CONTENT)
     monkeypatch.syspath_prepend(tmp_path)
     return path
 
@@ -45,16 +45,29 @@ def test_a_damaged_file_is_refused(trunk, package):
     content = bytearray(package.read_bytes())
     content[1000] ^= 1
     package.write_bytes(content)
-    with pytest.raises(UserError, match="is damaged, its SHA-256") as caught:
+    # named after its own digest, as one that was exchanged would be
+    path = package.rename(package.with_name(f"lite-{hashlib.sha256(content).hexdigest()[:8]}.pth"))
+    with pytest.raises(UserError, match=r"not the published file of .*_lite0, its SHA") as caught:
         find_weights(trunk, "imagenet")
-    assert str(package) in str(caught.value)
-    assert "--force-reinstall --no-deps weights-of-a-test" in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "--force-reinstall --no-deps weights-of-a-test==0.1.0" in str(caught.value)
 
 
-def test_a_file_without_digits_in_its_name_is_refused(trunk, package):
-    package.rename(package.with_name("lite.pth"))
-    with pytest.raises(UserError, match="is damaged"):
+def test_a_trunk_of_ones_own_has_the_digits_of_the_name_or_nothing(trunk, package, monkeypatch):
+    monkeypatch.setattr(type(trunk), "imagenet_sha256", None)
+    with pytest.raises(UserError, match="is not the published file"):
         find_weights(trunk, "imagenet")
+    digits = hashlib.sha256(CONTENT).hexdigest()[:8]
+    named = package.rename(package.with_name(f"lite-{digits}.pth"))
+    assert find_weights(trunk, "imagenet") == named
+
+
+def test_every_published_file_has_a_digest_that_its_name_begins_with():
+    for name, trunk in TRUNKS.items():
+        address = trunk.imagenet_url or trunk.imagenet_package
+        assert bool(address) == bool(trunk.imagenet_sha256), name
+        if trunk.imagenet_url:
+            assert f"-{trunk.imagenet_sha256[:8]}." in trunk.imagenet_url
 
 
 @pytest.mark.parametrize("emptied", [False, True])

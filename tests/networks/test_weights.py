@@ -192,6 +192,10 @@ def test_features_are_the_published_ones_divided_by_one_number(tmp_path):
     assert 0.5 < features.square().mean().sqrt() < 2
 
 
+def sha256(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 @pytest.fixture
 def hub(tmp_path, monkeypatch):
     """A folder of torch.hub of this test's own, and a fabricated official file to fetch."""
@@ -199,8 +203,7 @@ def hub(tmp_path, monkeypatch):
     monkeypatch.setattr(torch.hub, "get_dir", lambda: str(folder))
     source = tmp_path / "weights.pth"
     torch.save(fabricate(ALEXNET_TORCHVISION), source)
-    digits = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
-    official = source.rename(tmp_path / f"alexnet-{digits}.pth")
+    official = source.rename(tmp_path / f"alexnet-{sha256(source)[:8]}.pth")
     return folder / "checkpoints", official
 
 
@@ -210,15 +213,21 @@ def test_official_weights_are_fetched_once(hub, monkeypatch, by_address):
     net = visualnet("alexnet_torchvision")
     url = official.as_uri()
     monkeypatch.setattr(type(net.trunk), "imagenet_url", url)
+    monkeypatch.setattr(type(net.trunk), "imagenet_sha256", sha256(official))
     source = url if by_address else "imagenet"
     assert str(folder / official.name) in load_trunk_weights(net.trunk, source)
     official.unlink()
     load_trunk_weights(net.trunk, source)
+    kept = folder / official.name
+    kept.write_bytes(kept.read_bytes()[:-1])
+    with pytest.raises(UserError, match=r"not the published file .* delete it to fetch it anew"):
+        load_trunk_weights(net.trunk, source)
 
 
 def test_fetched_file_must_have_the_digest_of_its_name(hub, monkeypatch):
     folder, official = hub
     net = visualnet("alexnet_torchvision")
+    monkeypatch.setattr(type(net.trunk), "imagenet_sha256", None)
     altered = official.rename(official.with_name("alexnet-01234567.pth"))
     monkeypatch.setattr(type(net.trunk), "imagenet_url", altered.as_uri())
     with pytest.raises(UserError, match=r"could not fetch .*invalid hash value"):

@@ -131,7 +131,7 @@ class Config:
     @property
     def running(self) -> Running:
         """How trained systems are run."""
-        return Running(self.trainer.accelerator, self.engine, self.decision)
+        return Running(self.trainer.accelerator, self.trainer.tf32, self.engine, self.decision)
 
     @property
     def prediction(self) -> PredictionRecipe:

@@ -14,11 +14,13 @@ class Running:
 
     Attributes:
         accelerator: Kind of device.
+        tf32: Whether NVIDIA GPUs may round.
         engine: Fast paths.
         decision: How fragments become a label.
     """
 
     accelerator: str
+    tf32: bool
     engine: EngineConfig
     decision: DecisionConfig
 

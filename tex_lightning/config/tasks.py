@@ -14,6 +14,7 @@ OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
 EXPORT_FORMATS = ("onnx", "web", "pt2", "card")
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
+OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
 
@@ -91,6 +92,9 @@ class TrainerConfig:
     )
     strategy: Any = key("how they train together: a name that Lightning knows, or a _target_")
     precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
+    tf32: bool = key(
+        "on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster, and no reference"
+    )
     threads: int | None = key(
         "threads of PyTorch on the CPU; null takes one for task=stream and "
         "task=record, else leaves its choice",
@@ -100,7 +104,7 @@ class TrainerConfig:
     @property
     def flags(self) -> dict[str, Any]:
         """What is passed to Lightning's Trainer."""
-        return {name: value for name, value in vars(self).items() if name != "threads"}
+        return {name: value for name, value in vars(self).items() if name not in OURS}
 
 
 @dataclass
@@ -319,7 +323,9 @@ _TRAINING = (
     "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
 )  # fmt: skip
 _REPORTED = ("optimized_metric", "explained_samples")
-_RUNNING = ("trainer.accelerator", "trainer.threads")  # all that is read without training
+_RUNNING = (  # all of it that is read without training
+    "trainer.accelerator", "trainer.tf32", "trainer.threads",
+)  # fmt: skip
 _CLASSIFYING = ("checkpoint", "trusted", "haptic", "data.file_rate", "engine", *_RUNNING)
 READS = {
     "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run", *_REPORTED),

@@ -30,6 +30,6 @@ def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:
 
     def loss(log_temperature: float) -> float:
         means = [probabilities(scores, 10**log_temperature) / scores.shape[1] for scores in logits]
-        return float(-(target * torch.stack(means).cpu().clamp_min(1e-300).log()).sum() / count)
+        return float(-(target * torch.stack(means).clamp_min(1e-300).log()).sum() / count)
 
     return float(10 ** minimize_scalar(loss, bounds=(-1, 1), method="bounded").x)

@@ -1,4 +1,8 @@
-"""Max voting over fragments and the random tuples of FusionNet (paper, section III-B)."""
+"""Max voting over fragments and the random tuples of FusionNet (paper, section III-B).
+
+Votes are counted on the CPU: they take no time, their sums are float64, which not every device
+has, and every device then decides alike on the same scores.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +13,7 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Vote:
-    """The decision over all fragments of one sample.
+    """The decision over all fragments of one sample, on the CPU.
 
     Attributes:
         label: Index of the class that won.
@@ -54,9 +58,10 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     index. The order of the fragments never matters beyond rounding of that mean.
 
     Args:
-        logits: (classes, fragments), at least one fragment.
+        logits: (classes, fragments) on any device, at least one fragment.
         temperature: The logits are divided by it before they become probabilities.
     """
+    logits = logits.cpu()
     classes, count = logits.shape
     if count == 0:
         raise ValueError("a vote needs at least one fragment")
@@ -80,7 +85,7 @@ def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     The probabilities are those of the mean score: with fragments that say the same, each of them
     unsure, they grow as sure as the whole recording is.
     """
-    vote, mean = max_vote(logits, temperature), logits.double().mean(dim=1)
+    vote, mean = max_vote(logits, temperature), logits.cpu().double().mean(dim=1)
     return replace(vote, probabilities=(mean / temperature).softmax(dim=0)).by_mean()
 
 
@@ -101,8 +106,8 @@ def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:
 
 
 def probabilities(logits: Tensor, temperature: float = 1.0) -> Tensor:
-    """Sums (classes,), in float64, of the class probabilities of all fragments."""
-    return (logits.double() / temperature).softmax(dim=0).sum(dim=1)
+    """Sums (classes,), in float64 on the CPU, of the class probabilities of all fragments."""
+    return (logits.cpu().double() / temperature).softmax(dim=0).sum(dim=1)
 
 
 def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:

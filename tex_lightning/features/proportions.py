@@ -126,7 +126,8 @@ class BandProportions(nn.Module):
             thresholds = self.get_buffer(f"thresholds{index}")
             count = thresholds.shape[1]
             shares = (torch.arange(count, dtype=torch.float64) + 0.5) / count
-            thresholds.copy_(ordered[:, (shares * ordered.shape[1]).long()])
+            places = (shares * ordered.shape[1]).long().to(ordered.device)
+            thresholds.copy_(ordered[:, places])
 
     def forward(self, trace: Tensor) -> Tensor:
         """Trace (axes, samples) to proportions (1, 1, bands, fragments)."""

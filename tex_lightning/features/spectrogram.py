@@ -255,7 +255,7 @@ def movement_start(trace: Tensor, sampling_rate: float) -> int:
         int(seconds * sampling_rate)
         for seconds in (QUIET_SECONDS, SETTLING_SECONDS, SEARCH_SECONDS, KNOWN_SECONDS)
     )
-    trace = trace[:, :known]
+    trace = trace[:, :known].cpu()  # the sums are float64, which not every device has
     if trace.shape[-1] < 2 * quiet + settling:
         return 0
     # the median is gravity or an offset: a mean would be drawn towards the movement

@@ -50,21 +50,28 @@ class VoteMetric(WrapperMetric):
 
 
 def _fragments(vote: Vote, label: Tensor) -> Inputs:
-    return vote.fragments, label.expand_as(vote.fragments)
+    fragments = vote.fragments.to(label.device)
+    return fragments, label.expand_as(fragments)
 
 
 def _winner(vote: Vote, label: Tensor) -> Inputs:
     return torch.full_like(label, vote.label)[None], label[None]
 
 
-# A mean probability may be rounded to more than 1, which torchmetrics would take for a logit.
 def _confidence(vote: Vote, label: Tensor) -> Inputs:
-    return vote.probabilities[vote.label].clamp(max=1)[None], (label == vote.label).long()[None]
+    return _probabilities(vote, label)[vote.label][None], (label == vote.label).long()[None]
 
 
 def _one_against_rest(vote: Vote, label: Tensor) -> Inputs:
-    target = nn.functional.one_hot(label, len(vote.probabilities))
-    return vote.probabilities.clamp(max=1), target
+    return _probabilities(vote, label), nn.functional.one_hot(label, len(vote.probabilities))
+
+
+def _probabilities(vote: Vote, label: Tensor) -> Tensor:
+    """Where the metrics are, as float32, since not every device has float64.
+
+    A mean probability may be rounded to more than 1, which torchmetrics would take for a logit.
+    """
+    return vote.probabilities.clamp(max=1).float().to(label.device)
 
 
 def train_metrics(classes: int) -> MetricCollection:

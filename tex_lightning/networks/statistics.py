@@ -65,7 +65,7 @@ class FeatureStatistics(nn.Module):
 
         Every class occurs. Where none has two recordings, the spread is that of the class means.
         """
-        rows, labels = features.double().cpu(), labels.cpu()
+        rows, labels = features.cpu().double(), labels.cpu()
         counts = labels.bincount(minlength=classes)
         means = torch.zeros(classes, rows.shape[1], dtype=rows.dtype)
         means = means.index_add(0, labels, rows) / counts[:, None]

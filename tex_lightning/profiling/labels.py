@@ -30,8 +30,8 @@ def agreement(network: nn.Module, twin: WindowNet, x: Tensor, grid: Tensor) -> d
     alone = torch.cat(parts).argmax(1)
     dense = dense_grid(scores(network, x)).argmax(-1)[: grid.shape[0], : grid.shape[1]].flatten()
     return {
-        "label_agreement": float((twins == alone).double().mean()),
-        "dense_agreement": float((twins == dense).double().mean()),
+        "label_agreement": float((twins == alone).cpu().double().mean()),
+        "dense_agreement": float((twins == dense).cpu().double().mean()),
     }
 
 

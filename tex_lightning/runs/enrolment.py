@@ -97,7 +97,12 @@ def recordings_to_add(
 
 
 def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> SurfaceClassifier:
-    """A copy that knows the classes of the recordings, too, and says so in its card.
+    """A copy on the CPU that knows the classes of the recordings, too, and says so in its card.
+
+    Args:
+        classifier: On the device that computes the features; it ends on the CPU.
+        rows: Of the new classes.
+        store: Where they are decoded.
 
     Raises:
         UserError: If classes cannot be added to this network.
@@ -109,7 +114,7 @@ def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> Sur
         found = position_features(classifier, name, own, store)
         labelled = list(zip((row.label for row in own), found, strict=True))
         features[name] = [[each for label, each in labelled if label == one] for one in names]
-    extended = add_classes(classifier, names, features)
+    extended = add_classes(classifier.cpu(), names, features)
     card = extended.card
     seen = card.trained_on.get("seen", [])
     fresh = [digest for digest in digests(rows) if digest not in seen]

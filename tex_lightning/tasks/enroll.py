@@ -133,6 +133,7 @@ def _test(
             f"data.test_fold={data.test_fold} holds nothing to test on; choose another, or null "
             "to add all recordings and test nothing."
         )
+    classifier.to(pick_device(config.trainer.accelerator))
     entry, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, config.running
     )

@@ -74,7 +74,7 @@ class StreamingClassifier:
         self.temperature = classifier.card.temperature
         self.by_mean = classifier.card.rule == "mean"
         self.exact = StoppingRule(0, network.classes)  # what follows in time is no random draw
-        self.votes = torch.zeros(network.classes, dtype=torch.long, device=features.window.device)
+        self.votes = torch.zeros(network.classes, dtype=torch.long)
         self.restart(start_known=not features.skip_impact)
 
     def restart(self, *, start_known: bool) -> None:
@@ -173,7 +173,7 @@ class StreamingClassifier:
         self.settled_count = 0  # of them
         self.settled: list[Tensor] = []
         self.edge = self.probabilities.new_empty(len(self.votes), 0)
-        self.settled_sums = self.sums = self.edge.new_zeros(())  # of FC2's features
+        self.settled_sums = self.sums = self.features.window.new_zeros(())  # of FC2's features
         self.vote: Vote | None = None
 
     def _take(self, piece: Tensor) -> None:
@@ -204,7 +204,7 @@ class StreamingClassifier:
             scores: (classes, fragments), those settled before left out.
             settled: The first so many of them are settled now.
         """
-        labels = scores.argmax(dim=0)
+        labels = scores.argmax(dim=0).cpu()  # where votes are, see decision.voting
         fragments = self._noted(labels)
         votes, sums = self.votes, self.probabilities
         if settled:

@@ -79,6 +79,7 @@ class TorchvisionAlexNet(Trunk):
         }
     }
     imagenet_url = "https://download.pytorch.org/models/alexnet-owt-7be5be79.pth"
+    imagenet_sha256 = "7be5be791159472b1fbf3c69796f7cb30dca7ad8466c2df70058c37116cdee02"
 
     def build(self) -> nn.Sequential:
         """Return conv1 to conv5 with their poolings."""

@@ -31,6 +31,7 @@ class Trunk(nn.Module):
         imagenet_url: Official ImageNet weights in the torchvision layout, if there are any.
         imagenet_package: Package of Python that holds ImageNet weights as its only file
             ``models/*.pth``, if there is one.
+        imagenet_sha256: Of that file, or its first digits where no more are published.
         out_channels: Channel count of the features.
 
     Args:
@@ -50,6 +51,7 @@ class Trunk(nn.Module):
     layouts: ClassVar[Mapping[Layout, Mapping[str, str]]] = {}
     imagenet_url: ClassVar[str | None] = None
     imagenet_package: ClassVar[str | None] = None
+    imagenet_sha256: ClassVar[str | None] = None
     out_channels: int
 
     def __init__(self, *, width: float, norm: Norm) -> None:

