@@ -52,7 +52,7 @@ def prepare(root: Path) -> list[Command]:
     cached = (*data, f"data.cache_dir={root / 'cache'}", *TINY)
     rendered = ("task=generate", "data.classes=3", f"generate.out={surfaces}", "debug=tiny", SMALL)
     _must(import_what_it_imports((*rendered, f"hydra.run.dir={root / 'generate'}"), root / "log"))
-    *known, last = sorted(path.name for path in surfaces.iterdir() if path.is_dir())
+    *_, last = sorted(path.name for path in surfaces.iterdir() if path.is_dir())
     for name, held in (("base", ""), ("known", last)):
         trained = (
             "model=haptic",
@@ -64,7 +64,7 @@ def prepare(root: Path) -> list[Command]:
     commands = {
         "fit": ("model=fusion_tcnn", "model.visual.width=0.1", *cached),
         "crossval": ("task=crossval", FOLDS, "model=haptic", QUIET, *cached),
-        "sweep": ("-m", "model=mfcc_nb", "data.test_fold=0,1", QUIET, *cached),
+        "sweep": ("-m", "model=mfcc_nb", "data.test_fold=0,2", QUIET, *cached),
         "frontier": ("task=frontier", "frontier.only=[bands,mfcc_nb]", FOLDS, *cached),
         "stability": ("task=stability", f"stability.systems=[{root / 'base'}]",
                       "stability.only=[white_noise,quieter]", QUIET, *cached),

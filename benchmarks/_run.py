@@ -17,7 +17,7 @@ from tex_lightning.files import write_text
 RESULTS = Path(__file__).parents[1] / "outputs" / "benchmarks"
 
 
-def run_one(name: str, options: Mapping[str, str] = {}) -> dict[str, Any]:  # noqa: B006 (read only)
+def run_one(name: str, options: Mapping[str, str] = {}) -> dict[str, Any]:
     """Measure one benchmark and write ``outputs/benchmarks/NAME.json``.
 
     What cannot be measured here, for want of data or of a library, says so under ``not_run``.
