@@ -42,8 +42,14 @@ def _shown(value: float | str) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def main(chosen: list[str]) -> int:
-    """Run the benchmarks named, or all; the exit status is 2 for a name that there is not."""
+def main(arguments: list[str]) -> int:
+    """Run the benchmarks named, or all; the exit status is 2 for a name that there is not.
+
+    ``--KEY=VALUE`` is for those that have such an option.
+    """
+    given = [item.removeprefix("--").partition("=") for item in arguments if item.startswith("--")]
+    options = {key: value for key, _, value in given}
+    chosen = [item for item in arguments if not item.startswith("--")]
     unknown = [name for name in chosen if name not in names()]
     if unknown:
         print(
@@ -56,7 +62,9 @@ def main(chosen: list[str]) -> int:
     table.add_column("value", justify="right")
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
         for name in chosen or names():
-            for place, (key, value) in enumerate(rows(pool.submit(run_one, name).result())):
+            for place, (key, value) in enumerate(
+                rows(pool.submit(run_one, name, options).result())
+            ):
                 table.add_row(name if place == 0 else "", key, value)
             table.add_section()
     console.print(table)

@@ -88,25 +88,33 @@ def _must(ended: Ended) -> None:
         raise RuntimeError(f"A command failed undisturbed: {ended.said}")
 
 
-def contents(command: Command) -> dict[str, str]:
+def contents(command: Command, said: str = "", instead: str = "") -> dict[str, str]:
     """Names of all files that a command left, with a digest of those that hold its results.
 
     Weights and results count to the last bit, but for times and what follows from them; run
     folders are the same path in every run, so that paths count, too. Of figures and pages only the
     presence counts. Logs of an interrupted training lie beside those of its continuation.
+
+    Args:
+        command: That has run.
+        said: Path that is another in this run.
+        instead: What it is in the others.
     """
-    return {str(path): digest for folder in command.products for path, digest in _digests(folder)}
+    texts = dict(text for folder in command.products for text in _texts(folder))
+    if said:
+        texts = {path.replace(said, instead): texts[path].replace(said, instead) for path in texts}
+    return {path: hashlib.sha256(text.encode()).hexdigest() for path, text in texts.items()}
 
 
-def _digests(folder: Path) -> Iterator[tuple[str, str]]:
+def _texts(folder: Path) -> Iterator[tuple[str, str]]:
+    """Of each file its path and what of it counts."""
     for name in files(folder):
-        path, digest = folder / name, ""
+        path, text = folder / name, ""
         if LOGS & {*path.parts}:
             continue
         if path.suffix in READERS:
             text = json.dumps(READERS[path.suffix](path), sort_keys=True, default=_bytes)
-            digest = hashlib.sha256(text.encode()).hexdigest()
-        yield str(path), digest
+        yield str(path), text
 
 
 def _bytes(value: Any) -> Any:  # noqa: ANN401

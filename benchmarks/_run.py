@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import torch
@@ -17,7 +18,7 @@ from tex_lightning.files import write_text
 RESULTS = Path(__file__).parents[1] / "outputs" / "benchmarks"
 
 
-def run_one(name: str, options: Mapping[str, str] = {}) -> dict[str, Any]:
+def run_one(name: str, options: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
     """Measure one benchmark and write ``outputs/benchmarks/NAME.json``.
 
     What cannot be measured here, for want of data or of a library, says so under ``not_run``.

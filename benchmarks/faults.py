@@ -1,6 +1,6 @@
 """Commands that are ended at any moment go on to the same results: killed, terminated, Ctrl-C.
 
-``python -m benchmarks faults --rounds=5 --only=fit,export --seed=0``
+``python -m benchmarks faults --rounds=5 --only=fit,export --kinds="SIGKILL,full disk"``
 
 Each command runs undisturbed twice, which must agree. Then it is ended ``rounds`` times by each of
 SIGKILL, SIGTERM and SIGINT and run again as it was. Half the moments are uniform over the time that
@@ -12,6 +12,10 @@ being written, ``results.json``, a decoded recording). A fault is survived if th
   results, tables and exported files equal to the last bit, but for times and what follows from
   them. No half-written file is left in the run folder or in the cache.
 
+What else goes wrong is tried, too (``_places.py``): full disks and read-only folders, which only
+root can make; a cache that is deleted once or again and again; the same command twice at once, and
+eight processes that fill one store. There a command may also end with one sentence and status 2.
+
 A process is forked from one that has imported the package, leads its own session and runs the
 package's main entry, so that what is disturbed is the command and not the import of PyTorch.
 """
@@ -20,16 +24,17 @@ import random
 import signal
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from benchmarks._commands import Command, Reference, clear, contents, difference, prepare
+from benchmarks._places import FAULTS, MOUNTED, can_mount, many_at_once
 from benchmarks._processes import Ended, Running, files, import_what_it_imports, run
 from tex_lightning.errors import UserError
 
-SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
 INTERRUPTED = 130
 AFTER_S = 0.03  # of a file's appearance
 MAX_TRIES = 20  # until a moment comes before the end of the command
@@ -53,32 +58,62 @@ class Count:
         return "\n".join([said, *self.lost])
 
 
-def measure(rounds: str = "5", only: str = "", seed: str = "0") -> dict[str, Any]:
-    """Faults tried, survived and lost, by command and signal."""
-    rng = random.Random(int(seed))
+def measure(rounds: str = "5", only: str = "", kinds: str = "", seed: str = "0") -> dict[str, Any]:
+    """Faults tried, survived and lost, by command and kind.
+
+    Args:
+        rounds: Faults by each signal.
+        only: Names of commands, separated by commas; all if empty.
+        kinds: The same of signals and other faults.
+        seed: Of the moments.
+    """
     figures: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
         root = Path(name)
-        for command in chosen(prepare(root), only):
-            reference = undisturbed(command, root)
-            for number in SIGNALS:
-                count = Count()
-                for _ in range(int(rounds)):
-                    count.add(fault(reference, number, rng, root))
-                figures[f"{command.name} {number.name}"] = str(count)
-                print(command.name, number.name, count, flush=True)
+        commands = {command.name: command for command in prepare(root)}
+        wanted = [kind for kind in chosen([*SIGNALS, *FAULTS], kinds) if possible(kind, root)]
+        for each in chosen([*commands], only):
+            reference = undisturbed(commands[each], root)
+            for kind in wanted:
+                if FAULTS.get(kind) is many_at_once and each != "store":
+                    continue
+                rng, count = random.Random(f"{seed} {each} {kind}"), Count()
+                for wrong in faults(kind, reference, int(rounds), rng, root):
+                    count.add(wrong)
+                figures[f"{each}, {kind}"] = str(count)
+                print(f"{each}, {kind}: {count}", flush=True)
     return figures
 
 
-def chosen(commands: list[Command], only: str) -> list[Command]:
-    """The commands named, or all."""
-    names = [command.name for command in commands]
-    asked = only.split(",") if only else names
-    if unknown := set(asked) - {*names}:
-        raise UserError(
-            f"There is no command {', '.join(unknown)}; choose from {', '.join(names)}."
-        )
-    return [command for command in commands if command.name in asked]
+def chosen(names: list[str], asked: str) -> list[str]:
+    """Those asked for, or all.
+
+    Raises:
+        UserError: If there is none of a name.
+    """
+    given = asked.split(",") if asked else names
+    if unknown := [name for name in given if name not in names]:
+        raise UserError(f"There is no {', '.join(unknown)}; choose from {', '.join(names)}.")
+    return given
+
+
+def possible(kind: str, root: Path) -> bool:
+    """Whether this process may do it; says so if not."""
+    if FAULTS.get(kind) not in MOUNTED or can_mount(root):
+        return True
+    print(f"{kind}: left out, as only root can mount a file system for it.", flush=True)
+    return False
+
+
+def faults(
+    kind: str, reference: Reference, rounds: int, rng: random.Random, root: Path
+) -> Iterator[str | None]:
+    """Try faults of one kind; yields what went wrong with each."""
+    if kind in FAULTS:
+        yield from FAULTS[kind](reference, root, rng)
+    else:
+        for _ in range(rounds):
+            yield fault(reference, signal.Signals[kind], rng, root)
 
 
 def undisturbed(command: Command, root: Path) -> Reference:
