@@ -20,7 +20,7 @@ from tex_lightning.__main__ import main
 
 HANDLED = {signal.SIGINT, signal.SIGTERM}
 LIMIT_S = 600.0
-POLL_S = 0.002
+POLL_S = 0.005
 PARTIAL = re.compile(r"^\.(.+)\.[a-z0-9_]{8}$")
 NUMBERS = re.compile(r"\d{6,}.*")  # time, machine and process in the name of TensorBoard's file
 
@@ -64,15 +64,15 @@ class Running:
             self._status = os.waitstatus_to_exitcode(status) if pid else None
         return self._status is not None
 
-    def wait(self, until: Callable[[], bool] = lambda: False) -> bool:
+    def wait(self, until: Callable[[], bool] | None = None) -> bool:
         """Wait for a condition or the end; returns whether the process still runs."""
         deadline = time.monotonic() + LIMIT_S
         while not self.is_over():
-            if until():
+            if until and until():
                 return True
             if time.monotonic() > deadline:
                 self.send(signal.SIGKILL)
-            time.sleep(POLL_S)
+            time.sleep(POLL_S if until else 10 * POLL_S)  # walking folders takes time, too
         return False
 
     def send(self, number: signal.Signals) -> None:

@@ -4,21 +4,26 @@ import logging
 import os
 import sys
 
-import hydra
-from omegaconf import DictConfig, OmegaConf
+INTERRUPTED = 130
 
-from tex_lightning.config import CONF, register
-from tex_lightning.config.arguments import quote_files
-from tex_lightning.config.job import Job, current_job
-from tex_lightning.config.search import use_config_dir, with_own_senses
-from tex_lightning.config.usage import answer, asks
-from tex_lightning.errors import UserError
-from tex_lightning.launch import as_mistake
-from tex_lightning.ranks import is_rank_zero, join_quietly
+try:
+    import hydra
+    from omegaconf import DictConfig, OmegaConf
+
+    from tex_lightning.config import CONF, register
+    from tex_lightning.config.arguments import quote_files
+    from tex_lightning.config.job import Job, current_job
+    from tex_lightning.config.search import use_config_dir, with_own_senses
+    from tex_lightning.config.usage import answer, asks
+    from tex_lightning.errors import UserError
+    from tex_lightning.launch import as_mistake
+    from tex_lightning.ranks import is_rank_zero, join_quietly
+except KeyboardInterrupt:  # Ctrl-C before anything has begun
+    print("Interrupted.", file=sys.stderr)
+    raise SystemExit(INTERRUPTED) from None
 
 USER_FAULT = 2
 FAILED_SWEEP = 1
-INTERRUPTED = 130
 
 STARTED: list[Job] = []  # of this process; none means that Hydra could not make a run folder
 
