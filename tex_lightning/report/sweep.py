@@ -70,13 +70,13 @@ class SweepSummary(Callback):
         Raises:
             SystemExit: Hydra turns other exceptions of callbacks into warnings.
         """
-        directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
-        with _as_exit():
-            self._running.enter_context(locked_folder(directory, "hydra.sweep.dir"))
         trainer = OmegaConf.select(config, "trainer")
         if (trainer.devices, trainer.num_nodes) != (1, 1):
             with _as_exit():
                 raise UserError(NO_SWEEP)
+        directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
+        with _as_exit():
+            self._running.enter_context(locked_folder(directory, "hydra.sweep.dir"))
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Collect what the jobs left behind.
