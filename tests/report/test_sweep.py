@@ -2,6 +2,7 @@
 
 import csv
 import json
+import pickle
 import statistics
 from pathlib import Path
 
@@ -109,6 +110,7 @@ def test_a_second_sweep_in_the_folder_is_refused_until_the_first_has_ended(tmp_p
     config = OmegaConf.create({"hydra": {"sweep": {"dir": str(tmp_path)}}, "trainer": trainer})
     first, second = SweepSummary(), SweepSummary()
     first.on_multirun_start(config)
+    pickle.loads(pickle.dumps(first))  # as launchers send it to their processes
     with pytest.raises(SystemExit) as stop:
         second.on_multirun_start(config)
     assert stop.value.code == 2

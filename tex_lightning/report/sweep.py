@@ -64,6 +64,10 @@ class SweepSummary(Callback):
     def __init__(self) -> None:
         self._running = ExitStack()
 
+    def __reduce__(self) -> tuple[type["SweepSummary"], tuple[()]]:
+        """Go to the processes of a launcher without the lock."""
+        return SweepSummary, ()
+
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Refuse what no job of a sweep can do before the first one is run.
 
