@@ -1,6 +1,7 @@
 """Files that are whole or not there: full disks, exceptions, and what killed processes leave."""
 
 import fcntl
+import logging
 import os
 import resource
 import signal
@@ -12,6 +13,7 @@ import torch
 
 from tex_lightning.errors import UserError
 from tex_lightning.files import partial_path, write_atomically, write_rows, write_text
+from tex_lightning.log_file import LogFile
 
 
 @contextmanager
@@ -79,3 +81,15 @@ def test_what_a_killed_process_left_goes_and_what_another_fills_stays(tmp_path, 
     assert not killed.exists()
     assert elsewhere.exists()
     assert target.read_text() == "b"
+
+
+def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):
+    handler = LogFile(tmp_path / "log")
+    with full_disk(100):
+        for message in ("a" * 90, "b" * 90):
+            handler.emit(logging.makeLogRecord({"msg": message}))
+    assert (tmp_path / "log").read_text().startswith("a" * 90)
+    assert capsys.readouterr().err == ""
+    handler.emit(logging.makeLogRecord({"msg": "%d", "args": ("a fault of the program",)}))
+    assert "Logging error" in capsys.readouterr().err
+    handler.close()
