@@ -22,7 +22,7 @@ SMALL = "data.synthetic.recordings=4"
 QUIET = "logger.tensorboard=null"  # whose figures cost more than the rest
 # Times differ from run to run, and what follows from them.
 TIMED = re.compile(
-    r"seconds|_ms|^fit s$|environment|on_frontier|chosen|command|procedure|^overrides$"
+    r"seconds|_ms|^fit s$|^ratio$|environment|on_frontier|chosen|command|procedure|^overrides$"
 )
 
 
