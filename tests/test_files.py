@@ -1,10 +1,12 @@
 """Files that are whole or not there: full disks, exceptions, and what killed processes leave."""
 
+import errno
 import fcntl
 import logging
 import os
 import resource
 import signal
+import threading
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,7 +14,13 @@ import pytest
 import torch
 
 from tex_lightning.errors import UserError
-from tex_lightning.files import partial_path, write_atomically, write_rows, write_text
+from tex_lightning.files import (
+    partial_path,
+    quiet_threads,
+    write_atomically,
+    write_rows,
+    write_text,
+)
 from tex_lightning.log_file import LogFile
 
 
@@ -93,3 +101,19 @@ def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):
     handler.emit(logging.makeLogRecord({"msg": "%d", "args": ("a fault of the program",)}))
     assert "Logging error" in capsys.readouterr().err
     handler.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
+    said = []
+    monkeypatch.setattr(threading, "excepthook", lambda given: said.append(given.exc_value))
+
+    def fail(error: Exception) -> None:
+        raise error
+
+    with quiet_threads():
+        for error in (OSError(errno.ENOSPC, "full"), OSError(errno.EIO, "broken"), ValueError()):
+            thread = threading.Thread(target=fail, args=(error,))
+            thread.start()
+            thread.join()
+    assert [type(error) for error in said] == [OSError, ValueError]

@@ -19,6 +19,7 @@ from tex_lightning.defaults import TRAINING, with_defaults
 from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
+from tex_lightning.files import quiet_threads
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.page.writing import write_page
@@ -89,6 +90,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     with (
         kept_memory(),
         trusting(config.trusted),
+        quiet_threads(),
         locked_folder(job.directory) if own else nullcontext(),
     ):
         trust(config)
