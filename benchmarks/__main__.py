@@ -14,7 +14,7 @@ from tex_lightning.config import flatten
 from tex_lightning.progress import console
 
 FOREMOST = "ratio"
-LONG = ("growth", "longrun", "scale")  # many minutes each: only by name
+LONG = ("faults", "growth", "longrun", "mutations", "scale")  # many minutes each: only by name
 
 
 def names() -> list[str]:
@@ -43,8 +43,15 @@ def _shown(value: float | str) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def main(chosen: list[str]) -> int:
-    """Run those named, or all but the long ones; the status is 2 for a name that there is not."""
+def main(arguments: list[str]) -> int:
+    """Run the benchmarks named, or all but the long ones.
+
+    ``--KEY=VALUE`` is for those that have such an option. The exit status is 2 for a name that
+    there is not.
+    """
+    given = [item.removeprefix("--").partition("=") for item in arguments if item.startswith("--")]
+    options = {key: value for key, _, value in given}
+    chosen = [item for item in arguments if not item.startswith("--")]
     unknown = [name for name in chosen if name not in names()]
     if unknown:
         print(
@@ -57,7 +64,8 @@ def main(chosen: list[str]) -> int:
     table.add_column("value", justify="right")
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
         for name in chosen or [each for each in names() if each not in LONG]:
-            for place, (key, value) in enumerate(rows(pool.submit(run_one, name).result())):
+            found = pool.submit(run_one, name, options).result()
+            for place, (key, value) in enumerate(rows(found)):
                 table.add_row(name if place == 0 else "", key, value)
             table.add_section()
     console.print(table)

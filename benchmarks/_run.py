@@ -2,9 +2,11 @@
 
 import json
 import time
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import torch
@@ -16,14 +18,14 @@ from tex_lightning.files import write_text
 RESULTS = Path(__file__).parents[1] / "outputs" / "benchmarks"
 
 
-def run_one(name: str) -> dict[str, Any]:
+def run_one(name: str, options: Mapping[str, str] = MappingProxyType({})) -> dict[str, Any]:
     """Measure one benchmark and write ``outputs/benchmarks/NAME.json``.
 
     What cannot be measured here, for want of data or of a library, says so under ``not_run``.
     """
     begin = time.perf_counter()
     try:
-        figures = {"figures": import_module(f"benchmarks.{name}").measure()}
+        figures = {"figures": import_module(f"benchmarks.{name}").measure(**options)}
     except UserError as error:
         figures = {"not_run": str(error)}
     result = {

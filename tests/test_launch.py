@@ -1,5 +1,8 @@
 """Training from a program or notebook, and the installed command."""
 
+import builtins
+import errno
+import importlib.util
 import json
 import os
 import subprocess
@@ -19,8 +22,12 @@ from omegaconf import OmegaConf
 from packaging.version import Version
 
 import tex_lightning as tl
+from tex_lightning import __main__ as command
+from tex_lightning import runfolder
 from tex_lightning.config import CONF
+from tex_lightning.config.job import Job
 from tex_lightning.dispatch import TASKS
+from tex_lightning.launch import as_mistake
 
 QUICK = ["model=mfcc_nb", "debug=tiny"]
 
@@ -196,3 +203,38 @@ def test_the_installed_command_starts_its_second_process(own_folder, installed, 
     assert finished.stderr.count("Results in") == 1
     results = json.loads((tmp_path / "run" / "results.json").read_text())
     assert (results["seed"], results["model"]) == (5, "haptic")
+
+
+def test_a_disk_that_is_full_is_the_users_to_mend():
+    full = OSError(errno.ENOSPC, "No space left on device", "/run/events")
+    said = str(as_mistake(full, [], began=True))
+    assert said.startswith("Cannot write /run/events (No space left on device); free some space")
+    assert as_mistake(OSError(errno.EIO, "Input/output error"), [], began=True) is None
+
+
+def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
+    hydra_config = OmegaConf.create({"hydra": {"sweep": {"dir": "SWEEP"}}})
+    folders = {"command": f"hydra.run.dir={tmp_path}", "sweep": "hydra.sweep.dir=SWEEP"}
+    for origin, folder in folders.items():
+        job = Job((), tmp_path, origin, False, (), hydra_config)
+        monkeypatch.setattr(command, "STARTED", [job])
+        monkeypatch.setattr(runfolder, "holds_work", lambda _: False)
+        assert command._interrupted() == "Interrupted."
+        monkeypatch.setattr(runfolder, "holds_work", lambda _: True)
+        assert f"the same command with {folder} goes on" in command._interrupted()
+
+
+def test_ctrl_c_while_python_imports_is_one_line_too(monkeypatch, capsys):
+    spec = importlib.util.spec_from_file_location("fresh", command.__file__)
+    fresh, load = importlib.util.module_from_spec(spec), builtins.__import__
+
+    def interrupted(name, *rest):
+        if name == "hydra":
+            raise KeyboardInterrupt
+        return load(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", interrupted)
+    with pytest.raises(SystemExit) as stop:
+        spec.loader.exec_module(fresh)
+    assert stop.value.code == 130
+    assert capsys.readouterr().err == "Interrupted.\n"

@@ -1,11 +1,14 @@
 """Which checkpoint a run folder stands for."""
 
 import json
+import os
+import signal
+import time
 
 import pytest
 
 from tex_lightning.errors import UserError
-from tex_lightning.runfolder import find_checkpoint
+from tex_lightning.runfolder import find_checkpoint, locked_folder
 
 
 def make(folder, *kinds, senses=None):
@@ -37,3 +40,27 @@ def test_an_ambiguous_or_empty_folder_is_said(tmp_path):
     make(tmp_path / "c" / "folds" / "0", "haptic")
     with pytest.raises(UserError, match=r"one for each fold; .*folds/0/checkpoints/haptic.ckpt"):
         find_checkpoint(tmp_path / "c")
+
+
+def test_a_folder_belongs_to_one_process_until_that_ends(tmp_path):
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        with locked_folder(tmp_path / "run"):
+            os.write(writing, b"x")
+            time.sleep(60)
+        os._exit(0)
+    os.read(reading, 1)
+    with (
+        pytest.raises(UserError, match=r"Another process runs in .*choose another hydra\.run\.dir"),
+        locked_folder(tmp_path / "run"),
+    ):
+        pass
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    for _ in range(2):
+        with locked_folder(tmp_path / "run"):
+            pass
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match="Cannot write"), locked_folder(tmp_path / "file"):
+        pass

@@ -3,25 +3,29 @@
 import logging
 import os
 import sys
-from pathlib import Path
 
-import hydra
-from omegaconf import DictConfig
+INTERRUPTED = 130
 
-from tex_lightning.config import CONF, register
-from tex_lightning.config.arguments import quote_files
-from tex_lightning.config.job import current_job
-from tex_lightning.config.search import use_config_dir, with_own_senses
-from tex_lightning.config.usage import answer, asks
-from tex_lightning.errors import UserError
-from tex_lightning.launch import as_mistake
-from tex_lightning.ranks import is_rank_zero, join_quietly
+try:
+    import hydra
+    from omegaconf import DictConfig, OmegaConf
+
+    from tex_lightning.config import CONF, register
+    from tex_lightning.config.arguments import quote_files
+    from tex_lightning.config.job import Job, current_job
+    from tex_lightning.config.search import use_config_dir, with_own_senses
+    from tex_lightning.config.usage import answer, asks
+    from tex_lightning.errors import UserError
+    from tex_lightning.launch import as_mistake
+    from tex_lightning.ranks import is_rank_zero, join_quietly
+except KeyboardInterrupt:  # Ctrl-C before anything has begun
+    print("Interrupted.", file=sys.stderr)
+    raise SystemExit(INTERRUPTED) from None
 
 USER_FAULT = 2
 FAILED_SWEEP = 1
-INTERRUPTED = 130
 
-STARTED: list[Path] = []  # run folders of this process; none means that Hydra could not make one
+STARTED: list[Job] = []  # of this process; none means that Hydra could not make a run folder
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +41,7 @@ def run_job(composed: DictConfig) -> float | None:
     from tex_lightning.report.sweep import FAILURE, note_failure
 
     job = current_job()
-    STARTED.append(job.directory)
+    STARTED.append(job)
     (job.directory / FAILURE).unlink(missing_ok=True)
     try:
         return run_task(composed, job)
@@ -62,6 +66,28 @@ def complain(error: Exception) -> int:
 
 def main() -> int:
     """Run the command line and return its exit status."""
+    try:
+        return _main()
+    except KeyboardInterrupt:
+        if is_rank_zero():
+            print(_interrupted(), file=sys.stderr)
+        return INTERRUPTED
+
+
+def _interrupted() -> str:
+    """What to say after Ctrl-C: how to go on with what is there."""
+    from tex_lightning.runfolder import holds_work
+
+    if not STARTED or not holds_work(STARTED[-1].directory):
+        return "Interrupted."
+    job = STARTED[-1]
+    folder = f"hydra.run.dir={job.directory}"
+    if job.origin == "sweep":
+        folder = f"hydra.sweep.dir={OmegaConf.select(job.hydra, 'hydra.sweep.dir')}"
+    return f"Interrupted; the same command with {folder} goes on after the last finished epoch."
+
+
+def _main() -> int:
     # Hydra then raises its errors instead of printing and exiting with status 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     STARTED.clear()
@@ -103,13 +129,6 @@ def _run() -> int:
         if mistake is None:
             raise
         return complain(mistake)
-    except KeyboardInterrupt:
-        from tex_lightning.runfolder import holds_work
-
-        if STARTED and is_rank_zero() and holds_work(STARTED[-1]):
-            again = f"the same command with hydra.run.dir={STARTED[-1]}"
-            print(f"Interrupted; {again} goes on after the last finished epoch.", file=sys.stderr)
-        return INTERRUPTED
     from tex_lightning.report.sweep import SweepSummary
 
     failures, SweepSummary.failures = SweepSummary.failures, 0  # the next call starts afresh

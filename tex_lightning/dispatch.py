@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -18,11 +19,12 @@ from tex_lightning.defaults import TRAINING, with_defaults
 from tex_lightning.devices import check_precision, count_processes, use_tf32
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
+from tex_lightning.files import quiet_threads
 from tex_lightning.memory import kept_memory
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.page.writing import write_page
 from tex_lightning.report.sweep import NO_SWEEP
-from tex_lightning.runfolder import claim_folder, find_checkpoint
+from tex_lightning.runfolder import claim_folder, find_checkpoint, locked_folder
 from tex_lightning.tasks import (
     crossval,
     enroll,
@@ -88,7 +90,13 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
-    with kept_memory(), trusting(config.trusted):
+    own = is_rank_zero() and config.task not in SILENT
+    with (
+        kept_memory(),
+        trusting(config.trusted),
+        quiet_threads(),
+        locked_folder(job.directory) if own else nullcontext(),
+    ):
         trust(config)
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)

@@ -1,9 +1,15 @@
 """Files that are whole or not there."""
 
 import csv
+import errno
+import fcntl
 import os
+import re
+import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields
 from glob import glob
 from pathlib import Path
@@ -13,6 +19,9 @@ from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+# A folder or disk that cannot be written; anything else is a fault of the program.
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 def require_file(path: Path) -> None:
@@ -30,13 +39,18 @@ def matches(pattern: str) -> list[Path]:
 
 def write_lines(target: Path, kind: "type[DataclassInstance]", lines: Iterable[Any]) -> None:
     """Write a CSV that is whole or not there: a line for each dataclass of ``kind``."""
+    names = [entry.name for entry in fields(kind)]
+    write_rows(target, names, (asdict(line).values() for line in lines))
+
+
+def write_rows(target: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a CSV that is whole or not there."""
 
     def write(path: Path) -> None:
         with path.open("w", newline="", encoding="utf-8") as stream:
-            names = [entry.name for entry in fields(kind)]
-            writer = csv.DictWriter(stream, names, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(map(asdict, lines))
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(rows)
 
     write_atomically(target, write)
 
@@ -60,20 +74,100 @@ def _write(path: Path, text: str) -> None:
 
 
 def write_atomically(target: Path, write: Callable[[Path], None]) -> None:
-    """Let ``write`` fill a file beside ``target`` and move it there when it is whole."""
-    partial: Path | None = None
+    """Let ``write`` fill a file beside ``target`` and move it there when it is whole.
+
+    Raises:
+        UserError: If it cannot be written.
+    """
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-        os.close(handle)
-        partial = Path(name)
-        write(partial)
-        partial.chmod(0o644)
-        partial.replace(target)
+        with partial_path(target) as partial:
+            write(partial)
+            partial.chmod(0o644)
+            partial.replace(target)
     except OSError as error:
-        raise UserError(
-            f"Cannot write {target} ({error.strerror}); free some space or choose another folder."
-        ) from error
+        raise unwritable(target, error) from error
+    except RuntimeError as error:
+        if "PytorchStreamWriter" in str(error) or "inline_container" in str(error):  # a full disk
+            raise unwritable(target, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))) from error
+        raise
+
+
+def unwritable(path: str | Path, error: OSError) -> UserError:
+    """What to say of a file that cannot be written."""
+    return UserError(
+        f"Cannot write {path} ({error.strerror}); free some space or choose another folder."
+    )
+
+
+@contextmanager
+def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
+    """An empty file or folder beside ``target``, to fill and move there; what is left of it goes.
+
+    It is locked as long as its process lives. What a killed process has left of the same target is
+    not, and goes first.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    _remove_abandoned(target)
+    partial, handle = _make_partial(target, folder=folder)
+    try:
+        yield partial
     finally:
-        if partial is not None:
-            partial.unlink(missing_ok=True)
+        _remove(partial)
+        os.close(handle)
+
+
+def _make_partial(target: Path, *, folder: bool) -> tuple[Path, int]:
+    """Make it and lock it; gives it and the open file that holds the lock."""
+    prefix = f".{target.name}."
+    while True:
+        if folder:
+            name = tempfile.mkdtemp(dir=target.parent, prefix=prefix)
+            handle = os.open(name, os.O_RDONLY)
+        else:
+            handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix)
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        if Path(name).exists():
+            return Path(name), handle
+        os.close(handle)  # another process took it for abandoned before it was locked
+
+
+def _remove_abandoned(target: Path) -> None:
+    """Remove what no process that lives is filling."""
+    name = re.compile(rf"\.{re.escape(target.name)}\.[a-z0-9_]{{8}}")  # as tempfile names it
+    for path in target.parent.iterdir():
+        if name.fullmatch(path.name):
+            with suppress(OSError):  # locked, or removed by another process
+                handle = os.open(path, os.O_RDONLY)
+                try:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    _remove(path)
+                finally:
+                    os.close(handle)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def quiet_threads() -> Iterator[None]:
+    """Keep threads from printing that the disk is full, which the main one says.
+
+    TensorBoard writes in a thread of its own and raises what happened there when it is used next.
+    """
+    before = threading.excepthook
+
+    def report(arguments: threading.ExceptHookArgs) -> None:
+        error = arguments.exc_value
+        if not isinstance(error, OSError) or error.errno not in UNWRITABLE:
+            before(arguments)
+
+    threading.excepthook = report
+    try:
+        yield
+    finally:
+        threading.excepthook = before

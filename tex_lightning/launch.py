@@ -14,6 +14,7 @@ from tex_lightning.config.composition import run_composed
 from tex_lightning.config.job import current_job
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.errors import UserError, shorten
+from tex_lightning.files import UNWRITABLE, unwritable
 from tex_lightning.ranks import is_rank_zero
 
 
@@ -105,6 +106,8 @@ def as_mistake(error: Exception, arguments: Sequence[str], *, began: bool) -> Us
     if began:
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             return UserError(f"The path {shorten(error.filename)} is too long; give a shorter one.")
+        if isinstance(error, OSError) and error.errno in UNWRITABLE:
+            return unwritable(shorten(error.filename or "a file of this run"), error)
         return None
     if isinstance(error, ValueError | OverflowError):  # also of a group set to null
         return explain(error, arguments, CONF)

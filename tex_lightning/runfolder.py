@@ -2,19 +2,23 @@
 
 import json
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config.job import Job
 from tex_lightning.config.model import kind_of
 from tex_lightning.errors import UserError
-from tex_lightning.files import write_text
+from tex_lightning.files import unwritable, write_text
 
 log = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
+LOCK = ".lock"  # held by the process that runs there; one that is killed lets go of it
 WORK = ("checkpoints", "folds", "systems", "predictions", "results.json", "trials.jsonl")
 
 # Settings that change neither weights nor figures; a run may be continued with others.
@@ -29,6 +33,33 @@ FREE_KEYS = (
 def holds_work(directory: Path) -> bool:
     """Whether a run has left something there that a later one goes on from, or could spoil."""
     return any((directory / name).exists() for name in WORK)
+
+
+@contextmanager
+def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]:
+    """Keep other processes out of a run folder.
+
+    Args:
+        directory: The folder; made if it does not exist.
+        key: Of the configuration, that names it.
+
+    Raises:
+        UserError: If another process runs in it, or it cannot be written to.
+    """
+    lock = FileLock(directory / LOCK, timeout=0)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout as error:
+        raise UserError(
+            f"Another process runs in {directory}; wait for its end or choose another {key}."
+        ) from error
+    except OSError as error:
+        raise unwritable(directory, error) from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def claim_folder(composed: DictConfig, values: dict[str, Any], job: Job) -> None:

@@ -1,4 +1,5 @@
 import os
+import shutil
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -151,3 +152,14 @@ def test_parts_of_a_file_make_the_whole_and_have_entries_of_their_own(store, sur
     assert store.rate(trace).hz == 10_000
     with pytest.raises(UserError, match=r"Part 0-0.00001 of .* is empty, as the file has only"):
         store.load(replace(row, part=(0, 0.00001)))
+
+
+def test_a_cache_that_is_emptied_all_the_time_does_no_harm(store, surfaces, monkeypatch):
+    row = read_folder(surfaces).of("haptic").rows[0]
+    whole, rate = np.array(store.load(row)), store.rate(row)
+    shutil.rmtree(store.root)
+    monkeypatch.setattr("tex_lightning.data.store.write_atomically", lambda *_: None)
+    found = store.load(row)
+    np.testing.assert_array_equal(found, whole)
+    assert not found.flags.writeable
+    assert store.rate(row) == rate

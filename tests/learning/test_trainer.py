@@ -2,6 +2,7 @@
 
 import io
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -13,6 +14,7 @@ from rich.progress import Progress, TextColumn
 
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.progress import ProgressBar
+from tex_lightning.learning.train import train_network
 from tex_lightning.learning.trainer import CheckpointFiles
 
 
@@ -64,3 +66,12 @@ def test_the_progress_bar_counts_epochs_from_one_and_fits_80_columns(monkeypatch
     shown.add_task(bar._get_train_description(98), total=1000)
     console.print(shown.get_renderable())
     assert len(console.file.getvalue().splitlines()) == 1
+
+
+def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:
+    final, working = tmp_path / "haptic.ckpt", tmp_path / "haptic"
+    final.touch()
+    working.mkdir()
+    (working / "last.ckpt").touch()
+    assert train_network(SimpleNamespace(final=final, working=working)) == final
+    assert not working.exists()

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import pickle
 import statistics
 from pathlib import Path
 
@@ -114,3 +115,18 @@ def test_folds_are_pooled_before_seeds_and_fit_seconds_are_one_sum(tmp_path, cap
     assert len(lines) == 2
     assert all("| 80.0 | 7 |" in line for line in lines)
     assert "85.0% ± 7.1%" in capfd.readouterr().err
+
+
+def test_a_second_sweep_in_the_folder_is_refused_until_the_first_has_ended(tmp_path, capsys):
+    trainer = {"devices": 1, "num_nodes": 1}
+    config = OmegaConf.create({"hydra": {"sweep": {"dir": str(tmp_path)}}, "trainer": trainer})
+    first, second = SweepSummary(), SweepSummary()
+    first.on_multirun_start(config)
+    pickle.loads(pickle.dumps(first))  # as launchers send it to their processes
+    with pytest.raises(SystemExit) as stop:
+        second.on_multirun_start(config)
+    assert stop.value.code == 2
+    assert "choose another hydra.sweep.dir" in capsys.readouterr().err
+    first.on_multirun_end(config)
+    second.on_multirun_start(config)
+    second.on_multirun_end(config)

@@ -84,3 +84,12 @@ def test_corruption_error_is_the_mean_ratio_where_the_reference_errs():
     found = corruption_error({"x": 0.25, "y": 0.4, "z": 0.3, "w": 1.0}, reference)
     assert found == {"mean": pytest.approx((0.5 + 2.0) / 2), "perturbations": 2}
     assert corruption_error({"z": 0.3}, reference) is None
+
+
+def test_a_line_that_was_cut_off_is_left_out(tmp_path):
+    record, decision = Record(tmp_path / "trials.jsonl"), Decision(0, 0.5)
+    record.add(("a", "noise", 1.0), [decision])
+    whole = record.path.read_bytes()
+    record.path.write_bytes(whole + whole[:20])
+    assert Record(record.path).trials == {("a", "noise", 1.0): [decision]}
+    assert record.path.read_bytes() == whole

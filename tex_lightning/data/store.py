@@ -12,6 +12,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,10 @@ from tex_lightning.progress import track
 
 FINGERPRINT_BYTES = 65_536
 LAYOUT = 3  # of an entry: what an earlier version decoded otherwise is decoded anew
+UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 RATE_BYTES = 152  # of three numbers as .npy, which end the entry of a trace
+
+Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
 
 def cache_root(configured: str | None) -> Path:
@@ -86,9 +90,11 @@ class Store:
         entry = self._entry(recording)
         try:
             array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
-        except (OSError, ValueError, EOFError):  # not there yet, or damaged by a full disk
-            self._write(recording)
-            array = np.load(entry, mmap_mode="r", allow_pickle=False)
+        except UNREADABLE:
+            array, _ = self._write(recording)
+            array.flags.writeable = False
+            with suppress(*UNREADABLE):  # someone is emptying the cache
+                array = np.load(entry, mmap_mode="r", allow_pickle=False)
         return array
 
     def extent(self, recording: Recording) -> float:
@@ -101,12 +107,12 @@ class Store:
 
     def rate(self, recording: Recording) -> SourceRate:
         """At which rate the file of a trace was sampled, and who says so."""
-        entry = self._entry(recording)
         try:
-            return _load_rate(entry)
-        except (OSError, ValueError, EOFError):
-            self._write(recording)
-            return _load_rate(entry)
+            return _load_rate(self._entry(recording))
+        except UNREADABLE:
+            _, rate = self._write(recording)
+            assert rate is not None, "only a trace has a rate"
+            return rate
 
     def fill(self, recordings: Iterable[Recording]) -> list[Unusable]:
         """Decode what is not in the cache yet, several files at a time.
@@ -156,10 +162,12 @@ class Store:
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
 
-    def _write(self, recording: Recording) -> None:
-        self._save(recording, *self._decode(recording))
+    def _write(self, recording: Recording) -> Decoded:
+        decoded = self._decode(recording)
+        self._save(recording, *decoded)
+        return decoded
 
-    def _decode(self, recording: Recording) -> tuple[npt.NDArray[Any], SourceRate | None]:
+    def _decode(self, recording: Recording) -> Decoded:
         decoder = self.decoders[recording.modality]
         array, rate = decoder.decode(recording.path, recording.sampling_rate)
         return cut_part(array, recording.part, recording.path), rate

@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.evaluation.samples import classify_sample
+from tex_lightning.files import write_lines
 from tex_lightning.inference.early_stopping import SequentialClassifier
 from tex_lightning.progress import track
 
@@ -80,10 +81,7 @@ def write_settings(settings: Sequence[Setting], path: Path) -> None:
     """Write as CSV, in place of what is there of the same networks."""
     networks = {item.network for item in settings}
     kept = [item for item in read_settings(path) if item.network not in networks]
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(entry.name for entry in fields(Setting))
-        writer.writerows(astuple(item) for item in [*kept, *settings])
+    write_lines(path, Setting, [*kept, *settings])
 
 
 def read_settings(path: Path) -> list[Setting]:

@@ -16,7 +16,7 @@ import torch
 from scipy.stats import binomtest
 
 from tex_lightning import __version__
-from tex_lightning.files import write_text
+from tex_lightning.files import write_rows, write_text
 
 RANDOM = "random weights"  # in place of the file that weights came from
 FILES = "files"
@@ -113,13 +113,9 @@ def wilson_interval(correct: int, count: int) -> list[float]:
 
 def write_outcomes(outcomes: Sequence[Outcome], path: Path) -> None:
     """Write one line per test sample as CSV: its files by modality, then the rest."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     facts = [dict(vars(each)) for each in outcomes]
     lines = [{**each.pop(FILES), **each} for each in facts]
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, lines[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(lines)
+    write_rows(path, lines[0], (line.values() for line in lines))
 
 
 def read_outcomes(path: Path) -> list[Outcome]:

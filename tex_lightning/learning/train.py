@@ -43,6 +43,7 @@ def train_network(training: Training, *watchers: Callback) -> Path:
     """
     if training.final.is_file():
         log.info("%s is trained already.", training.final)
+        shutil.rmtree(training.working, ignore_errors=True)  # if it was killed before it did so
         return training.final
     begin = time.perf_counter()
     last = training.working / "last.ckpt"

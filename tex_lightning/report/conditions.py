@@ -1,11 +1,11 @@
 """Accuracy by condition: ``conditions.csv``, and the rows of the tables that show it."""
 
-import csv
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.evaluation.conditions import KEY, pool_conditions
+from tex_lightning.files import write_rows
 
 FILE = "conditions.csv"
 COLUMNS = (
@@ -27,10 +27,7 @@ def write_conditions(networks: Networks, directory: Path) -> None:
         for network, counts in of.items()
     ]  # fmt: skip
     if lines:
-        with (directory / FILE).open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            writer.writerows(lines)
+        write_rows(directory / FILE, COLUMNS, lines)
 
 
 def condition_rows(networks: Networks, say: Callable[[Counts], str]) -> list[list[str]]:

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from tex_lightning.evaluation.fragments import Counts
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.files import write_atomically
 
 
 def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
@@ -102,8 +103,7 @@ def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Save as PNG, making the folder."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120)
+    write_atomically(path, lambda partial: figure.savefig(partial, format="png", dpi=120))
 
 
 def make_grid(

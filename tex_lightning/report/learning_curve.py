@@ -1,6 +1,5 @@
 """How accuracy grows with the recordings of a class that a system is trained on."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -9,6 +8,7 @@ import matplotlib.ticker
 from matplotlib.figure import Figure
 
 from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.files import write_rows
 from tex_lightning.report.systems import PER_CLASS, System
 
 COLUMNS = ("system", "per_class", "correct", "test_samples", "vote_accuracy", "ci_low", "ci_high")
@@ -73,8 +73,9 @@ def learning_figure(curves: Mapping[str, Sequence[Point]]) -> Figure:
 
 def write_curves(curves: Mapping[str, Sequence[Point]], path: Path) -> None:
     """Write the points as CSV with the columns ``COLUMNS``."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        for name, points in curves.items():
-            writer.writerows([name, *point, point.accuracy, *point.interval] for point in points)
+    rows = [
+        [name, *point, point.accuracy, *point.interval]
+        for name, points in curves.items()
+        for point in points
+    ]
+    write_rows(path, COLUMNS, rows)

@@ -1,14 +1,13 @@
 """Tables of ``task=profile``."""
 
-import csv
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from tex_lightning.evaluation.outcomes import RANDOM
+from tex_lightning.files import write_lines
 from tex_lightning.profiling.growth import Point
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.table import make_table, print_tables
@@ -126,10 +125,7 @@ def _layers(name: str, network: Network) -> Table:
 
 def write_growth(points: Sequence[Point], path: Path) -> None:
     """Write one line per measurement as CSV; what was left out has a note and no time."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(entry.name for entry in fields(Point))
-        writer.writerows(astuple(point) for point in points)
+    write_lines(path, Point, points)
 
 
 def left_out(points: Sequence[Point]) -> list[str]:

@@ -1,11 +1,11 @@
 """Tables of ``task=stability`` as CSV and on the screen."""
 
-import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.files import write_rows
 from tex_lightning.perturbations.table import Perturbation
 from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.stability.system import System
@@ -29,13 +29,13 @@ BREAKS = (
 
 def write_trials(trials: Sequence[Trial], directory: Path) -> None:
     """Write ``stability.csv`` and, with what else is known of each trial, ``details.csv``."""
-    _write(directory / "stability.csv", COLUMNS, map(_line, trials))
-    _write(directory / "details.csv", DETAILS, map(_detail, trials))
+    write_rows(directory / "stability.csv", COLUMNS, map(_line, trials))
+    write_rows(directory / "details.csv", DETAILS, map(_detail, trials))
 
 
 def write_breaks(breaks: Sequence[Break], directory: Path) -> None:
     """Write ``breaking_points.csv``; what never broke has ``reached`` false and no value."""
-    _write(directory / "breaking_points.csv", BREAKS, (_break(*each) for each in breaks))
+    write_rows(directory / "breaking_points.csv", BREAKS, (_break(*each) for each in breaks))
 
 
 def _line(trial: Trial) -> tuple[Any, ...]:
@@ -75,13 +75,6 @@ def _break(system: System, perturbation: Perturbation, found: BreakingPoint) -> 
     value = perturbation.value(trial.severity)
     first = " ".join(found.classes)
     return (*head, *bounds, "true", trial.severity, value, trial.accuracy, trial.refused, first)
-
-
-def _write(path: Path, columns: Sequence[str], lines: Iterable[Sequence[Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(lines)
 
 
 def print_stability(results: dict[str, Any], directory: Path) -> None:

@@ -1,10 +1,10 @@
 """Summary of a sweep: a line per job, whatever became of it, pooled folds, means over seeds."""
 
-import csv
 import json
 import logging
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from statistics import mean, stdev
 from typing import Any, ClassVar
@@ -15,8 +15,9 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config import SILENT
 from tex_lightning.config.job import Job
 from tex_lightning.data.recordings import natural_key
+from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
-from tex_lightning.files import write_text
+from tex_lightning.files import write_rows, write_text
 from tex_lightning.progress import console
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import (
@@ -28,6 +29,7 @@ from tex_lightning.report.table import (
     seconds,
     written,
 )
+from tex_lightning.runfolder import locked_folder
 
 Row = dict[str, Any]
 
@@ -52,10 +54,27 @@ def note_failure(job: Job, reason: str) -> None:
     write_text(job.directory / FAILURE, text)
 
 
+@contextmanager
+def _as_exit() -> Iterator[None]:
+    """Say a mistake as the command line does."""
+    try:
+        yield
+    except UserError as error:
+        print(f"Error: {error}", file=sys.stderr)
+        raise SystemExit(2) from error
+
+
 class SweepSummary(Callback):
     """Print and write ``sweep.csv`` in the sweep's folder when all jobs have run."""
 
     failures: ClassVar[int] = 0
+
+    def __init__(self) -> None:
+        self._running = ExitStack()
+
+    def __reduce__(self) -> tuple[type["SweepSummary"], tuple[()]]:
+        """Go to the processes of a launcher without the lock."""
+        return SweepSummary, ()
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Refuse what no job of a sweep can do before the first one is run.
@@ -65,11 +84,22 @@ class SweepSummary(Callback):
         """
         trainer = OmegaConf.select(config, "trainer")
         if (trainer.devices, trainer.num_nodes) != (1, 1):
-            print(f"Error: {NO_SWEEP}", file=sys.stderr)
-            raise SystemExit(2)
+            with _as_exit():
+                raise UserError(NO_SWEEP)
+        directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
+        with _as_exit():
+            self._running.enter_context(locked_folder(directory, "hydra.sweep.dir"))
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
-        """Collect what the jobs left behind."""
+        """Collect what the jobs left behind.
+
+        Raises:
+            SystemExit: If it cannot be written.
+        """
+        with self._running, _as_exit():
+            self._summarise(config)
+
+    def _summarise(self, config: DictConfig) -> None:
         directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
         marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
         jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
@@ -77,10 +107,9 @@ class SweepSummary(Callback):
         rows = [row for job in jobs for row in _rows(job, directory)]
         rows += _pooled(rows)
         SweepSummary.failures = sum(row["status"] != "done" for row in rows)
-        with (directory / "sweep.csv").open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows({**row, "overrides": " ".join(row["overrides"])} for row in rows)
+        lines = [{**row, "overrides": " ".join(row["overrides"])} for row in rows]
+        table = [[line.get(column, "") for column in COLUMNS] for line in lines]
+        write_rows(directory / "sweep.csv", COLUMNS, table)
         _print(rows, directory)
         from tex_lightning.report.document import write_report  # heavy, and only now needed
         from tex_lightning.report.page.writing import write_page

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
 
+from tex_lightning.files import write_text
 from tex_lightning.stability.evaluator import Decision
 
 Key = tuple[str, str, float]  # system, perturbation, severity
@@ -25,7 +26,8 @@ class Record:
         if path.is_file():
             lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
             whole = [line for line in lines if line.endswith("\n")]
-            path.write_text("".join(whole), encoding="utf-8")
+            if len(whole) < len(lines):
+                write_text(path, "".join(whole))
             for line in whole:
                 system, perturbation, severity, made = json.loads(line)
                 self.trials[system, perturbation, severity] = [Decision(*each) for each in made]

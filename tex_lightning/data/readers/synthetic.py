@@ -3,8 +3,6 @@
 import hashlib
 import json
 import logging
-import shutil
-import tempfile
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import cache_root
+from tex_lightning.files import partial_path, unwritable
 from tex_lightning.synthetic import SyntheticSpec, write_folder
 from tex_lightning.synthetic.dataset import recorded_under
 from tex_lightning.synthetic.materials import make_materials
@@ -83,13 +82,10 @@ def with_conditions(spec: SyntheticSpec, recordings: Recordings) -> Recordings:
 
 def _render(spec: SyntheticSpec, target: Path, modalities: tuple[str, ...]) -> None:
     """Write beside the target and move it there whole; another process may have been faster."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    partial = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}."))
     try:
-        write_folder(spec, partial, modalities)
-        partial.rename(target)
-    except OSError:
+        with partial_path(target, folder=True) as partial:
+            write_folder(spec, partial, modalities)
+            partial.rename(target)
+    except OSError as error:
         if not target.is_dir():
-            raise
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+            raise unwritable(target, error) from error

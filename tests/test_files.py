@@ -1,0 +1,119 @@
+"""Files that are whole or not there: full disks, exceptions, and what killed processes leave."""
+
+import errno
+import fcntl
+import logging
+import os
+import resource
+import signal
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import torch
+
+from tex_lightning.errors import UserError
+from tex_lightning.files import (
+    partial_path,
+    quiet_threads,
+    write_atomically,
+    write_rows,
+    write_text,
+)
+from tex_lightning.log_file import LogFile
+
+
+@contextmanager
+def full_disk(limit: int):
+    """Every file ends after so many bytes, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+WRITERS = {
+    "text": lambda path: write_text(path, "x" * 10_000),
+    "table": lambda path: write_rows(path, ["a"], [["x" * 10_000]]),
+    "checkpoint": lambda path: write_atomically(
+        path, lambda partial: torch.save(torch.zeros(10_000), partial)
+    ),
+}
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_full_disk_is_one_sentence_and_leaves_what_was_there(tmp_path, writer):
+    target = tmp_path / "file"
+    target.write_text("before")
+    with full_disk(1000), pytest.raises(UserError, match=r"Cannot write .*file .*free some space"):
+        WRITERS[writer](target)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert target.read_text() == "before"
+    WRITERS[writer](target)
+    assert target.stat().st_size > 1000
+
+
+def test_other_errors_pass_and_leave_nothing(tmp_path):
+    def fail(path: Path) -> None:
+        path.write_text("half")
+        raise RuntimeError("a fault of the program")
+
+    with pytest.raises(RuntimeError, match="fault of the program"):
+        write_atomically(tmp_path / "file", fail)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_what_a_killed_process_left_goes_and_what_another_fills_stays(tmp_path, folder):
+    target = tmp_path / "file"
+    with partial_path(target, folder=folder) as filled:
+        with partial_path(target, folder=folder) as other:
+            assert filled.exists()
+            assert other != filled
+        assert not other.exists()
+    assert not filled.exists()
+    killed, elsewhere = tmp_path / ".file.abcd_123", tmp_path / ".file2.abcd_123"
+    for path in (killed, elsewhere):
+        path.mkdir() if folder else path.touch()
+    holder = os.open(killed, os.O_RDONLY)
+    fcntl.flock(holder, fcntl.LOCK_EX)  # as its process would, were it alive
+    write_text(target, "a")
+    assert killed.exists()
+    os.close(holder)
+    write_text(target, "b")
+    assert not killed.exists()
+    assert elsewhere.exists()
+    assert target.read_text() == "b"
+
+
+def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):
+    handler = LogFile(tmp_path / "log")
+    with full_disk(100):
+        for message in ("a" * 90, "b" * 90):
+            handler.emit(logging.makeLogRecord({"msg": message}))
+    assert (tmp_path / "log").read_text().startswith("a" * 90)
+    assert capsys.readouterr().err == ""
+    handler.emit(logging.makeLogRecord({"msg": "%d", "args": ("a fault of the program",)}))
+    assert "Logging error" in capsys.readouterr().err
+    handler.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
+    said = []
+    monkeypatch.setattr(threading, "excepthook", lambda given: said.append(given.exc_value))
+
+    def fail(error: Exception) -> None:
+        raise error
+
+    with quiet_threads():
+        for error in (OSError(errno.ENOSPC, "full"), OSError(errno.EIO, "broken"), ValueError()):
+            thread = threading.Thread(target=fail, args=(error,))
+            thread.start()
+            thread.join()
+    assert [type(error) for error in said] == [OSError, ValueError]
