@@ -11,6 +11,7 @@ import shutil
 import socket
 import tarfile
 import threading
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -26,18 +27,19 @@ from tex_lightning.export.web_runtime import FILES
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.synthetic import SyntheticSpec, write_tum
 
-CLASSES = "ABCDEF"
+CLASSES = ("A", "B", "C", "D", "E", "F")
+KINDS = (*CLASSES, "G", "H", "oak")
 SENSES = ("haptic", "image", "sound")
 SOUND_RATE = 44_100
 SPEEDS = (30, 60, 80, 90)
 
 
 def write_surfaces(
-    root: Path, classes: str, *senses: str, recordings: int = 10, side: int = 240
+    root: Path, classes: Sequence[str], *senses: str, recordings: int = 10, side: int = 240
 ) -> Path:
     """``root/CLASS/SENSE/NAME_00`` and on, a tone and stripes of its own for each class."""
     for label in classes:
-        kind = (CLASSES + "GH").index(label)
+        kind = KINDS.index(label)
         for sense in senses:
             (root / label / sense).mkdir(parents=True)
         for number in range(recordings):
@@ -56,6 +58,12 @@ def _write(stem: Path, sense: str, kind: int, number: int, side: int = 240) -> N
         trace = np.interp(np.arange(count) * RATE / SOUND_RATE, np.arange(len(trace)), trace)
     rate = SOUND_RATE if sense == "sound" else RATE
     soundfile.write(stem.with_suffix(".wav"), trace, rate, subtype="FLOAT")
+
+
+def write_sample(folder: Path) -> None:
+    """``A.wav`` and ``B.jpg``, which no network was trained on."""
+    _write(folder / "A", "haptic", 0, 20)
+    _write(folder / "B", "image", 0, 20, 2 * 224)
 
 
 def write_manifest(path: Path, surfaces: Path, *senses: str) -> None:
@@ -174,6 +182,6 @@ def enter_page(folder: Path, world: Path, run: Path | None) -> None:
     for name in ("DIR", "DATA"):
         (folder / name).symlink_to(world / "data" / "all")
     (folder / "NEW").symlink_to(world / "new")
-    _write(folder / "A", "haptic", 0, 20)
-    _write(folder / "B", "image", 0, 20, 2 * 224)
+    write_sample(folder)
     write_manifest(folder / "THREE.csv", world / "data" / "all", *SENSES)
+    write_manifest(folder / "FILE", world / "data" / "all", "haptic", "image")

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,8 +20,8 @@ from conftest import make_photo, make_trace
 from docs_world import (
     enter_page,
     serve_samples,
-    write_manifest,
     write_published,
+    write_sample,
     write_shared,
     write_strokes,
     write_surfaces,
@@ -52,6 +53,12 @@ NOT_RUN = {
     "serial:/dev/ttyUSB0": "needs a sensor, a sound card and a camera; tests/recording imitates",
     "python -m benchmarks": "measures for minutes; the name is checked",
 }
+WEIGHTS = {
+    "ALEXNET.caffemodel": "alexnet_caffe",
+    "VGG_M.mat": "vgg_m",
+    "SQUEEZENET.npz": "squeezenet",
+}
+RECORDED = ("A", "B", "oak")
 ELSEWHERE = {"extend.md": "tests/plugin/test_extend.py"}
 USED: set[str] = set()
 RUNNABLE = [page for page in PAGES if page.name not in ELSEWHERE]
@@ -82,7 +89,8 @@ def enter(world, trained, cache, tmp_path, monkeypatch) -> Iterator[Callable[[Pa
 
     def go(page: Path) -> Path:
         folder = world.parent / page.stem
-        makes_its_own = re.search(r"hydra\.(run|sweep)\.dir=RUN\b", page.read_text("utf-8"))
+        written = " ".join(command for _, command in commands(page))
+        makes_its_own = re.search(r"hydra\.(run|sweep)\.dir=RUN\b", written)
         enter_page(folder, world, None if makes_its_own else trained)
         monkeypatch.chdir(folder)
         return folder
@@ -91,29 +99,29 @@ def enter(world, trained, cache, tmp_path, monkeypatch) -> Iterator[Callable[[Pa
     use_config_dir([])
 
 
-def special(page: str, folder: Path) -> dict[str, str]:
-    """Put what one page alone names into its folder; gives replacements of its words."""
-    shared = folder.parent / "shared"
-    if page == "conditions.md":
-        write_manifest(folder / "FILE", shared / "data" / "all", "haptic", "image")
-    if page == "unknown.md":
-        return {"FILE": "A.wav"}
-    if page == "data_sets.md":
+def special(page: Path, folder: Path) -> dict[str, str]:
+    """Put what few pages name into the folder of one; gives replacements of its words."""
+    text = page.read_text(encoding="utf-8")
+    words = {
+        file: str(write_weights(folder / f"{trunk}.npz", trunk))
+        for file, trunk in WEIGHTS.items()
+        if file in text
+    }
+    if "data.root=TUM" in text:
+        write_tum_set(folder / "TUM")
+    if page.name == "unknown.md":
+        words["FILE"] = "A.wav"
+    if page.name == "page.md":
+        write_web_runtime(folder / f"{web_runtime.NAME}-{web_runtime.VERSION}.tgz")
+    if page.name == "data_sets.md":
         (folder / "DIR").unlink()
         write_published(folder / "DIR")
-    if page == "paper.md":
+    if page.name == "recording.md":
         (folder / "DIR").unlink()
-        write_tum_set(folder / "DIR")
-        files = {"ALEXNET.caffemodel": "alexnet_caffe", "VGG_M.mat": "vgg_m"}
-        return {each: str(write_weights(folder / f"{t}.npz", t)) for each, t in files.items()}
-    if page == "recording.md":
-        (folder / "DIR").unlink()
-        write_surfaces(folder / "DIR", "ABC", "haptic", "image", recordings=3, side=2 * 224)
-        sensor = str(write_strokes(folder / "sensor"))
-        return {"localhost:9000": serve_samples(), "/dev/my_sensor": sensor}
-    if page == "stability.md":
-        return {"weights=FILE": f"weights={shared}/weights/squeezenet_v1.0_imagenet.npz"}
-    return {}
+        write_surfaces(folder / "DIR", RECORDED, "haptic", "image", recordings=3, side=2 * 224)
+        words["localhost:9000"] = serve_samples()
+        words["/dev/my_sensor"] = str(write_strokes(folder / "sensor"))
+    return words
 
 
 def small(arguments: list[str]) -> list[str]:
@@ -146,18 +154,28 @@ def _two_jobs(argument: str) -> str:
     return re.sub(r"range\(0,\d+\)", "range(0,2)", argument)
 
 
+def names_of_python() -> dict[str, Any]:
+    """What pieces of Python take for granted: arrays, and the package under its short name."""
+    trace = make_trace(0, 0, 12.0)[None]  # also long at another rate
+    chunks = np.array_split(trace, 20, axis=1)
+    return {"tl": tl, "samples": trace, "frame": make_photo(0, 0), "chunks": chunks, "chunk": trace}
+
+
+def run_python(block: Block, names: dict[str, Any]) -> None:
+    """Run a piece of Python with the names of those before it."""
+    exec(compile(block.text, f"{block.page}:{block.line}", "exec"), names)
+
+
 class Reader:
     """Runs the blocks of one page in order."""
 
     def __init__(self, page: Path, folder: Path, cli, monkeypatch) -> None:
         self.folder, self.cli, self.monkeypatch = folder, cli, monkeypatch
-        self.words = special(page.name, folder)
+        self.words = special(page, folder)
         self.filled = {}
         for block, command in commands(page):
             self.filled.setdefault(block, []).append(command)
-        trace = make_trace(0, 0)
-        self.names = {"tl": tl, "samples": trace[None], "frame": make_photo(0, 0)}
-        self.names |= {"chunks": np.array_split(trace[None], 20, axis=1), "chunk": trace[None]}
+        self.names = names_of_python()
 
     def run(self, block: Block) -> None:
         """Run a block.
@@ -166,7 +184,7 @@ class Reader:
             AssertionError: If one of its commands fails.
         """
         if block.language == "python":
-            exec(compile(block.text, f"{block.page}:{block.line}", "exec"), self.names)
+            run_python(block, self.names)
         elif block.language == "bash":
             for command in self.filled.get(block, []):
                 self.shell(command)
@@ -202,6 +220,20 @@ class Reader:
             self.monkeypatch.setattr(sys, "stdin", standard_input)
             outcome = self.cli(*small(arguments))
         assert outcome.status == 0, outcome.err[-3000:]
+
+
+@pytest.mark.parametrize("name", ["live.md", "python.md", "why.md"])
+def test_python_that_is_quick_runs(name, untrained, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    (tmp_path / "RUN").symlink_to(untrained)
+    write_sample(tmp_path)
+    names = names_of_python()
+    found = [block for block in blocks(ROOT / "docs" / name) if block.language == "python"]
+    for block in found:
+        if not re.search(r"tl\.train|surfaces/", block.text):  # trained, or needs the shell's
+            run_python(block, names)
+    assert len(found) in (1, 2)
 
 
 @pytest.mark.slow
