@@ -7,6 +7,7 @@
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -51,6 +52,7 @@ NOT_RUN = {
     "hydra/launcher=submitit_slurm": "needs a SLURM cluster",
     "srun": "needs a SLURM cluster; tests/learning trains in two processes",
     "serial:/dev/ttyUSB0": "needs a sensor, a sound card and a camera; tests/recording imitates",
+    "docs/draw_networks.py": "writes into the checkout; tests/test_docs.py compares what it makes",
     "python -m benchmarks": "measures for minutes; the name is checked",
 }
 WEIGHTS = {
@@ -208,6 +210,10 @@ class Reader:
         elif command.startswith("sphinx-build"):
             (self.folder / "docs").symlink_to(ROOT / "docs")
             subprocess.run([sys.executable, "-m", "sphinx", *shlex.split(command)[1:]], check=True)
+        elif command.startswith("python docs/"):
+            script, *given = shlex.split(command)[1:]
+            self.monkeypatch.setattr(sys, "argv", [script, *given])
+            runpy.run_path(str(ROOT / script), run_name="__main__")
         else:
             program, *given = shlex.split(command)
             assert program == "tex-runtime", command

@@ -62,9 +62,9 @@ def test_the_readme_is_short_and_names_every_chapter():
 # on, the chapter, and the heading that answers, there or one link further.
 QUESTIONS = {
     "How do I classify files of my own?": ("your own", "own_recordings.md", "Classify files"),
-    "Can traces have three axes?": ("sensor", "own_recordings.md", "Three axes"),
-    "My sensor has another sampling rate": ("rate", "own_recordings.md", "Sampling rate"),
-    "I have few recordings of a class": ("few", "recipes.md", "Few recordings of a class"),
+    "Can traces have three axes?": ("one axis or three", "own_recordings.md", "Three axes"),
+    "My sensor has another sampling rate": ("sampling rate", "own_recordings.md", "Sampling rate"),
+    "I have few recordings": ("few recordings", "recipes.md", "Few recordings of a class"),
     "Which model is the smallest that suffices?": (
         "small",
         "smallest.md",
@@ -79,7 +79,7 @@ QUESTIONS = {
     ),
     "How do I train on a cluster?": ("cluster", "cluster.md", "Many small networks"),
     "How do I add a sense or a data set?": ("add", "extend.md", "The classes"),
-    "How do I reproduce a row of the paper?": ("paper", "paper.md", "One row"),
+    "How do I reproduce a row of the paper?": ("a row", "paper.md", "One row"),
     "Why this label?": ("why", "why.md", "Why this label"),
 }
 
