@@ -1,7 +1,8 @@
 """A table of results out of run folders: ``python docs/result_table.py RUN...`` prints it.
 
 Each RUN is the folder of a ``task=fit``, ``crossval`` or ``evaluate``, whose ``results.json`` says
-what was asked for, and on which commit and machine.
+what was asked for, and on which commit and machine. ``--untimed`` leaves out times, for runs that
+shared their machine with others.
 """
 
 import json
@@ -19,9 +20,9 @@ HEADINGS = (
 )  # fmt: skip
 # What every run of a data set is given, and what changes no figure.
 LEFT_OUT = (
-    "task=", "data=", "data.root=", "data.manifest=", "data.half_scale=false",
-    "data.sampling_rate=", "data.cache_dir=", "crossval.only=", "trainer.threads=", "hydra",
-    "weights=/", "weights=../",
+    "task=", "data=", "data.root=", "data.manifest=", "data.half_scale=false", "weights=/",
+    "weights=../", "data.sampling_rate=", "data.cache_dir=", "crossval.only=", "trainer.threads=",
+    "explained_samples=", "hydra",
 )  # fmt: skip
 UNKNOWN = "not recorded"
 
@@ -65,12 +66,13 @@ def _machine(environment: dict[str, Any]) -> str:
     return f"{environment['cpu']}, {threads} thread{'s' if threads > 1 else ''}"
 
 
-def result_table(runs: list[Path]) -> str:
-    """Rows of all runs in Markdown; a column that is the same in every row becomes a sentence."""
+def result_table(runs: list[Path], *, timed: bool = True) -> str:
+    """Rows of all runs in Markdown; a commit or machine that all share becomes a sentence."""
     lines = [row for run in runs for row in rows(run)]
     same = [place for place in (-2, -1) if len({row[place] for row in lines}) == 1]
     said = [f"{HEADINGS[place].capitalize()}: {lines[0][place]}." for place in same]
-    kept = [place for place in range(len(HEADINGS)) if place - len(HEADINGS) not in same]
+    hidden = {HEADINGS[place] for place in same} | (set() if timed else {"ms", "fit s a fold"})
+    kept = [place for place, heading in enumerate(HEADINGS) if heading not in hidden]
     table = markdown(
         [HEADINGS[place] for place in kept], [[row[place] for place in kept] for row in lines]
     )
@@ -78,4 +80,5 @@ def result_table(runs: list[Path]) -> str:
 
 
 if __name__ == "__main__":
-    print(result_table([Path(each) for each in sys.argv[1:]]))
+    given = [each for each in sys.argv[1:] if each != "--untimed"]
+    print(result_table([Path(each) for each in given], timed=given == sys.argv[1:]))

@@ -123,6 +123,9 @@ def test_a_table_of_results_says_what_its_runs_say(tmp_path):
     assert one == f"| {cells}| 3.0 | 6,544 | 49.7 | not recorded |"
     assert other == f"| {cells}| 3.0 | 6,544 | 49.7 | abc1234 |"
     assert sentence == "Machine: A processor, 2 threads."
+    untimed = script("result_table")["result_table"]([tmp_path / "one"], timed=False)
+    assert "| 0.123 | 6,544 | 49.7 |" in untimed
+    assert untimed.endswith("Commit: not recorded. Machine: A processor, 2 threads.")
 
 
 def test_the_rows_of_the_paper_are_its_figures_and_presets():

@@ -141,8 +141,9 @@ def small(arguments: list[str]) -> list[str]:
         more.append("stability.only=[white_noise,jpeg]")
     if "optuna" in given:
         more.append("hydra.sweeper.n_trials=2")
-    if "paper/all" in given:
-        more.append("hydra.sweeper.params.model='haptic,fusion_tcnn,vgg_m_fv'")
+    for table, models in (("table/haptic", "haptic,mfcc_nb"), ("paper/all", "haptic,vgg_m_fv")):
+        if f"experiment={table}" in given:
+            more.append(f"hydra.sweeper.params.model='{models}'")
     if any(each in arguments for each in MULTIRUN):
         arguments = [_two_jobs(each) for each in arguments]
     return [*arguments, *more]
