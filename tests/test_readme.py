@@ -56,3 +56,50 @@ def test_the_readme_is_short_and_names_every_chapter():
     assert len(text.splitlines()) <= 200
     chapters = [page for page in PAGES[1:] if page.name != "index.md"]
     assert [page.name for page in chapters if f"(docs/{page.name})" not in text] == []
+
+
+# What someone who has surfaces and sensors asks first: words of the line in the README that leads
+# on, the chapter, and the heading that answers, there or one link further.
+QUESTIONS = {
+    "How do I classify files of my own?": ("your own", "own_recordings.md", "Classify files"),
+    "Can traces have three axes?": ("one axis or three", "own_recordings.md", "Three axes"),
+    "My sensor has another sampling rate": ("sampling rate", "own_recordings.md", "Sampling rate"),
+    "I have few recordings": ("few recordings", "recipes.md", "Few recordings of a class"),
+    "Which model is the smallest that suffices?": (
+        "small",
+        "smallest.md",
+        "Which system is chosen",
+    ),
+    "What if a material was never trained on?": ("unknown", "unknown.md", "What it tells"),
+    "Can it classify while the tool moves?": ("while", "live.md", "A sensor"),
+    "How do I deploy it without PyTorch?": (
+        "without pytorch",
+        "runtime.md",
+        "Classify without PyTorch",
+    ),
+    "How do I train on a cluster?": ("cluster", "cluster.md", "Many small networks"),
+    "How do I add a sense or a data set?": ("add", "extend.md", "The classes"),
+    "How do I reproduce a row of the paper?": ("a row", "paper.md", "One row"),
+    "Why this label?": ("why", "why.md", "Why this label"),
+}
+
+
+def links(text: str) -> set[str]:
+    """Pages that a text links to."""
+    return {Path(target).name for target in re.findall(r"\]\((?!http)([^)#\s]+\.md)", text)}
+
+
+def headings(page: Path) -> list[str]:
+    """Of a page, the title first."""
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    return re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_a_newcomer_finds_the_answer_in_two_clicks(question):
+    word, chapter, heading = QUESTIONS[question]
+    lines = [line for line in PAGES[0].read_text("utf-8").splitlines() if word in line.lower()]
+    first = set().union(*map(links, lines))
+    second = {page for each in first for page in links((ROOT / "docs" / each).read_text("utf-8"))}
+    assert chapter in first | second, sorted(first)
+    assert heading in headings(ROOT / "docs" / chapter)

@@ -133,11 +133,11 @@ class SurfaceClassifier(nn.Module):
 
     @property
     def fusion(self) -> FusionNet | None:
-        """The FusionNet of several branches; None of a single one."""
+        """Return the FusionNet of several branches; None of a single one."""
         return cast(FusionNet, self.network) if self.card.kind == FUSION else None
 
     def branch(self, name: str) -> Branch:
-        """One sense with its features and network as they are now."""
+        """Return one sense with its features and network as they are now."""
         place = self.card.senses.index(name)
         network = self.network if self.fusion is None else self.fusion.networks[place]
         template = self._templates[name]
@@ -145,16 +145,16 @@ class SurfaceClassifier(nn.Module):
 
     @property
     def branches(self) -> dict[str, Branch]:
-        """All senses by name."""
+        """Return all senses by name."""
         return {name: self.branch(name) for name in self.card.senses}
 
     @property
     def device(self) -> torch.device:
-        """Where it computes."""
+        """Return the device that it computes on."""
         return next(iter(self.branches.values())).device
 
     def count_parameters(self) -> int:
-        """How many numbers were trained."""
+        """Count the trained parameters."""
         return sum(parameter.numel() for parameter in self.network.parameters())
 
     @torch.inference_mode()
@@ -165,7 +165,7 @@ class SurfaceClassifier(nn.Module):
 
     @torch.inference_mode()
     def novelty(self, **recordings: Tensor) -> Tensor:
-        """How unlike every class of the training one sample is: (), 0 to 2 for each sense.
+        """Return how unlike every class of the training one sample is: (), 0 to 2 for each sense.
 
         The sum over its senses of :meth:`.FeatureStatistics.novelty` of their mean features.
 
@@ -185,7 +185,7 @@ class SurfaceClassifier(nn.Module):
         return RULES[self.card.rule](logits, temperature)
 
     def logits(self, **recordings: Tensor) -> Tensor:
-        """Class scores of every fragment of one sample of decoded recordings.
+        """Return the class scores of every fragment of one sample of decoded recordings.
 
         Args:
             **recordings: By modality. A signal is (axes, samples) float32 at the rate of its
@@ -205,23 +205,23 @@ class SurfaceClassifier(nn.Module):
         return self.join(summands, self._tuple_seed(**recordings))
 
     def sense_all(self, **recordings: Tensor) -> dict[str, Sensed]:
-        """What every sense says of one sample; arguments and errors as of :meth:`logits`."""
+        """Compute what every sense says of one sample; arguments are those of :meth:`logits`."""
         self.require(recordings)
         branches = self.branches.items()
         return {name: self.sense(name, recordings[each.modality]) for name, each in branches}
 
     def sense(self, name: str, recording: Tensor) -> Sensed:
-        """What one sense says of a decoded recording, in one pass."""
+        """Compute what one sense says of a decoded recording, in one pass."""
         return self.sensed(name, self.described(name, recording))
 
     def sensed(self, name: str, features: Tensor) -> Sensed:
-        """The same of features (D, positions), see :meth:`described`."""
+        """Compute the same from features (D, positions), see :meth:`described`."""
         statistics = self.statistics_of(name)
         novelty = None if statistics is None else statistics.novelty(features.mean(dim=1))
         return Sensed(self._summand_of(name, features), novelty)
 
     def statistics_of(self, name: str) -> FeatureStatistics | None:
-        """Those of one sense; None of a checkpoint without them."""
+        """Return the class statistics of one sense; None of a checkpoint without them."""
         return cast(FeatureStatistics | None, dict(self.statistics.items()).get(name))
 
     def vote(self, sensed: Mapping[str, Sensed], seed: int) -> Vote:
@@ -235,12 +235,12 @@ class SurfaceClassifier(nn.Module):
         return self.seed(**recordings) if self.fusion is not None else 0
 
     def seed(self, **recordings: Tensor) -> int:
-        """Of the random choices for one sample of decoded recordings."""
+        """Return the seed of the random choices for one sample of decoded recordings."""
         arrays = (content(recordings[modality]) for modality in self.card.modalities)
         return content_seed(self.card.decision["seed"], *arrays)
 
     def summand(self, name: str, recording: Tensor) -> Tensor:
-        """What one sense adds to the class scores: (classes, positions).
+        """Compute what one sense adds to the class scores: (classes, positions).
 
         Args:
             name: Of the sense.
@@ -255,11 +255,11 @@ class SurfaceClassifier(nn.Module):
         return self.project(name, features)
 
     def positions(self, name: str, recording: Tensor) -> Tensor:
-        """Features (D, positions) of one sense, of the layer that is fused; scores of a single."""
+        """Compute features (D, positions) of the layer that is fused; of a single sense scores."""
         return self.branch(name).positions(recording, self.level(name))
 
     def described(self, name: str, recording: Tensor) -> Tensor:
-        """Features (D, positions) of one sense that its :attr:`statistics` are about.
+        """Compute the features (D, positions) of one sense that its :attr:`statistics` are about.
 
         FC2's, whatever is fused; of a network without a ``score_layer`` its class scores.
 
@@ -270,25 +270,25 @@ class SurfaceClassifier(nn.Module):
         return self.branch(name).positions(recording, self.described_level(name))
 
     def described_level(self, name: str) -> Level:
-        """The layer of :meth:`described`."""
+        """Return the layer of :meth:`described`."""
         level = self.level(name)
         if level == "fc3" and hasattr(self.branch(name).network, "score_layer"):
             return "fc2"  # fusion on FC2, which removes that layer, is there already
         return level
 
     def level(self, name: str) -> Level:
-        """The layer of one sense that is fused; of a single one that of the scores."""
+        """Return the layer of one sense that is fused; of a single one that of the scores."""
         place = self.card.senses.index(name)
         return "fc3" if self.fusion is None else self.fusion.levels[place]
 
     def project(self, name: str, features: Tensor) -> Tensor:
-        """The summand of features (D, positions) of one sense, see :meth:`positions`."""
+        """Return the summand of features (D, positions) of one sense, see :meth:`positions`."""
         if self.fusion is None:
             return features
         return self.fusion.project(self.card.senses.index(name), features[None])[0]
 
     def join(self, summands: Sequence[Tensor], seed: int, count: int | None = None) -> Tensor:
-        """Class scores (classes, fragments) of one sample.
+        """Return the class scores (classes, fragments) of one sample.
 
         Args:
             summands: Those of all senses, in order; of a single one they are the scores.
@@ -304,7 +304,7 @@ class SurfaceClassifier(nn.Module):
 
     @torch.no_grad()
     def part(self, senses: Sequence[str]) -> "SurfaceClassifier":
-        """A copy that looks at some of the senses, for samples that lack the others.
+        """Return a copy that looks at some of the senses, for samples that lack the others.
 
         Where FC2 is fused a single sense has no FC3 of its own; it takes its part of the fusion
         layer, so that the scores of all add up to those of the fusion. At FC3 it is the network

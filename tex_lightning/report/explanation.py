@@ -64,7 +64,7 @@ class Explanation:
 
     @property
     def contributions(self) -> dict[str, float]:
-        """By sense, mean over its positions of the winner's score less the rival's.
+        """Return by sense the mean over its positions of the winner's score less the rival's.
 
         Their sum is by how much the mean score of a FusionNet's vote prefers the winner.
         """
@@ -75,7 +75,7 @@ class Explanation:
 
     @property
     def title(self) -> str:
-        """Label, confidence, probability and warnings, in lines."""
+        """Return label, confidence, probability and warnings, in lines."""
         said, name = self.prediction, self.classes[self.label]
         lines = [
             f"{f'rejected, most like {name}' if said.rejected else name}: "
