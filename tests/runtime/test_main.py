@@ -17,7 +17,10 @@ from tex_lightning_runtime.__main__ import main
 def command(exported, monkeypatch, capfd):
     def run(*arguments, model=exported[1]):
         monkeypatch.setattr(sys, "argv", ["tex-runtime", str(model), *map(str, arguments)])
-        status = main()
+        try:
+            status = main()
+        except SystemExit as end:
+            status = end.code
         said = capfd.readouterr()
         return status, [json.loads(line) for line in said.out.splitlines()], said.err
 
