@@ -7,16 +7,17 @@ from argparse import ArgumentParser
 from glob import glob, has_magic
 from pathlib import Path
 
-from tex_lightning_runtime.files import PHOTOS, TRACES, UserError, require
+from tex_lightning_runtime.recordings import UserError, require
 from tex_lightning_runtime.runtime import Runtime
+
+TRACES, PHOTOS = r"wav|flac|npy|txt|csv", r"jpe?g|png|bmp|tiff?|webp"
 
 
 def main() -> int:
     """Run ``tex-runtime``; the exit status is 2 if anything could not be classified."""
-    parser, failures = ArgumentParser(prog="tex-runtime", description=__doc__), 0
+    parser, failures = ArgumentParser(prog="tex-runtime", description=__doc__), []
     parser.add_argument("model", help="file of task=export export.format=onnx")
-    said = "haptic=FILE, image=FILE; folders and patterns are matched in order"
-    parser.add_argument("inputs", nargs="*", metavar="NAME=FILE", help=said)
+    parser.add_argument("inputs", nargs="*", metavar="NAME=FILE", help="or a folder or pattern")
     parser.add_argument("--info", action="store_true", help="print what the file says of itself")
     parser.add_argument("--rate", type=float, help="in Hz, of files that carry none")
     parser.add_argument("--top-k", type=int, default=3, help="how many classes to list")
@@ -30,11 +31,10 @@ def main() -> int:
         print(json.dumps(runtime.card, indent=1))
     for files in samples:
         try:
-            found = runtime.predict(rate=asked.rate, **files)
-            print(json.dumps({**files, **found}), flush=True)
+            print(json.dumps({**files, **runtime.predict(rate=asked.rate, **files)}), flush=True)
         except UserError as error:  # which does not stop the others
-            failures += 1
-            print(f"Error: {' and '.join(files.values())}: {error}", file=sys.stderr)
+            failures.append(f"Error: {' and '.join(files.values())}: {error}")
+            print(failures[-1], file=sys.stderr)
     return 2 if failures else 0
 
 
@@ -55,7 +55,7 @@ def _files(value: str) -> list[str]:
     if path.is_file() or not (path.is_dir() or has_magic(value)):
         return [value]
     found = glob(f"{path}/*" if path.is_dir() else str(path), recursive=True)  # noqa: PTH207
-    known = [each for each in found if Path(each).suffix.lower() in (*TRACES, *PHOTOS)]
+    known = [each for each in found if re.search(rf"\.({TRACES}|{PHOTOS})$", each.lower())]
     return sorted(known, key=lambda each: re.sub(r"\d+", lambda n: n[0].zfill(20), Path(each).stem))
 
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tex_lightning_runtime.decoding import Decoded, decode
-from tex_lightning_runtime.files import Array, UserError, read_trace, require
+from tex_lightning_runtime.recordings import Array, Decoded, UserError, decode, read_trace, require
 
 FORMAT = 2  # of the file's metadata
 FATAL = 4  # severity of what ONNX Runtime logs
@@ -46,28 +45,24 @@ class Runtime:
         The ``rate`` in Hz is that of samples, and of files that carry none; None takes the card's.
         """
         begin, given = time.perf_counter(), recordings.items()
-        decoded = {
-            name: decode(each, self.sense(name), rate) for name, each in given if each is not None
-        }
-        found = self.decide(decoded, begin)
-        short = [each["too_short"] for each in map(self.senses.get, decoded) if "rate" in each]
-        require(found["fragments"], " ".join(short))
+        senses = [(self.sense(name), each) for name, each in given if each is not None]
+        found = self.decide({s["modality"]: decode(each, s, rate) for s, each in senses}, begin)
+        require(found["fragments"], " ".join(s["too_short"] for s, _ in senses if "rate" in s))
         return found
 
     def stream(self, window: float | None = None, **given: Any) -> "Stream":
-        """Begin a recording that is classified as it goes on; see :class:`Stream`."""
+        """Begin a recording whose last ``window`` seconds count, or all; see :class:`Stream`."""
         return Stream(self, window, **given)
 
     def sense(self, modality: str) -> dict[str, Any]:
         """What the card says of a modality."""
         require(modality in self.senses, f"The network does not look at {modality}; leave it out.")
-        return self.senses[modality]
+        return dict(self.senses[modality])
 
     def decide(self, decoded: dict[str, Decoded], begin: float) -> dict[str, Any]:
         """Predict from decoded recordings by modality; ``begin`` is when their decoding began."""
         inputs = {name: decoded[name] for name in self.senses if name in decoded}
-        needs = " and ".join(f"{name}=FILE" for name in self.senses)
-        require(inputs, f"There is nothing to classify; give {needs}.")
+        require(inputs, f"There is nothing to classify; give some of {', '.join(self.senses)}.")
         found, empty = self._run(inputs), all(each.empty for each in inputs.values())
         warnings = [warning for each in inputs.values() for warning in each.warnings]
         least, judges = self.card["decision"]["reject_below"], self.card["unknown"] is not None
@@ -115,11 +110,7 @@ class Runtime:
 
 
 class Stream:
-    """A recording that goes on: predict from all samples so far, or the last ``window`` seconds.
-
-    The ``rate`` in Hz is that of the samples, by default the network's. Photos, by modality as
-    :meth:`Runtime.predict` takes them, stay as they are.
-    """
+    """A recording that goes on, with samples of a ``rate`` in Hz; photos stay as they are."""
 
     def __init__(
         self, runtime: Runtime, window: float | None, *, rate: float | None = None, **photos: Any
@@ -129,15 +120,10 @@ class Stream:
         self._raw: dict[str, Array] = {}
 
     def push(self, samples: Any = None, /, **chunks: Any) -> dict[str, Any]:
-        """Take more samples (axes, samples), of several signals by modality, and predict.
-
-        The label is None while there is not one fragment.
-        """
+        """Predict with more samples (axes, samples), by modality or of the first signal."""
         begin, senses = time.perf_counter(), self._runtime.senses
-        signals = [name for name, each in senses.items() if "rate" in each]
         if samples is not None:
-            require(len(signals) == 1, f"Give the samples by name: {', '.join(signals)}.")
-            chunks = {signals[0]: samples}
+            chunks[next(name for name, each in senses.items() if "rate" in each)] = samples
         for name, chunk in chunks.items():
             sense = self._runtime.sense(name)
             new, rate = read_trace(chunk, sense, self._rate)

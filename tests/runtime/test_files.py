@@ -8,13 +8,11 @@ from PIL import Image
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
 from tex_lightning_runtime import UserError
-from tex_lightning_runtime.decoding import resample
-from tex_lightning_runtime.files import read_photo, read_trace
+from tex_lightning_runtime.recordings import decode, read_trace, resample
 
 AXES = np.stack([make_trace(kind, 0, 0.2) for kind in range(3)])
-
-
-SENSE = {"modality": "haptic", "rate": 10_000.0, "file_rate": 10_000.0, "channel": None}
+PHOTO = {"what": "photo", "medium": "photo", "least": 1, "half_scale": False, "limits": {}}
+SENSE = {"what": "trace", "rate": 10_000.0, "file_rate": 10_000.0, "channel": None}
 
 
 def read(path, channel=None, rate=None):
@@ -94,7 +92,7 @@ def test_files_that_only_the_package_reads_are_refused(tmp_path):
     with pytest.raises(UserError, match=r"b\.json may say the rate"):
         read(tmp_path / "b.npy")
     assert read(tmp_path / "b.npy", rate=4_000.0)[1] == 4_000
-    with pytest.raises(UserError, match="unknown type"):
+    with pytest.raises(UserError, match="Format not recognised"):
         read(write(tmp_path / "a.xml", "<a/>"))
 
 
@@ -114,7 +112,7 @@ def test_damage_is_refused(tmp_path):
 
 @pytest.mark.parametrize("given", [AXES.astype("U"), AXES[:2], AXES[:, :0], [[1], [1, 2]], 1.0])
 def test_arrays_that_are_no_trace_are_refused(given):
-    with pytest.raises(UserError, match="haptic"):
+    with pytest.raises(UserError, match="The trace"):
         read(given)
 
 
@@ -125,9 +123,8 @@ def test_photos_are_those_of_the_package(tmp_path, mode):
     exif = Image.Exif()
     exif[0x0112] = 6  # lies on its side
     image.save(path, exif=exif)
-    np.testing.assert_array_equal(
-        read_photo(path, "image"), decode_image(path, PhotoDecoder(False))
-    )
+    expected = decode_image(path, PhotoDecoder(False))
+    np.testing.assert_array_equal(decode(path, PHOTO).array, expected)
 
 
 def test_photos_that_are_none_are_refused(tmp_path):
@@ -135,8 +132,8 @@ def test_photos_that_are_none_are_refused(tmp_path):
     (tmp_path / "words.png").write_text("words")
     for name, message in {"deep": "8 bits", "words": "cannot be read", "no": "exist"}.items():
         with pytest.raises(UserError, match=message):
-            read_photo(tmp_path / f"{name}.png", "image")
+            decode(tmp_path / f"{name}.png", PHOTO)
     for wrong in (np.zeros((9, 9)), np.zeros((9, 9, 2), np.uint8), np.zeros((0, 9), np.uint8)):
-        with pytest.raises(UserError, match="image"):
-            read_photo(wrong, "image")
-    assert read_photo(np.zeros((4, 5), np.uint8), "image").shape == (4, 5, 3)
+        with pytest.raises(UserError, match="The photo"):
+            decode(wrong, PHOTO)
+    assert decode(np.zeros((4, 5), np.uint8), PHOTO).array.shape == (4, 5, 3)

@@ -48,7 +48,7 @@ def files(tmp_path_factory):
 def test_predicts_of_files_as_the_package_does(runtime, model, files, trace, photo):
     given = {"haptic": trace and files / trace, "image": photo and str(files / photo)}
     if not trace and not photo:
-        with pytest.raises(UserError, match="haptic=FILE and image=FILE"):
+        with pytest.raises(UserError, match="give some of haptic, image"):
             runtime.predict(**given)
         return
     check(runtime, model, **given)
@@ -95,7 +95,7 @@ def test_what_is_novel_to_the_senses_that_are_there_is_called_unknown(runtime, m
         ({"sound": TRACE}, "does not look at sound"),
         ({"haptic": "nowhere.wav"}, "nowhere.wav"),
         ({"haptic": TRACE, "rate": -1.0}, "rate"),
-        ({"haptic": [[1, 2], [3]]}, "haptic"),
+        ({"haptic": [[1, 2], [3]]}, "trace"),
     ],
 )
 def test_refuses_in_one_sentence(runtime, model, given, message):

@@ -22,7 +22,7 @@ def skip_absent(model: Any, senses: Mapping[str, Sequence[str]], outputs: Sequen
     tools = onnx.utils.Extractor(model)
     inputs = [each.name for each in model.graph.input]
     told = [value for values in senses.values() for value in values]
-    found = tools.extract_model([*inputs, *told], outputs)
+    found = tools.extract_model([*inputs, *told], list(outputs))
     nodes = []
     for recording, values in senses.items():
         size, present = f"{recording}/size", f"{recording}/present"

@@ -12,7 +12,7 @@ from tex_lightning.data.decode import rate_ratio
 from tex_lightning.data.quality import TraceMonitor, limits, trace_measures
 from tex_lightning.data.quality import photo_quality as photo_reference
 from tex_lightning_runtime import UserError
-from tex_lightning_runtime.decoding import decode, halve, resample
+from tex_lightning_runtime.recordings import decode, resample
 
 LEVELS = {"level": [0.1, 0.3], "rate": [9e3, 1e4]}
 LIGHT = {"brightness": [100.0, 140.0], "contrast": [30.0, 60.0]}
@@ -58,7 +58,8 @@ def test_photos(half, gain, side):
 @given(st.integers(2, 40), st.integers(2, 40))
 def test_halving(height, width):
     photo = np.random.default_rng(height).integers(0, 256, (height, width, 3), np.uint8)
-    np.testing.assert_array_equal(halve(photo), reference(photo))
+    found = decode(photo, {**PHOTO, "half_scale": True, "limits": {}})
+    np.testing.assert_array_equal(found.content, reference(photo))
 
 
 @given(RATES, RATES, st.integers(1, 900), st.sampled_from(["f4", "f8"]), st.sampled_from([1, 3]))
