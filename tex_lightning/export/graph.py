@@ -67,8 +67,8 @@ class ClassifierGraph(nn.Module):
         # a part of the senses has no temperature of its own
         temperature = torch.where(present.all(), self.card.temperature, 1.0)
         vote = traced_vote(scores, self.card.rule, temperature)
-        if self.statistics:
-            outputs["novelty"] = torch.stack([part.novelty for part in parts]).sum()
+        if novelties := [part.novelty for part in parts if part.novelty is not None]:
+            outputs["novelty"] = torch.stack(novelties).sum()
             if self.card.unknown:
                 outputs["unknown"] = is_unknown(self.card, outputs["novelty"], present)
         return {"scores": scores, **vote._asdict(), **outputs}
@@ -117,10 +117,10 @@ class ClassifierGraph(nn.Module):
         summand: Tensor = network.project(place, positions[None])[0]
         return (positions if network.levels[place] == "fc3" else summand), summand
 
-    def _novelty(self, name: str, found: Tensor) -> Tensor:
-        """See :meth:`~tex_lightning.networks.statistics.FeatureStatistics.novelty`; () or 0."""
+    def _novelty(self, name: str, found: Tensor) -> Tensor | None:
+        """See :meth:`~tex_lightning.networks.statistics.FeatureStatistics.novelty`; ()."""
         if name not in self.statistics:
-            return torch.zeros(())
+            return None
         statistics: Any = self.statistics[name]
         novelty: Tensor = statistics.novelty(found[0].flatten(1).mean(dim=1))
         return novelty

@@ -17,24 +17,25 @@ class Part(NamedTuple):
     Attributes:
         summand: Class scores (classes, positions) that it adds to those of the others.
         alone: Those (classes, positions) by which it decides where all others are absent.
-        novelty: (); 0 where it is not known.
         positions: How many there are, int64 ().
+        novelty: (); None where it is not known.
     """
 
     summand: Tensor
     alone: Tensor
-    novelty: Tensor
     positions: Tensor
+    novelty: Tensor | None
 
     @classmethod
-    def of(cls, summand: Tensor, alone: Tensor, novelty: Tensor) -> "Part":
+    def of(cls, summand: Tensor, alone: Tensor, novelty: Tensor | None) -> "Part":
         """With the number of its positions."""
         positions = torch.scalar_tensor(alone.shape[1], dtype=torch.int64)
-        return cls(summand, alone, novelty, positions)
+        return cls(summand, alone, positions, novelty)
 
     def named(self, sense: str) -> dict[str, Tensor]:
-        """By the names that :func:`names` gives."""
-        return dict(zip(names(sense), self, strict=True))
+        """What there is, by the names that :func:`names` gives."""
+        every = zip(names(sense), self, strict=True)
+        return {name: each for name, each in every if each is not None}
 
 
 def names(sense: str) -> list[str]:

@@ -10,7 +10,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.quality import limits
 from tex_lightning.export.joining import thresholds
-from tex_lightning.export.tracing import takes_axes
+from tex_lightning.export.tracing import AXES
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.blocks import Window
 from tex_lightning.networks.tiles import layer_windows
@@ -64,7 +64,7 @@ def _sense(branch: Branch, card: Card) -> dict[str, Any]:
             "rate": decoder.sampling_rate,
             "file_rate": decoder.file_rate,
             "channel": decoder.channel,
-            "axes": takes_axes(branch),
+            "axes": AXES,
             "too_short": _too_short(branch.what, entry["least"], decoder.sampling_rate),
             **_frames(branch),
         }
