@@ -64,10 +64,10 @@ def measure() -> dict[str, Any]:
 def install(folder: Path) -> Path:
     """An environment that holds the runtime and what it needs; gives its Python."""
     pip = [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), "install", "-q"]
-    constraints = ["--no-compile", "-c", str(RUNTIME / "constraints.txt")]
     try:
         subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
-        subprocess.run([*pip, *constraints, str(RUNTIME)], check=True, capture_output=True)
+        compiled = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
+        subprocess.run([*pip, str(RUNTIME)], check=True, capture_output=True, env=compiled)
     except subprocess.CalledProcessError as error:
         raise UserError("The runtime cannot be installed here; is there a network?") from error
     return folder / "bin" / "python"

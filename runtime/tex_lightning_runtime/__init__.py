@@ -1,7 +1,7 @@
 """Classify surfaces by a network that tex_lightning exported, without PyTorch."""
 
-from tex_lightning_runtime.errors import UserError
-from tex_lightning_runtime.runtime import Runtime, Stream
+from tex_lightning_runtime.recordings import UserError as UserError
+from tex_lightning_runtime.runtime import Runtime as Runtime
+from tex_lightning_runtime.runtime import Stream as Stream
 
-__all__ = ["Runtime", "Stream", "UserError"]
 __version__ = "0.1.0"

@@ -1,43 +1,26 @@
-"""The network of an exported file, with everything from recordings to a label around it."""
+"""The network of an exported file, with everything from recordings to a prediction around it."""
 
 import json
 import time
-from collections.abc import Mapping
+import zlib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from tex_lightning_runtime.errors import UserError, require
-from tex_lightning_runtime.files import as_photo, as_trace, read_photo, read_trace
-from tex_lightning_runtime.quality import halve, photo_quality, trace_quality
-from tex_lightning_runtime.resampling import Array, Resampler
-from tex_lightning_runtime.voting import join, vote
+from tex_lightning_runtime.recordings import Array, Decoded, UserError, decode, read_trace, require
 
-FORMAT = 1  # of the file's metadata
+FORMAT = 2  # of the file's metadata
 FATAL = 4  # severity of what ONNX Runtime logs
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
-
-
-class Decoded(NamedTuple):
-    """Input of the graph, content that seeds, what is wrong, whether nothing was measured."""
-
-    array: Array
-    content: Array
-    warnings: list[str]
-    empty: bool
+ABSENT = {"signal": np.zeros((1, 0), np.float32), "photo": np.zeros((0, 0, 3), np.uint8)}
 
 
 class Runtime:
     """Classify as ``task=predict`` does with the checkpoint that ``task=export`` was given.
 
-    Args:
-        path: The ``.onnx`` file; :attr:`card` is what it says of itself.
-        top_k: How many classes a prediction lists.
-        threads: Of the arithmetic; 0 takes all cores.
-
-    Raises:
-        UserError: If the file cannot be used; all methods do where an input cannot.
+    A prediction lists ``top_k`` classes; 0 ``threads`` take all cores. :attr:`card` is what the
+    ``.onnx`` file says of itself. All methods raise :class:`UserError` of what they cannot use.
     """
 
     def __init__(self, path: str | Path, *, top_k: int = 3, threads: int = 0) -> None:
@@ -52,162 +35,101 @@ class Runtime:
             self.card = json.loads(found.get_modelmeta().custom_metadata_map["tex_lightning"])
         except Exception as error:  # they have no class in common
             raise UserError(f"Model {path} is missing, or no file of task=export.") from error
-        fits = self.card["format"] == FORMAT
-        require(fits, f"Model {path} has another format; update tex_lightning_runtime.")
+        require(self.card["format"] == FORMAT, f"Model {path} has another format; export it anew.")
+        self.senses = {each["modality"]: each for each in self.card["senses"]}
         self._session, self._top_k = found, top_k
 
     def predict(self, *, rate: float | None = None, **recordings: Any) -> dict[str, Any]:
-        """Classify one sample.
+        """Classify one sample: by modality a file, samples (axes, samples) or pixels (M, N, 3).
 
-        Args:
-            rate: In Hz, of samples and of files that carry none; None takes the card's.
-            **recordings: By modality a file, samples (axes, samples) or pixels (height, width, 3).
+        The ``rate`` in Hz is that of samples, and of files that carry none; None takes the card's.
         """
         begin, given = time.perf_counter(), recordings.items()
-        decoded = {name: self.decode(name, it, rate) for name, it in given if it is not None}
-        found = self.decide(decoded, begin)
-        every = [each for each in map(self.sense, decoded) if each["medium"] == "signal"]
-        least = [f"{each['least'] / each['rate']:.2f} s" for each in every if each["least"]]
-        said = f"There is less movement than the {' and '.join(least)} that one fragment takes"
-        require(found["fragments"], f"{said}; record a longer stroke.")
+        senses = [(self.sense(name), each) for name, each in given if each is not None]
+        found = self.decide({s["modality"]: decode(each, s, rate) for s, each in senses}, begin)
+        require(found["fragments"], " ".join(s["too_short"] for s, _ in senses if "rate" in s))
         return found
 
     def stream(self, window: float | None = None, **given: Any) -> "Stream":
-        """Begin a recording that is classified as it goes on; see :class:`Stream`."""
+        """Begin a recording whose last ``window`` seconds count, or all; see :class:`Stream`."""
         return Stream(self, window, **given)
 
     def sense(self, modality: str) -> dict[str, Any]:
         """What the card says of a modality."""
-        found = [each for each in self.card["senses"] if each["modality"] == modality]
-        require(
-            found, f"This {self.card['kind']} network does not look at {modality}; leave it out."
-        )
-        return {**found[0], "ranges": self.card["ranges"].get(modality, {})}
+        require(modality in self.senses, f"The network does not look at {modality}; leave it out.")
+        return dict(self.senses[modality])
 
-    def decode(self, modality: str, given: Any, rate: float | None = None) -> Decoded:
-        """Bring a file or array to what the graph takes."""
-        sense = self.sense(modality)
-        path = Path(given).expanduser() if isinstance(given, str | Path) else None
-        if sense["medium"] == "signal":
-            if path:
-                raw, own = read_trace(path, sense["channel"], rate)
-                rate = sense["file_rate"] if own is None else own
-            else:
-                raw, rate = as_trace(given, modality), sense["rate"] if rate is None else rate
-            return as_signal(sense, raw, Resampler(rate, sense["rate"])(raw), rate)
-        photo = read_photo(path) if path else as_photo(given, modality)
-        width, height = (side // (1 + sense["half_scale"]) for side in photo.shape[1::-1])
-        said = (
-            f"The {sense['what']} has {width}x{height} pixels after decoding; use one of at least "
-        )
-        require(min(width, height) >= (sense["least"] or 1), f"{said}{sense['least']} a side.")
-        seeds = len(self.card["senses"]) > 1 and sense["half_scale"]
-        return Decoded(photo, halve(photo) if seeds else photo, *photo_quality(photo, sense))
-
-    def decide(self, decoded: Mapping[str, Decoded], begin: float) -> dict[str, Any]:
-        """Vote over decoded recordings by modality; ``begin`` is when their decoding began."""
-        card, rules = self.card, self.card["decision"]
-        senses = [sense for sense in card["senses"] if sense["modality"] in decoded]
-        whole, least = len(senses) == len(card["senses"]), rules["reject_below"]
-        needs = " and ".join(f"{each['modality']}=FILE" for each in card["senses"])
-        require(senses and (whole or card["parts"]), f"This network needs {needs}; give them all.")
-        inputs = {each["modality"]: decoded[each["modality"]] for each in senses}
-        unknown, names = (
-            card["unknown"] if whole else None,
-            [f"{it['name']}_scores" for it in senses],
-        )
-        found = self._compute(["novelty", *names] if unknown else names, inputs)
+    def decide(self, decoded: dict[str, Decoded], begin: float) -> dict[str, Any]:
+        """Predict from decoded recordings by modality; ``begin`` is when their decoding began."""
+        inputs = {name: decoded[name] for name in self.senses if name in decoded}
+        require(inputs, f"There is nothing to classify; give some of {', '.join(self.senses)}.")
+        found, empty = self._run(inputs), all(each.empty for each in inputs.values())
         warnings = [warning for each in inputs.values() for warning in each.warnings]
-        empty = all(each.empty for each in inputs.values())
-        doubt = 1.0 if empty else UNLIKE if warnings else 0.0
-        said: dict[str, Any] = dict.fromkeys(("label", "rejected", "probability", "confidence"))
-        said |= {"rejected": False, "top_k": [], "fragments": 0}
-        said |= {"relative_macs": 1.0, "warnings": warnings, "modalities": [*inputs]}
+        least, judges = self.card["decision"]["reject_below"], self.card["unknown"] is not None
+        said: dict[str, Any] = {"label": None, "rejected": False, "probability": None}
+        said |= {"confidence": None, "top_k": [], "fragments": 0, "relative_macs": 1.0}
+        said |= {"warnings": warnings, "modalities": [*inputs]}
         if found:
-            scores = join(found[-len(names) :], [each.content for each in inputs.values()], rules)
-            best, *both = vote(scores, rules["rule"], rules["temperature"] if whole else 1.0)
+            doubt, best = 1.0 if empty else UNLIKE if warnings else 0.0, int(found["label"])
+            both = found["shares"], found["probabilities"]
             shares, probabilities = ((1 - doubt) * each + doubt / len(each) for each in both)
             ranked = sorted(range(len(shares)), key=lambda i: (i != best, -shares[i], i))
-            top = [{"label": card["classes"][i], "share": float(shares[i])} for i in ranked]
-            said |= {**top[0], "probability": float(probabilities[best])}
-            said |= {"confidence": said.pop("share"), "fragments": scores.shape[1]}
-            said["top_k"] = top[: self._top_k]
-            if said["probability"] < (least or 0) or (empty and least):
-                said |= {"label": None, "rejected": True}
-            if unknown and (empty or found[0] > unknown["threshold"]):
-                said |= {"label": "unknown", "rejected": True}
-        if least is None and not unknown:
+            top = [{"label": self.card["classes"][i], "share": float(shares[i])} for i in ranked]
+            said |= {"probability": float(probabilities[best]), "confidence": top[0]["share"]}
+            said |= {"top_k": top[: self._top_k], "fragments": found["scores"].shape[1]}
+            unsure = said["probability"] < (least or 0) or (empty and least)
+            unknown = judges and (empty or found["unknown"])
+            said["label"] = "unknown" if unknown else None if unsure else top[0]["label"]
+            said["rejected"] = bool(unknown or unsure)
+        if least is None and not judges:
             del said["rejected"]
-        if len(card["senses"]) == 1:
+        if len(self.senses) == 1:
             del said["modalities"]
         said["latency_ms"] = round((time.perf_counter() - begin) * 1000, 3)
-        return said | ({"novelty": float(found[0])} if unknown and found else {})
+        return said | ({"novelty": float(found["novelty"])} if found and judges else {})
 
-    def _compute(self, outputs: list[str], inputs: Mapping[str, Decoded]) -> list[Array]:
-        """Outputs of the graph; none if a signal is too short for its convolutions."""
-        feed = {name: each.array for name, each in inputs.items()}
-        for sense in self.card["senses"]:  # the least that there can be, of what is not there
-            size, signal = (sense["least"] or 1), sense["medium"] == "signal"
-            side = size * (1 + sense.get("half_scale", False))
-            blank = np.zeros((1, size) if signal else (side, side, 3), np.uint8)
-            feed.setdefault(sense["modality"], blank.astype(np.float32) if signal else blank)
+    def _run(self, inputs: dict[str, Decoded]) -> dict[str, Array]:
+        """Outputs of the graph by name; none if a signal is too short for one fragment."""
+        feed = {name: ABSENT[each["medium"]] for name, each in self.senses.items()}
+        feed |= {name: each.array for name, each in inputs.items()}
+        if len(inputs) > 1:  # else there are no tuples to draw
+            seed, pairs = self.card["decision"]["seed"], self.card["decision"]["pairs"]
+            for each in inputs.values():
+                seed = zlib.crc32(each.content.data, seed)
+            words = np.random.RandomState(seed).bytes(4 * pairs * len(self.card["senses"]))
+            feed["draws"] = np.frombuffer(words, "<u4").reshape(-1, pairs).T.astype(np.int64)
+        names = [each.name for each in self._session.get_outputs()]
         try:
-            found = list(self._session.run(outputs, feed))
+            found = dict(zip(names, self._session.run(names, feed), strict=True))
         except Exception:  # of ONNX Runtime, whose classes do not tell what it is
-            if not any(self.sense(name)["medium"] == "signal" for name in inputs):
+            if all("rate" not in self.senses[name] for name in inputs):
                 raise
-            return []
-        return found if all(each.size for each in found) else []
+            return {}
+        told = [each["name"] for each in self.card["senses"] if each["modality"] in inputs]
+        return found if all(found[f"{name}_scores"].size for name in told) else {}
 
 
 class Stream:
-    """A recording that goes on: predict from all samples so far, or from the last seconds.
-
-    Args:
-        runtime: Predicts.
-        window: How many seconds; None takes all.
-        rate: Of the samples in Hz; None is the network's.
-        **photos: By modality, as :meth:`Runtime.predict` takes them; they stay as they are.
-    """
+    """A recording that goes on, with samples of a ``rate`` in Hz; photos stay as they are."""
 
     def __init__(
         self, runtime: Runtime, window: float | None, *, rate: float | None = None, **photos: Any
     ) -> None:
         self._runtime, self._window, self._rate = runtime, window, rate
-        self._decoded = {name: runtime.decode(name, photo) for name, photo in photos.items()}
+        self._decoded = {name: decode(each, runtime.sense(name)) for name, each in photos.items()}
         self._raw: dict[str, Array] = {}
-        self._settled: dict[str, Array] = {}  # at the network's rate, changed by no later sample
 
     def push(self, samples: Any = None, /, **chunks: Any) -> dict[str, Any]:
-        """Take more samples (axes, samples), of several signals by modality, and predict.
-
-        The label is None while there is not one fragment.
-        """
-        begin, senses = time.perf_counter(), self._runtime.card["senses"]
-        signals = [each["modality"] for each in senses if each["medium"] == "signal"]
+        """Predict with more samples (axes, samples), by modality or of the first signal."""
+        begin, senses = time.perf_counter(), self._runtime.senses
         if samples is not None:
-            require(len(signals) == 1, f"Give the samples by name: {', '.join(signals)}.")
-            chunks = {signals[0]: samples}
+            chunks[next(name for name, each in senses.items() if "rate" in each)] = samples
         for name, chunk in chunks.items():
-            self._decoded[name] = self._take(name, as_trace(chunk, name))
+            sense = self._runtime.sense(name)
+            new, rate = read_trace(chunk, sense, self._rate)
+            raw = self._raw.get(name, new[:, :0])
+            require(len(raw) == len(new), f"{name} had {len(raw)} axes before; give as many.")
+            kept = 0 if self._window is None else -max(1, round(self._window * rate))
+            self._raw[name] = np.concatenate((raw, new), axis=1)[:, kept:]
+            self._decoded[name] = decode(self._raw[name], sense, rate)
         return self._runtime.decide(self._decoded, begin)
-
-    def _take(self, name: str, chunk: Array) -> Decoded:
-        sense = self._runtime.sense(name)
-        rate = sense["rate"] if self._rate is None else self._rate
-        raw = self._raw.get(name, chunk[:, :0])
-        require(len(raw) == len(chunk), f"{name} had {len(raw)} axes before; give as many.")
-        raw = np.concatenate((raw, chunk), axis=1)
-        known = self._settled.get(name, np.empty((len(raw), 0), np.float32))
-        if self._window is not None:
-            raw, known = raw[:, -max(1, round(self._window * rate)) :], known[:, :0]
-        resample = Resampler(rate, sense["rate"])
-        trace = np.concatenate((known, resample(raw, known.shape[1])), axis=1)
-        self._raw[name], self._settled[name] = raw, trace[:, : resample.settled(raw.shape[1])]
-        return as_signal(sense, raw, trace, rate)
-
-
-def as_signal(sense: Mapping[str, Any], raw: Array, trace: Array, rate: float) -> Decoded:
-    """What the graph takes of samples (axes, samples), before and after resampling."""
-    require(len(raw) in sense["axes"], f"This file is for {sense['axes']} axes, not {len(raw)}.")
-    return Decoded(trace, trace, *trace_quality(raw, trace, rate, sense))

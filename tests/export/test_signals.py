@@ -24,6 +24,8 @@ def recording(axes: int, seconds: float = 3.3) -> torch.Tensor:
         (3, {"scale": "mel", "window_seconds": 0.03}),
         (3, {"scale": "linear"}),
         (1, {"scale": "linear", "axes": "trace", "normalisation": "paper"}),
+        (3, {"scale": "linear", "axes": "trace", "normalisation": "paper"}),
+        (3, {"scale": "mel", "axes": "trace"}),
         (1, {"scale": "mel", "skip_impact": False}),
     ],
 )

@@ -138,7 +138,7 @@ def test_a_person_at_the_keyboard_gets_a_label(runtime, chromium, tmp_path):
     card = {
         "kind": "haptic", "classes": ["soft", "plain", "<b>rough</b>"], "senses": [sense],
         "decision": {"rule": "vote", "temperature": 1, "reject_below": None, "seed": 0},
-        "version": "0", "unknown": None, "ranges": {}, "parts": False,
+        "version": "0", "unknown": None, "ranges": {},
     }  # fmt: skip
     page, file = tmp_path / "page", tmp_path / "<img src=x onerror=alert(1)>.csv"
     write_page(page, card, web_runtime.runtime_files(str(runtime), tmp_path))

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
-import torch
 from scipy.signal import resample_poly
 
 from tex_lightning.classifier import content_seed
@@ -19,7 +18,7 @@ from tex_lightning.data.decode import halve, rate_ratio
 from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
 from tex_lightning.data.text_traces import read_text_trace
 from tex_lightning.data.trace_files import read_axes
-from tex_lightning.decision.voting import RULES, random_tuples
+from tex_lightning.decision.voting import random_tuples
 from tex_lightning.export import web_page
 
 SOURCES = Path(web_page.__file__).parent / "web"
@@ -179,32 +178,6 @@ def test_words_and_seeds_are_those_of_zlib_numpy_and_torch(node, tmp_path):
     np.testing.assert_array_equal(drawn, random_tuples([37, 143], 900, 4_000_000_000))
 
 
-def test_votes_are_those_of_the_package(node):
-    scores = torch.from_numpy(noise(4, 30)).round(decimals=1)  # with ties
-    found = node(
-        {"vote": "decide"},
-        "return given.rules.map((rule) => decide(given.scores, 4, { rule, temperature: 0.7 }));",
-        scores=scores.flatten().tolist(), rules=list(RULES),
-    )  # fmt: skip
-    for rule, vote in zip(RULES.values(), found, strict=True):
-        expected = rule(scores, 0.7)
-        assert vote["label"] == expected.label
-        np.testing.assert_allclose(vote["shares"], expected.shares, rtol=1e-6)
-        np.testing.assert_allclose(vote["probabilities"], expected.probabilities, rtol=1e-12)
-
-
-def test_scores_of_pairs_are_sums_at_the_positions_that_the_package_draws(node):
-    summands = [torch.from_numpy(noise(3, count, seed=count)) for count in (5, 8)]
-    found = node(
-        {"vote": "join", "seed": "mersenneTwister"},
-        "return [...join(given.summands, 3, mersenneTwister(11, 40), 20)];",
-        summands=[each.flatten().tolist() for each in summands],
-    )
-    tuples = random_tuples([5, 8], 20, 11)
-    expected = summands[0][:, tuples[:, 0]] + summands[1][:, tuples[:, 1]]
-    np.testing.assert_allclose(np.reshape(found, (3, 20)), expected, rtol=1e-6, atol=1e-7)
-
-
 SENSE = {
     "name": "haptic", "modality": "haptic", "what": "trace", "medium": "signal", "rate": 1000,
     "file_rate": 1000, "least": 10,
@@ -212,10 +185,10 @@ SENSE = {
 
 
 @pytest.mark.parametrize(
-    ("novelty", "reject_below", "label"),
-    [(3, None, "b"), (3, 0.9, None), (7, None, "unknown"), (7, 0.9, "unknown")],
+    ("unknown", "reject_below", "label"),
+    [(0, None, "b"), (0, 0.9, None), (1, None, "unknown"), (1, 0.9, "unknown")],
 )
-def test_what_is_unlike_the_training_or_unsure_gets_no_class(node, novelty, reject_below, label):
+def test_what_is_unlike_the_training_or_unsure_gets_no_class(node, unknown, reject_below, label):
     decision = {"rule": "vote", "temperature": 1, "seed": 0, "reject_below": reject_below}
     card = {"classes": ["a", "b"], "senses": [SENSE], "decision": decision, "ranges": {}}
     found = node(
@@ -223,11 +196,11 @@ def test_what_is_unlike_the_training_or_unsure_gets_no_class(node, novelty, reje
         "const samples = Float32Array.from({ length: 50 }, (_, i) => Math.sin(i));"
         "const run = async () => ({ label: { data: [1n] }, shares: { data: [0.25, 0.75] },"
         " probabilities: { data: [0.4, 0.6] }, scores: { dims: [2, 4] },"
-        " haptic_scores: { data: [0, 1], dims: [2, 1, 1] }, novelty: { data: [given.novelty] } });"
+        " haptic_scores: { data: [0, 1], dims: [2, 1, 1] }, unknown: { data: [given.unknown] } });"
         "const sample = { haptic: { axes: [samples], rate: 1000 } };"
         "const { label, rejected, best, fragments } = await classify(given.card, sample, run);"
         "return { label, rejected, best, fragments };",
-        card=card | {"unknown": {"threshold": 5.0, "rate": 0.05}}, novelty=novelty,
+        card=card | {"unknown": {"rate": 0.05}}, unknown=unknown,
     )  # fmt: skip
     assert found == {"label": label, "rejected": label != "b", "best": "b", "fragments": 4}
 

@@ -2,14 +2,16 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 import torch
-from conftest import make_card
+from conftest import make_card, make_photo, make_trace
 
 import tex_lightning as tl
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.export.onnx_file import make_onnx, write_onnx
 from tex_lightning.export.tracing import trace
+from tex_lightning.networks.statistics import FeatureStatistics
 from tex_lightning_runtime import Runtime
 
 RANGES = {
@@ -18,12 +20,33 @@ RANGES = {
 }
 
 
+KNOWN = [0.2, 0.5, 0.8]  # novelties of recordings of known classes
+RECORDINGS = {"haptic": make_trace, "visual": make_photo}
+
+
+def add_statistics(classifier):
+    """What training would leave behind: features of two recordings of every class."""
+    labels = torch.arange(6) % 3
+    for name in classifier.branches:
+        made = [RECORDINGS[name](kind % 3, kind) for kind in range(6)]
+        arrays = [torch.from_numpy(np.atleast_2d(each)) for each in made]
+        rows = [classifier.described(name, each).mean(dim=1).detach() for each in arrays]
+        classifier.statistics[name] = FeatureStatistics.of(torch.stack(rows), labels, 3)
+
+
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory):
     """Checkpoint and exported file of one network, which halves photos and may lack a sense."""
     torch.manual_seed(1)
     card = make_card("haptic", "visual", width=0.1, half_scale=True, pairs=200)
-    classifier = SurfaceClassifier(dataclasses.replace(card, input_ranges=RANGES)).eval()
+    card = dataclasses.replace(
+        card,
+        decision={**card.decision, "unknown": 0.3},
+        calibration={"temperature": 1.5, "novelties": {"haptic": KNOWN, "visual": KNOWN}},
+        input_ranges=RANGES,
+    )
+    classifier = SurfaceClassifier(card).eval()
+    add_statistics(classifier)
     state = {f"classifier.{key}": each for key, each in classifier.state_dict().items()}
     content = {"hyper_parameters": {"card": classifier.card.to_dict()}, "state_dict": state}
     folder = tmp_path_factory.mktemp("exported")

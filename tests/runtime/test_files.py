@@ -8,15 +8,19 @@ from PIL import Image
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
 from tex_lightning_runtime import UserError
-from tex_lightning_runtime.files import as_photo, as_trace, read_photo, read_trace
-from tex_lightning_runtime.resampling import Resampler
+from tex_lightning_runtime.recordings import decode, read_trace, resample
 
 AXES = np.stack([make_trace(kind, 0, 0.2) for kind in range(3)])
+PHOTO = {"what": "photo", "medium": "photo", "least": 1, "half_scale": False, "limits": {}}
+SENSE = {"what": "trace", "rate": 10_000.0, "file_rate": 10_000.0, "channel": None}
+
+
+def read(path, channel=None, rate=None):
+    return read_trace(path, {**SENSE, "channel": channel}, rate)
 
 
 def decoded(path, channel=None, rate=None):
-    samples, rate = read_trace(path, channel, rate)
-    return Resampler(rate or 10_000, 10_000)(samples)
+    return resample(*read(path, channel, rate), 10_000)
 
 
 def write(path, text):
@@ -75,21 +79,21 @@ def test_text_is_that_of_the_package(tmp_path, mark, header, axes):
 )
 def test_text_that_is_unclear_is_refused(tmp_path, text, message):
     with pytest.raises(UserError, match=message):
-        read_trace(write(tmp_path / "a.csv", text), None, None)
+        read(write(tmp_path / "a.csv", text))
 
 
 def test_files_that_only_the_package_reads_are_refused(tmp_path):
     for axis in "XY":
         np.save(tmp_path / f"a_{axis}_1.npy", AXES[0])
     with pytest.raises(UserError, match="several files"):
-        read_trace(tmp_path / "a_X_1.npy", None, None)
+        read(tmp_path / "a_X_1.npy")
     np.save(tmp_path / "b.npy", AXES)
     write(tmp_path / "b.json", '{"rate": 4000}')
     with pytest.raises(UserError, match=r"b\.json may say the rate"):
-        read_trace(tmp_path / "b.npy", None, None)
-    assert read_trace(tmp_path / "b.npy", None, 4_000.0)[1] == 4_000
-    with pytest.raises(UserError, match="unknown type"):
-        read_trace(write(tmp_path / "a.xml", "<a/>"), None, None)
+        read(tmp_path / "b.npy")
+    assert read(tmp_path / "b.npy", rate=4_000.0)[1] == 4_000
+    with pytest.raises(UserError, match="Format not recognised"):
+        read(write(tmp_path / "a.xml", "<a/>"))
 
 
 def test_damage_is_refused(tmp_path):
@@ -100,16 +104,16 @@ def test_damage_is_refused(tmp_path):
     np.savez(tmp_path / "e", AXES)
     (tmp_path / "e.npz").rename(tmp_path / "e.npy")
     for name in "bcde":
-        with pytest.raises(UserError, match=rf"{name}\..*; (replace|give)"):
-            read_trace(next(tmp_path.glob(f"{name}.*")), None, None)
+        with pytest.raises(UserError, match=rf"{name}\..*; (repair|give)"):
+            read(next(tmp_path.glob(f"{name}.*")))
     with pytest.raises(UserError, match="one axis or three"):
-        read_trace(tmp_path / "a.wav", 2, None)
+        read(tmp_path / "a.wav", 2)
 
 
 @pytest.mark.parametrize("given", [AXES.astype("U"), AXES[:2], AXES[:, :0], [[1], [1, 2]], 1.0])
 def test_arrays_that_are_no_trace_are_refused(given):
-    with pytest.raises(UserError, match="haptic"):
-        as_trace(given, "haptic")
+    with pytest.raises(UserError, match="The trace"):
+        read(given)
 
 
 @pytest.mark.parametrize("mode", ["RGB", "L", "RGBA", "LA", "P", "CMYK", "1"])
@@ -119,7 +123,8 @@ def test_photos_are_those_of_the_package(tmp_path, mode):
     exif = Image.Exif()
     exif[0x0112] = 6  # lies on its side
     image.save(path, exif=exif)
-    np.testing.assert_array_equal(read_photo(path), decode_image(path, PhotoDecoder(False)))
+    expected = decode_image(path, PhotoDecoder(False))
+    np.testing.assert_array_equal(decode(path, PHOTO).array, expected)
 
 
 def test_photos_that_are_none_are_refused(tmp_path):
@@ -127,8 +132,8 @@ def test_photos_that_are_none_are_refused(tmp_path):
     (tmp_path / "words.png").write_text("words")
     for name, message in {"deep": "8 bits", "words": "cannot be read", "no": "exist"}.items():
         with pytest.raises(UserError, match=message):
-            read_photo(tmp_path / f"{name}.png")
+            decode(tmp_path / f"{name}.png", PHOTO)
     for wrong in (np.zeros((9, 9)), np.zeros((9, 9, 2), np.uint8), np.zeros((0, 9), np.uint8)):
-        with pytest.raises(UserError, match="image"):
-            as_photo(wrong, "image")
-    assert as_photo(np.zeros((4, 5), np.uint8), "image").shape == (4, 5, 3)
+        with pytest.raises(UserError, match="The photo"):
+            decode(wrong, PHOTO)
+    assert decode(np.zeros((4, 5), np.uint8), PHOTO).array.shape == (4, 5, 3)

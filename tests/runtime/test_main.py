@@ -17,7 +17,10 @@ from tex_lightning_runtime.__main__ import main
 def command(exported, monkeypatch, capfd):
     def run(*arguments, model=exported[1]):
         monkeypatch.setattr(sys, "argv", ["tex-runtime", str(model), *map(str, arguments)])
-        status = main()
+        try:
+            status = main()
+        except SystemExit as end:
+            status = end.code
         said = capfd.readouterr()
         return status, [json.loads(line) for line in said.out.splitlines()], said.err
 
@@ -55,7 +58,9 @@ def test_patterns_and_folders_are_matched_in_order(command, folder):
     assert status == 0
     assert [line["haptic"] for line in lines] == [str(folder / f"s{n}.wav") for n in (2, 10)]
     assert [line["image"] for line in lines] == [str(folder / f"s{n}.png") for n in (2, 10)]
-    assert command(f"haptic={folder}")[2].count("unknown type") == 2  # photos are no traces
+    assert (
+        command(f"haptic={folder}")[2].count("Format not recognised") == 2
+    )  # photos are no traces
 
 
 def test_the_card_can_be_read(exported, monkeypatch, capfd):

@@ -57,13 +57,14 @@ def test_export_json_says_what_was_compared(fusion):
 def test_the_file_says_what_it_is(fusion):
     model = onnx.load(fusion / "fusion.onnx")
     said = json.loads({entry.key: entry.value for entry in model.metadata_props}[KEY])
-    assert (said["format"], said["kind"], said["classes"]) == (1, "fusion", ["a", "b", "c"])
+    assert (said["format"], said["kind"], said["classes"]) == (2, "fusion", ["a", "b", "c"])
     haptic, visual = said["senses"]
     assert (haptic["least"], haptic["receptive_field"], haptic["stride"]) == (18_100, 222, 16)
     assert (haptic["axes"], len(haptic["frequencies"])) == ([1, 3], 50)
     assert (visual["modality"], visual["half_scale"], visual["least"]) == ("image", False, 199)
     assert said["decision"]["pairs"] == 50
-    assert said["parts"]
+    assert said["unknown"] is None
+    assert "one fragment takes" in haptic["too_short"]
     assert str(Path(export.__file__).parents[2]).encode() not in model.SerializeToString()
 
 

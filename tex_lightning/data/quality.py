@@ -165,12 +165,19 @@ def _photo_measures(photo: Photo) -> dict[str, float]:
     return {"brightness": float(grey.mean()), "contrast": float(grey.std())}
 
 
+def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
+    """By measure its least and largest usual value, and what to say of others."""
+    found = {}
+    for name, (low, high) in ranges.items():
+        advice = f"and the training had {low:.5g} to {high:.5g}; {REMEDIES[name]}."
+        found[name] = (low / TOLERANCES[name], high * TOLERANCES[name], advice)
+    return found
+
+
 def _unlike(ranges: Ranges, what: str, measures: dict[str, float]) -> Iterator[str]:
     """Name the measures that lie far outside those of the training."""
+    known = limits(ranges)
     for name, value in measures.items():
-        low, high = ranges.get(name, (0.0, np.inf))
-        if not low / TOLERANCES[name] <= value <= high * TOLERANCES[name]:
-            yield (
-                f"The {what} has a {name} of {value:.5g} and the training had {low:.5g} to "
-                f"{high:.5g}; {REMEDIES[name]}."
-            )
+        low, high, advice = known.get(name, (0.0, np.inf, ""))
+        if not low <= value <= high:
+            yield f"The {what} has a {name} of {value:.5g} {advice}"

@@ -12,12 +12,14 @@ from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier, class_scores
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
+from tex_lightning.export.joining import Part, is_unknown, joined, names
 from tex_lightning.export.layers import exportable
 from tex_lightning.export.photos import PhotoGraph
 from tex_lightning.export.signals import SpectrogramGraph, signal_graph
 from tex_lightning.export.vote import traced_vote
 
 DRAWS = "draws"
+OWN = ("scores", "input", "start")  # outputs of every sense
 
 
 class ClassifierGraph(nn.Module):
@@ -27,7 +29,8 @@ class ClassifierGraph(nn.Module):
     width, 3) uint8 as they come out of their files, and for a FusionNet ``draws``, int64 (K,
     senses), words of 32 random bits. Outputs are named tensors: ``scores``, ``label``, ``shares``,
     ``probabilities``, ``NAME_scores``, of spectrograms ``NAME_input`` and ``NAME_start``, and
-    ``novelty`` where the checkpoint can tell what it has never seen.
+    ``novelty`` where the checkpoint can tell what it has never seen, and ``unknown`` where it is
+    to say so.
 
     Args:
         classifier: Trained; it is copied.
@@ -52,29 +55,38 @@ class ClassifierGraph(nn.Module):
 
     def forward(self, **given: Tensor) -> dict[str, Tensor]:
         """Classify one sample."""
-        summands: list[Tensor] = []
-        novelties: list[Tensor] = []
         outputs: dict[str, Tensor] = {}
+        parts: list[Part] = []
         for place, (name, modality) in enumerate(self.modalities.items()):
-            front, recording = self.fronts[name], given[modality]
-            if isinstance(front, PhotoGraph):
-                x = front(recording)
-            else:
-                x, start = front(recording)
-                if isinstance(front, SpectrogramGraph):
-                    outputs |= {f"{name}_input": x[0, 0], f"{name}_start": start}
-            found = self._described(name, place, x)
-            dense = self._dense(name, place, found)
-            outputs[f"{name}_scores"] = dense
-            summands.append(dense.flatten(1))
-            if name in self.statistics:
-                statistics: Any = self.statistics[name]
-                novelties.append(statistics.novelty(found[0].flatten(1).mean(dim=1)))
-        scores = self._drawn(summands, given[DRAWS]) if self.fused else summands[0]
-        vote = traced_vote(scores, self.card.rule, self.card.temperature)
-        if novelties:
+            own, part = self._sensed(name, place, given[modality])
+            outputs |= {**own, **(part.named(name) if self.fused else {})}
+            parts.append(part)
+        scores, present = parts[0].alone, torch.ones(1, dtype=torch.bool)
+        if self.fused:
+            scores, present = joined(parts, given[DRAWS])
+        # a part of the senses has no temperature of its own
+        temperature = torch.where(present.all(), self.card.temperature, 1.0)
+        vote = traced_vote(scores, self.card.rule, temperature)
+        if novelties := [part.novelty for part in parts if part.novelty is not None]:
             outputs["novelty"] = torch.stack(novelties).sum()
+            if self.card.unknown:
+                outputs["unknown"] = is_unknown(self.card, outputs["novelty"], present)
         return {"scores": scores, **vote._asdict(), **outputs}
+
+    def _sensed(self, name: str, place: int, recording: Tensor) -> tuple[dict[str, Tensor], Part]:
+        """Outputs of one sense by name, and what it adds to all."""
+        front, outputs = self.fronts[name], {}
+        if isinstance(front, PhotoGraph):
+            x = front(recording)
+        else:
+            x, start = front(recording)
+            if isinstance(front, SpectrogramGraph):
+                outputs = {f"{name}_input": x[0, 0], f"{name}_start": start}
+        found = self._described(name, place, x)
+        alone, summand = self._scores(name, place, found[0].flatten(1))
+        rows = found.shape[2:-1] or (1,)
+        outputs[f"{name}_scores"] = summand.reshape(-1, *rows, found.shape[-1])
+        return outputs, Part.of(summand, alone, self._novelty(name, found))
 
     def name_inputs(self, names: Sequence[str]) -> None:
         """Let :meth:`forward` have parameters of these names, which torch.export asks for."""
@@ -95,28 +107,33 @@ class ClassifierGraph(nn.Module):
         found: Tensor = self._network(place).features(x, self.levels[name])
         return found
 
-    def _dense(self, name: str, place: int, found: Tensor) -> Tensor:
-        """Scores (classes, rows, columns) of every position, or what a sense adds to them."""
-        positions = found[0].flatten(1)
+    def _scores(self, name: str, place: int, positions: Tensor) -> tuple[Tensor, Tensor]:
+        """Scores (classes, positions) of a sense alone, and what it adds to those of all."""
         if self.scored[name]:
             positions = class_scores(self._network(place), positions)
-        if self.fused:
-            network: Any = self.network
-            positions = network.project(place, positions[None])[0]
-        rows = found.shape[2:-1] or (1,)
-        dense: Tensor = positions.reshape(-1, *rows, found.shape[-1])
-        return dense
+        if not self.fused:
+            return positions, positions
+        network: Any = self.network
+        summand: Tensor = network.project(place, positions[None])[0]
+        return (positions if network.levels[place] == "fc3" else summand), summand
 
-    def _drawn(self, summands: list[Tensor], draws: Tensor) -> Tensor:
-        """Scores (classes, K) of random tuples of positions."""
-        drawn = []
-        for place, each in enumerate(summands):
-            positions = torch.scalar_tensor(each.shape[1], dtype=torch.int64)
-            drawn.append(each.index_select(1, torch.remainder(draws[:, place], positions)))
-        total, *others = drawn
-        for each in others:
-            total = total + each
-        return total
+    def _novelty(self, name: str, found: Tensor) -> Tensor | None:
+        """See :meth:`~tex_lightning.networks.statistics.FeatureStatistics.novelty`; ()."""
+        if name not in self.statistics:
+            return None
+        statistics: Any = self.statistics[name]
+        novelty: Tensor = statistics.novelty(found[0].flatten(1).mean(dim=1))
+        return novelty
+
+
+def sense_outputs(name: str) -> list[str]:
+    """What the outputs that depend on one sense alone may be called."""
+    return [*(f"{name}_{each}" for each in OWN), *names(name)]
+
+
+def is_public(name: str) -> bool:
+    """Whether an output is told in the file, and not only passed on inside."""
+    return "/" not in name
 
 
 def _front(branch: Branch) -> nn.Module:

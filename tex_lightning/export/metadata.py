@@ -7,23 +7,25 @@ from tex_lightning.branches import Branch
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
-from tex_lightning.export.tracing import takes_axes
+from tex_lightning.data.quality import limits
+from tex_lightning.export.joining import thresholds
+from tex_lightning.export.tracing import AXES
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.tiles import layer_windows, receptive_field
 
 KEY = "tex_lightning"  # of the metadata
-FORMAT = 1  # of what stands there
+FORMAT = 2  # of what stands there
 
 
 def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
     """Plain values for JSON: classes, senses, decision, ranges of the training recordings."""
-    card, fusion = classifier.card, classifier.fusion
+    card = classifier.card
     return {
         "format": FORMAT,
         "version": __version__,
         "kind": card.kind,
         "classes": card.classes,
-        "senses": [_sense(branch) for branch in classifier.branches.values()],
+        "senses": [_sense(branch, card) for branch in classifier.branches.values()],
         "decision": {
             "rule": card.rule,
             "temperature": card.temperature,
@@ -33,17 +35,17 @@ def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
         },
         "unknown": _unknown(card),
         "ranges": card.input_ranges,
-        "parts": fusion is not None and set(fusion.levels) == {"fc2"},
     }
 
 
-def _unknown(card: Card) -> dict[str, float] | None:
-    """The novelty above which a sample is called unknown; None calls none so."""
-    above = card.unknown_above
-    return None if above is None else {"threshold": above, "rate": card.unknown}
+def _unknown(card: Card) -> dict[str, Any] | None:
+    """Share of known samples that may be called unknown, and the novelties that follow from it."""
+    if card.unknown_above is None:
+        return None
+    return {"rate": card.unknown, "thresholds": thresholds(card)}
 
 
-def _sense(branch: Branch) -> dict[str, Any]:
+def _sense(branch: Branch, card: Card) -> dict[str, Any]:
     decoder, declared = branch.decoder, branch.declares_geometry
     entry: dict[str, Any] = {
         "name": branch.name,
@@ -51,6 +53,7 @@ def _sense(branch: Branch) -> dict[str, Any]:
         "what": branch.what,
         "medium": branch.medium,
         "least": _least(branch),
+        "limits": limits(card.input_ranges.get(branch.modality, {})),
         "receptive_field": receptive_field(layer_windows(branch.network, 1)) if declared else None,
         "stride": branch.stride if declared else None,
     }
@@ -59,12 +62,19 @@ def _sense(branch: Branch) -> dict[str, Any]:
             "rate": decoder.sampling_rate,
             "file_rate": decoder.file_rate,
             "channel": decoder.channel,
-            "axes": takes_axes(branch),
+            "axes": AXES,
+            "too_short": _too_short(branch.what, entry["least"], decoder.sampling_rate),
             **_frames(branch),
         }
     elif isinstance(decoder, PhotoDecoder):
         entry |= {"half_scale": decoder.half_scale, "resize": decoder.resize}
     return entry
+
+
+def _too_short(what: str, least: int | None, rate: float) -> str:
+    """What to tell of a recording that gives no fragment."""
+    needed = "" if least is None else f"the {least / rate:.2f} s that "
+    return f"The {what} has less movement than {needed}one fragment takes; record a longer stroke."
 
 
 def _frames(branch: Branch) -> dict[str, Any]:

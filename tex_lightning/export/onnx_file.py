@@ -8,7 +8,8 @@ import torch
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
-from tex_lightning.export.graph import DRAWS
+from tex_lightning.export.absent import skip_absent
+from tex_lightning.export.graph import DRAWS, is_public, sense_outputs
 from tex_lightning.export.metadata import KEY, metadata
 from tex_lightning.export.tracing import Traced, quiet, untraceable
 
@@ -16,7 +17,12 @@ EXTRA = 'install it with pip install "tex_lightning[export]"'
 
 
 def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: ANN401
-    """The model, as ``onnx.ModelProto``, with what the file says of itself.
+    """The model, as ``onnx.ModelProto``; a FusionNet's takes samples that lack a sense."""
+    return completed(classifier, plain_onnx(classifier, traced))
+
+
+def plain_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: ANN401
+    """The model for samples of all senses, with what the file says of itself.
 
     Raises:
         UserError: If an operation has no form in ONNX, or a package is missing.
@@ -41,7 +47,21 @@ def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: AN
     if DRAWS in traced.inputs:  # a value that whoever runs it may replace
         default = onnx.numpy_helper.from_array(traced.inputs[DRAWS].numpy(), DRAWS)
         model.graph.initializer.append(default)
-    onnx.checker.check_model(model)
+    return model
+
+
+def completed(classifier: SurfaceClassifier, model: Any) -> Any:  # noqa: ANN401
+    """A plain model, of a FusionNet with every sense only where it is not absent."""
+    if classifier.fusion is not None:
+        outputs = [each.name for each in model.graph.output]
+        senses: dict[str, list[str]] = {}
+        for name, branch in classifier.branches.items():
+            own = [output for output in sense_outputs(name) if output in outputs]
+            senses.setdefault(branch.modality, []).extend(own)
+        found = skip_absent(model, senses, [name for name in outputs if is_public(name)])
+        found.metadata_props.extend(model.metadata_props)
+        model = found
+    require("onnx").checker.check_model(model)
     return model
 
 

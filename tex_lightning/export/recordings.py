@@ -16,7 +16,7 @@ from tex_lightning.data.folds import Sample, make_samples, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError
-from tex_lightning.export.tracing import example, takes_axes
+from tex_lightning.export.tracing import example
 
 MADE_UP = "synthetic"  # data: no files are read
 SHORTEST = 0.5  # of the example that is traced
@@ -62,8 +62,8 @@ def recordings(
         found += [] if given is None else [given]
     if count and not found:
         raise UserError(
-            f"data={data.name} has no recording that the exported file could classify (a network "
-            "with axes=trace is exported for one axis); give other data, or none."
+            f"data={data.name} has no recording that the exported file could classify; give other "
+            "data, or none."
         )
     return found
 
@@ -89,15 +89,12 @@ def _spread(samples: Sequence[Sample]) -> list[Sample]:
 
 
 def _loaded(sample: Sample, store: Store, classifier: SurfaceClassifier) -> Given | None:
-    """A sample; None if it is damaged or too small, or has axes that no file takes."""
+    """A sample; None if it is damaged or too small."""
     try:
         given = {name: load_recording(row, store) for name, row in sample.recordings.items()}
         found = _decoded(given, classifier)
         for branch in classifier.branches.values():
             branch.check(found.decoded[branch.modality])
-            signal = branch.medium == "signal"
-            if signal and len(found.raw[branch.modality]) not in takes_axes(branch):
-                return None
     except UserError:
         return None
     return found
@@ -109,7 +106,7 @@ def _noise(classifier: SurfaceClassifier, seed: int) -> dict[str, Tensor]:
     for branch in classifier.branches.values():
         noise = example(branch, seed)
         if branch.medium == "signal":
-            axes = 1 if len(noise) == 1 or seed % 4 < 2 else 3
+            axes = 1 if seed % 4 < 2 else 3
             samples = round(noise.shape[1] * rng.uniform(SHORTEST, 2))
             noise = noise.repeat(1, 2)[:axes, :samples]
             if seed % 2:

@@ -1,10 +1,11 @@
-"""Features of signals as real products of matrices: no Fourier transform, no complex numbers."""
+"""Features of signals as real products of matrices, without short Fourier transforms."""
 
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.export.dft321 import joined_axes
 from tex_lightning.export.fourier import BandPower
 from tex_lightning.export.movement import movement, promise, traced_start
 from tex_lightning.features.proportions import FLOOR, OVERLAP, BandProportions
@@ -45,7 +46,10 @@ class SpectrogramGraph(nn.Module):
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.window_length)
-        magnitudes = self.power(trace - trace.mean(dim=-1, keepdim=True)).sqrt()
+        trace = trace - trace.mean(dim=-1, keepdim=True)
+        if features.axes == "trace":
+            trace = joined_axes(trace, features.window_length)
+        magnitudes = self.power(trace).sqrt()
         return Heard(features.normalise(magnitudes)[None, None], start)
 
 

@@ -2,10 +2,9 @@
 
 import logging
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -22,7 +21,7 @@ from tex_lightning.features.spectrogram import KNOWN_SECONDS, SpectrogramFeature
 WINDOWS = 3  # of the network, that the recordings have with which it is traced
 SIDE = 400  # pixels of a photo for a network that does not say what it needs
 SECONDS = 4  # likewise of a signal
-AXES = (1, 3)
+AXES = (1, 3)  # how many a file takes of a signal
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ def trace(classifier: SurfaceClassifier) -> Traced:
     inputs, sizes = {}, {}
     for branch in classifier.branches.values():
         inputs[branch.modality] = example(branch)
-        sizes[branch.modality] = _open_sizes(branch)
+        sizes[branch.modality] = {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
     if graph.fused:
         inputs[DRAWS], sizes[DRAWS] = default_draws(classifier), {0: Dim.DYNAMIC}
     graph.name_inputs(list(inputs))
@@ -102,22 +101,12 @@ def draws(seed: int, count: int, senses: int) -> Tensor:
     return torch.from_numpy(words.astype(np.int64).reshape(senses, count).T.copy())
 
 
-def takes_axes(branch: Branch) -> list[int]:
-    """How many axes the exported file takes of a signal.
-
-    DFT321 of a whole movement is a Fourier transform of its length, which is not exported.
-    """
-    features = branch.features
-    joined = isinstance(features, SpectrogramFeatures) and features.axes == "trace"
-    return [1] if joined else list(AXES)
-
-
 def example(branch: Branch, seed: int = 0) -> Tensor:
     """A recording of noise that gives several positions."""
     generator = torch.Generator().manual_seed(seed)
     decoder = branch.decoder
     if isinstance(decoder, SignalDecoder):
-        size = takes_axes(branch)[-1], _samples(branch, decoder.sampling_rate)
+        size = AXES[-1], _samples(branch, decoder.sampling_rate)
         return torch.randn(size, generator=generator)
     least = branch.window_size if branch.declares_geometry else (SIDE, SIDE)
     scale = 2 if isinstance(decoder, PhotoDecoder) and decoder.half_scale else 1
@@ -136,13 +125,6 @@ def _samples(branch: Branch, rate: float) -> int:
         movement = features.samples(WINDOWS * branch.window_size[1])
         return movement + int(KNOWN_SECONDS * rate)
     return int(SECONDS * rate)
-
-
-def _open_sizes(branch: Branch) -> Mapping[int, Any]:
-    if branch.medium != "signal":
-        return {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
-    several = len(takes_axes(branch)) > 1
-    return {**({0: Dim.DYNAMIC} if several else {}), 1: Dim.DYNAMIC}
 
 
 @contextmanager

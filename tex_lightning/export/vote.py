@@ -14,7 +14,7 @@ class TracedVote(NamedTuple):
     probabilities: Tensor
 
 
-def traced_vote(scores: Tensor, rule: str, temperature: float) -> TracedVote:
+def traced_vote(scores: Tensor, rule: str, temperature: float | Tensor) -> TracedVote:
     """Decide by class scores (classes, fragments)."""
     classes, wide = torch.arange(scores.shape[0]), scores.double()
     votes = (scores.argmax(dim=0)[None] == classes[:, None]).sum(dim=1)

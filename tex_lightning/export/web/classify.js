@@ -3,9 +3,11 @@
 import { decodeSignal, halve } from "./decode.js";
 import { InputError } from "./errors.js";
 import { photoQuality, signalQuality } from "./quality.js";
-import { contentSeed, draws, mersenneTwister } from "./seed.js";
-import { decide, doubted, join, labels } from "./vote.js";
+import { contentSeed, draws } from "./seed.js";
+import { doubted, labels } from "./vote.js";
 
+const NO_PHOTO = { pixels: new Uint8Array(0), width: 0, height: 0 }; // the graph leaves it out
+const NO_SIGNAL = { axes: [new Float32Array(0)] };
 const UNLIKE = 0.5; // of votes and probabilities that is spread where an input has a warning
 
 /**
@@ -35,7 +37,10 @@ export async function classify(card, recordings, run) {
   const outputs = await run(feeds).catch((error) => {
     throw explain(error, present);
   });
-  const vote = voteOf(card, present, outputs, seed);
+  if (present.some(({ name }) => outputs[`${name}_scores`].data.length === 0)) {
+    throw explain(new Error("no fragment of this size"), present);
+  }
+  const vote = voteOf(outputs);
   const scoresOf = ({ name }) => outputs[`${name}_scores`].data;
   const positions = Object.fromEntries(
     present.map((sense) => [sense.name, labels(scoresOf(sense), card.classes.length)]),
@@ -45,14 +50,12 @@ export async function classify(card, recordings, run) {
 
 /** Whether there is enough to classify. */
 export function isComplete(card, modalities) {
-  const has = (sense) => modalities.includes(sense.modality);
-  return card.senses.every(has) || (card.parts && card.senses.some(has));
+  return card.senses.some((sense) => modalities.includes(sense.modality));
 }
 
 function checkPresent(card, present) {
   if (isComplete(card, present.map((sense) => sense.modality))) return;
-  const absent = card.senses.filter((sense) => !present.includes(sense));
-  throw new InputError(`The network needs a ${absent[0].what} too; choose one.`);
+  throw new InputError(`There is nothing to classify; choose a ${card.senses[0].what}.`);
 }
 
 function decode(sense, recording, every) {
@@ -112,13 +115,13 @@ function makeFeeds(card, recordings, decoded, seed) {
   const feeds = {};
   for (const sense of card.senses) {
     const name = sense.modality;
-    const found = decoded[name] ?? placeholder(sense);
     if (sense.medium === "photo") {
-      const { pixels, width, height } = recordings[name] ?? found;
+      const { pixels, width, height } = recordings[name] ?? NO_PHOTO;
       feeds[name] = { type: "uint8", data: pixels, dims: [height, width, 3] };
     } else {
-      const dims = [found.axes.length, found.axes[0].length];
-      feeds[name] = { type: "float32", data: flat(found.axes), dims };
+      const { axes } = decoded[name] ?? NO_SIGNAL;
+      const dims = [axes.length, axes[0].length];
+      feeds[name] = { type: "float32", data: flat(axes), dims };
     }
   }
   if (card.senses.length > 1) {
@@ -129,17 +132,6 @@ function makeFeeds(card, recordings, decoded, seed) {
   return feeds;
 }
 
-/** Something to go through the graph in place of an absent recording; its scores are not read. */
-function placeholder(sense) {
-  if (sense.medium === "photo") {
-    const side = (sense.least ?? 256) * (sense.half_scale ? 2 : 1);
-    return { pixels: new Uint8Array(3 * side * side), width: side, height: side };
-  }
-  const count = 2 * Math.ceil(sense.least ?? 2 * sense.rate);
-  const noise = Float32Array.from(mersenneTwister(0, count), (word) => word / 2 ** 31 - 1);
-  return { axes: Array.from({ length: sense.axes?.at(0) ?? 1 }, () => noise) };
-}
-
 function flat(axes) {
   if (axes.length === 1) return axes[0];
   const joined = new Float32Array(axes.length * axes[0].length);
@@ -147,27 +139,16 @@ function flat(axes) {
   return joined;
 }
 
-/** The graph's vote, or of some senses alone that of their summands. */
-function voteOf(card, present, outputs, seed) {
-  const classes = card.classes.length;
-  if (present.length === card.senses.length) {
-    return {
-      label: Number(outputs.label.data[0]),
-      shares: Array.from(outputs.shares.data),
-      probabilities: Array.from(outputs.probabilities.data),
-      fragments: outputs.scores.dims[1],
-      novelty: outputs.novelty?.data[0] ?? null,
-    };
-  }
-  const summands = present.map((sense) => outputs[`${sense.name}_scores`].data);
-  const { pairs, rule } = card.decision;
-  const scores =
-    summands.length === 1
-      ? summands[0]
-      : join(summands, classes, mersenneTwister(seed, pairs * summands.length), pairs);
-  // the temperature is of all senses together
-  const vote = decide(scores, classes, { rule, temperature: 1 });
-  return { ...vote, fragments: scores.length / classes, novelty: null };
+/** The graph's vote, by the senses that are there. */
+function voteOf(outputs) {
+  return {
+    label: Number(outputs.label.data[0]),
+    shares: Array.from(outputs.shares.data),
+    probabilities: Array.from(outputs.probabilities.data),
+    fragments: outputs.scores.dims[1],
+    novelty: outputs.novelty?.data[0] ?? null,
+    unknown: Boolean(outputs.unknown?.data[0]),
+  };
 }
 
 function describe(card, vote, found) {
@@ -179,7 +160,7 @@ function describe(card, vote, found) {
   const least = card.decision.reject_below;
   const probability = probabilities[vote.label];
   const unsure = least !== null && (probability < least || (empty && least > 0));
-  const unknown = card.unknown != null && vote.novelty !== null && vote.novelty > card.unknown.threshold;
+  const unknown = card.unknown !== null && (empty || vote.unknown);
   const first = (i) => (i === vote.label ? 0 : 1);
   const order = [...card.classes.keys()].sort(
     (a, b) =>

@@ -1,0 +1,194 @@
+"""Recordings out of files and arrays, to what the graph takes, as ``task=predict`` has them."""
+
+import re
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
+
+Array = npt.NDArray[Any]
+LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
+NUMBERS = re.compile(r"[-+.,;\s\deE]*\d[-+.,;\s\deE]*")
+TIME = re.compile(r"(^|[,;#%\s])(time\w*|t|zeit|m?secs?|m?seconds?)([\W_]|$)", re.IGNORECASE)
+CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
+REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
+FLAT_SHARE, FINE_VALUES = 0.01, 32  # from which on a trace is clipped; fewer are coarse steps
+UNIFORM, PHOTO_SIDE = 0.5, 256  # grey levels of deviation; pixels that are looked at
+
+
+class UserError(Exception):
+    """Bad input: one plain sentence of what was wrong, where, and what to do."""
+
+
+class Decoded(NamedTuple):
+    """Input of the graph, what seeds its tuples, warnings, whether nothing was measured."""
+
+    array: Array
+    content: Array
+    warnings: list[str]
+    empty: bool
+
+
+def require(condition: object, message: str) -> None:
+    """Raise a :class:`UserError` unless the condition holds."""
+    if not condition:
+        raise UserError(message)
+
+
+def decode(given: Any, sense: dict[str, Any], rate: float | None = None) -> Decoded:
+    """Bring a file, samples (axes, samples) or pixels to what a sense of the card takes."""
+    if sense["medium"] == "photo":
+        return _photo(given, sense)
+    raw, rate = read_trace(given, sense, rate)
+    require(len(raw) in sense["axes"], f"Give a trace of {sense['axes']} axes, not {len(raw)}.")
+    trace, what, x = resample(raw, rate, sense["rate"]), sense["what"], raw.astype(np.float64)
+    low, high = x.min(axis=1, keepdims=True), x.max(axis=1, keepdims=True)
+    constant = (low == high)[:, 0]
+    if constant.all():
+        said = f"The {what} is {'constant' if high.any() else 'silent'}, so nothing was measured; "
+        return Decoded(trace, trace, [f"{said}check the sensor."], empty=True)
+    axes = np.flatnonzero(constant) + 1
+    found = [f"Axis {axis} of the {what} is constant; check the sensor." for axis in axes]
+    flat = (((x == low) | (x == high))[:, 1:] & (x[:, 1:] == x[:, :-1])).sum(axis=1)
+    flat[[len(np.unique(values)) < FINE_VALUES for values in x]] = 0
+    if (clipped := flat.max() / x.shape[1]) >= FLAT_SHARE:
+        told = f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; "
+        found.append(f"{told}lower the sensor's gain.")
+    level = np.sqrt(trace.astype(np.float64).var(axis=1).sum())
+    found += _unlike(sense, level=level, rate=min(rate, sense["rate"]))
+    return Decoded(trace, trace, found, empty=False)
+
+
+def _photo(given: Any, sense: dict[str, Any]) -> Decoded:
+    what, least, array = sense["what"], sense["least"] or 1, _read(_read_pixels, given, sense)
+    photo = np.repeat(array[..., None], 3, axis=2) if array.ndim == 2 else array
+    fits = photo.dtype == np.uint8 and photo.ndim == 3 and photo.shape[2] == 3 and photo.size
+    require(fits, f"The {what} is {array.dtype} {array.shape}; give uint8 (height, width, 3).")
+    seen = photo = np.ascontiguousarray(photo)
+    if sense["half_scale"]:  # rounded means of 2x2 pixels, without an odd last row or column
+        from PIL import Image  # where it is needed: start-up is counted in milliseconds
+
+        box = 0, 0, photo.shape[1] // 2 * 2, photo.shape[0] // 2 * 2
+        seen = np.asarray(Image.fromarray(photo).reduce(2, box))
+    said = f"The {what} has {seen.shape[1]}x{seen.shape[0]} pixels after decoding"
+    require(min(seen.shape[:2]) >= least, f"{said}; use one of at least {least} a side.")
+    step = max(1, min(seen.shape[:2]) // PHOTO_SIDE)
+    grey = seen[::step, ::step].mean(axis=2)
+    found = _unlike(sense, brightness=grey.mean(), contrast=grey.std())
+    if empty := bool(grey.std() < UNIFORM):
+        found = [f"The {what} is uniform, so it shows nothing; check the camera."]
+    return Decoded(photo, seen, found, empty)
+
+
+def _unlike(sense: dict[str, Any], **measures: float) -> list[str]:
+    return [
+        f"The {sense['what']} has a {name} of {measures[name]:.5g} {advice}"
+        for name, (low, high, advice) in sense["limits"].items()
+        if not low <= measures[name] <= high
+    ]
+
+
+def resample(x: Array, source: float, target: float) -> Array:
+    """Bring signals (axes, samples) to another rate in Hz; equal to SciPy's to the last bit."""
+    ratio = Fraction(target / source if source > 0 else 0).limit_denominator(10_000)
+    require(
+        0.001 < ratio < 1000, f"A rate of {source:g} Hz is too far from {target:g}; correct it."
+    )
+    (up, down), dtype = ratio.as_integer_ratio(), x.dtype.type
+    if up == down:
+        return np.ascontiguousarray(x, np.float32)
+    half, cutoff = REACH * max(up, down), 1 / max(up, down)
+    sinc = cutoff * np.sinc(cutoff * np.arange(-half, half + 1.0)) * np.kaiser(2 * half + 1, BETA)
+    low_pass = (sinc / sinc.sum()).astype(dtype) * dtype(up)
+    taps = np.pad(low_pass, (0, -len(low_pass) % up)).reshape(-1, up).T
+    # sample `up * row + p` is a sum over samples up to `down * row + newest[p]`
+    newest, phases = np.divmod(np.arange(up) * down + half, up)
+    count, lead = -(-x.shape[1] * up // down), taps.shape[1] - 1
+    rows = -(-count // up)
+    length = (rows + (newest[-1] + lead) // down + 1) * down
+    padded = np.pad(x, ((0, 0), (lead, length)))[:, :length]
+    columns = padded.reshape(len(x), -1, down).swapaxes(1, 2).copy()
+    every, found = sliding_window_view(columns, rows, axis=2), np.zeros((len(x), up, rows), dtype)
+    for age in range(lead, -1, -1):  # SciPy's order, so that every sum is rounded as there
+        late, residue = np.divmod(newest + lead - age, down)
+        found += every[:, residue, late] * taps[phases, age, None]
+    return found.swapaxes(1, 2).reshape(len(x), -1)[:, :count].astype(np.float32)
+
+
+def read_trace(given: Any, sense: dict[str, Any], rate: float | None) -> tuple[Array, float]:
+    """Samples (axes, samples) and their rate in Hz: that of the file, ``rate``, or the card's."""
+    name, own, usual = f"The {sense['what']}", None, sense["rate"]
+    table = _read(_read_table, given, sense)
+    if isinstance(table, tuple):
+        (table, own), name, usual = table, given, sense["file_rate"]
+        if (channel := sense["channel"]) is not None and table.ndim == 2:
+            table = table.T if len(table) < table.shape[1] else table
+            table = table[:, channel : channel + 1]  # nothing if there is none, which is refused
+        path = Path(given).expanduser().absolute()
+        tables = [folder / "rates.csv" for folder in path.parents[:3]]
+        for each in (path.with_name(f"{path.name}.json"), path.with_suffix(".json"), *tables):
+            require(own or rate or not each.is_file(), f"{each} may say the rate; give rate=HZ.")
+    trace = np.atleast_2d(table)
+    trace = trace if len(trace) in (1, 3) else trace.T
+    fits = table.dtype.kind in "fiu" and table.ndim in (1, 2) and len(trace) in (1, 3)
+    require(fits and trace.size, f"{name} is {table.dtype} {table.shape}; give one axis or three.")
+    usable = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
+    said = f"{name} holds NaN, infinity or a number beyond {LARGEST:g}"
+    require(usable.all(), f"{said} at sample {usable.argmin()}; repair the recording.")
+    return trace.astype(np.float32 if own else np.float64), own or (usual if rate is None else rate)
+
+
+def _read(read: Any, given: Any, sense: dict[str, Any]) -> Any:
+    """What ``read`` makes of a file, or an array as it is; what cannot be read is refused."""
+    file = Path(given).expanduser() if isinstance(given, str | Path) else None
+    there = not file or (file.is_file() and file.stat().st_size)
+    require(there, f"File {given} does not exist or is empty; correct the name.")
+    try:
+        return read(file) if file else np.asarray(given)
+    except Exception as error:  # libraries raise in as many ways as there are formats
+        name = given if file else f"The {sense['what']}"
+        raise UserError(f"{name} cannot be read ({error}); repair or replace it.") from error
+
+
+def _read_table(path: Path) -> tuple[Array, float | None]:
+    """Columns of a file, and of sounds their rate in Hz."""
+    axes, suffix = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name), path.suffix.lower()
+    if axes and sum(path.with_name(each.join(axes.groups())).is_file() for each in "XYZ") > 1:
+        raise ValueError("it is one axis of several files, make them columns of one")
+    if suffix == ".npy":
+        return np.asarray(np.load(path)), None
+    if suffix in (".txt", ".csv"):
+        return _read_text(path.read_text("utf-8-sig", "replace").replace('"', "")), None
+    import soundfile
+
+    with soundfile.SoundFile(path) as sound:  # which reads a truncated file without an error
+        cut = CUT.search(sound.extra_info)
+        if cut and int(cut[2]) < int(cut[1]) < 0x7FFF0000:  # from there on it was not known
+            raise ValueError("it is truncated")
+        return sound.read(dtype="float32", always_2d=True), float(sound.samplerate)
+
+
+def _read_text(text: str) -> Array:
+    """One sample a line, columns apart by comma, semicolon or white space, perhaps with names."""
+    lines = [line for raw in text.splitlines() if (line := raw.strip().rstrip(";,\t "))]
+    first = next((n for n, line in enumerate(lines) if NUMBERS.fullmatch(line)), len(lines))
+    data = [line for line in lines[first:] if line[0] not in "#%"] or ["no numbers"]
+    mark = ";" if ";" in data[0] else "," if "," in data[0] else None
+    table = np.loadtxt(data, delimiter=mark, ndmin=2)  # refuses decimal commas
+    rising = len(table) > 7 and (np.diff(table[:, 0]) > 0).all()  # fewer may rise by chance
+    if table.shape[1] > 1 and (rising or any(map(TIME.search, lines[:first]))):
+        raise ValueError("it has a column of time, delete it and give rate=HZ")
+    return table[:, 0] if table.shape[1] == 1 else table
+
+
+def _read_pixels(path: Path) -> Array:
+    from PIL import Image, ImageOps
+
+    with Image.open(path, formats=("JPEG", "PNG", "BMP", "TIFF", "WEBP")) as image:
+        if image.mode.startswith(("I", "F")):
+            raise ValueError(f"its pixels are {image.mode}, save it with 8 bits")
+        ImageOps.exif_transpose(image, in_place=True)
+        return np.array(image if image.mode == "RGB" else image.convert("RGB"))
