@@ -18,11 +18,8 @@ from tex_lightning.evaluation.outcomes import (
     write_outcomes,
     write_results,
 )
-from tex_lightning.report.figures import (
-    class_accuracy_figure,
-    confusion_figure,
-    save_figure,
-)
+from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
+from tex_lightning.report.figures import save_figure
 
 CLASSES = ["a", "b", "c"]
 LABELS = st.lists(st.tuples(st.sampled_from(CLASSES), st.sampled_from(CLASSES)), min_size=1)
@@ -100,6 +97,6 @@ def test_the_environment_says_what_matters():
 def test_figures_are_drawn_at_any_number_of_classes(tmp_path, count):
     classes = [f"class {i}" for i in range(count)]
     counts = np.eye(count, dtype=np.int64)
-    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c.png")
-    save_figure(class_accuracy_figure(counts, classes, "t"), tmp_path / "f" / "a.png")
+    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c", ["png"])
+    save_figure(class_accuracy_figure(counts, classes, "n", "t"), tmp_path / "f" / "a", ["png"])
     assert all(path.stat().st_size > 5000 for path in (tmp_path / "f").iterdir())
