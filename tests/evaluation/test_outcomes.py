@@ -15,6 +15,7 @@ from tex_lightning.evaluation.outcomes import (
     read_outcomes,
     summarise,
     wilson_interval,
+    worst_first,
     write_outcomes,
     write_results,
 )
@@ -34,6 +35,20 @@ def test_a_sample_is_named_alike_whichever_sense_comes_first():
     one, other = {"haptic": "x.wav", "image": "y.png"}, {"image": "y.png", "haptic": "x.wav"}
     samples = {Outcome(files, "a", "a", 0.5, 4, 2, 1.5).sample for files in (one, other)}
     assert len(samples) == 1
+
+
+def test_the_worst_are_wrong_and_sure_the_best_right_and_sure():
+    def made(label: str, probabilities: dict[str, float], share: float = 0.5) -> Outcome:
+        best = max(probabilities, key=probabilities.__getitem__, default="b")
+        return Outcome({}, label, best, share, 1, 1, 1.0, probabilities=json.dumps(probabilities))
+
+    order = [
+        made("a", {"a": 0.0, "b": 1.0}), made("a", {"a": 0.4, "b": 0.5, "c": 0.1}),
+        made("a", {}, 0.9), made("a", {}, 0.4),  # of a system without probabilities
+        made("b", {}, 0.3), made("b", {"b": 0.5, "a": 0.45, "c": 0.05}), made("a", {"a": 1.0}),
+    ]  # fmt: skip
+    assert worst_first(order) == [*range(7)]
+    assert worst_first(order[::-1]) == [*range(6, -1, -1)]
 
 
 @given(LABELS)

@@ -24,15 +24,13 @@ def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
     shares = [correct[place == n].mean() for n in used]
     left.plot([0, 1], [0, 1], color=GUIDE, linestyle="--")
     left.bar(centres, shares, width=1 / BINS, color=colour_of(name), edgecolor="white")
+    slanted = 90 if counts.max() > 999 else 0
     for centre, count in zip(centres, counts, strict=True):
         left.annotate(
-            str(count), (centre, 1), (0, 2), ha="center", fontsize=6,
+            str(count), (centre, 1), (0, 2), ha="center", fontsize=6, rotation=slanted,
             xycoords=("data", "axes fraction"), textcoords="offset points",
         )  # fmt: skip
-    left.annotate(
-        "n = ", (0, 1), (0, 2), ha="right", fontsize=6,
-        xycoords="axes fraction", textcoords="offset points",
-    )  # fmt: skip
+    left.set_title("samples of each bin above it", fontsize=7, pad=24 if slanted else 12)
     left.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="correct votes")
     coverage, wrong = risk_coverage(confidence, correct)
     right.plot(coverage, wrong, drawstyle="steps-post", color=colour_of(name))

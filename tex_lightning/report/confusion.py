@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.evaluation.fragments import Counts, Shares
@@ -17,6 +18,7 @@ from tex_lightning.report.style import colour_of, styled
 NAMED = 30  # classes up to which a matrix names both of its sides, and bars show every class
 WORST = 25  # classes that are shown of more
 LONGEST = 26  # characters of a class name beside a row
+PAD = 0.15  # inches beside a matrix; the layout falls some 0.05 short of its long names
 GAMMA = 0.5  # power of the shares whose colours are seen among many that are zero
 ROW = 0.1  # inches of one class of many
 CELL = 0.42  # inches of a category
@@ -65,7 +67,7 @@ def _grouped_confusion(counts: Counts, classes: Sequence[str], title: str) -> Fi
     wide, narrow = ROW * len(classes), max(CELL * scale * len(groups), 3)
     words = LETTER * scale * max(map(len, groups))
     size = (wide + narrow + LETTER * LONGEST + 2 * words + 2.6, wide + words + 1)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=PAD))
     left, right = figure.subplots(1, 2, width_ratios=(wide, narrow))
     names = [brief(classes[index], LONGEST) for index in order]
     draw_shares(left, _shares(ordered), names, names, {}, None, GAMMA)

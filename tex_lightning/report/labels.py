@@ -39,7 +39,7 @@ def spread(places: Sequence[float], gap: float) -> list[float]:
 
 
 def name_lines(axes: Axes, ends: Sequence[tuple[str, float, Look]], height: float) -> None:
-    """Names to the right of the axes, each beside the end of its line, in its colour.
+    """Names to the right of the axes, each led to by the end of its line.
 
     Args:
         axes: With final limits.
@@ -53,7 +53,7 @@ def name_lines(axes: Axes, ends: Sequence[tuple[str, float, Look]], height: floa
     ):
         axes.annotate(
             brief(name, LONGEST), (1, end), (1.04, place), xycoords=("axes fraction", "data"),
-            textcoords=("axes fraction", "data"), va="center", fontsize=SIZE, color=look.colour,
+            textcoords=("axes fraction", "data"), va="center", fontsize=SIZE,
             annotation_clip=False,
             arrowprops={"arrowstyle": "-", "color": look.colour, "linewidth": 0.5, "shrinkA": 0,
                         "shrinkB": 0},

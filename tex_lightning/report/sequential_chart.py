@@ -52,13 +52,12 @@ def _draw(axes: Axes, settings: Sequence[Setting], key: str, colour: str) -> Non
 def _name_thresholds(axes: Axes, settings: Sequence[Setting], key: str) -> None:
     """Each threshold beside its point, moved to where it covers no other."""
     named = [item for item in settings if item.knob != USED]
-    across, upwards = _points(named, key)
     texts = [
         axes.text(x, y, f"{item.value:g}", fontsize=6)
-        for x, y, item in zip(across, upwards, named, strict=True)
+        for x, y, item in zip(*_points(named, key), named, strict=True)
     ]
     line = {"arrowstyle": "-", "color": GUIDE, "linewidth": 0.5}
-    adjust_text(texts, across, upwards, ax=axes, iter_lim=100, arrowprops=line)
+    adjust_text(texts, *_points(settings, key), ax=axes, iter_lim=100, arrowprops=line)
 
 
 def _points(settings: Sequence[Setting], key: str) -> tuple[list[float], list[float]]:

@@ -14,6 +14,7 @@ from tex_lightning.report.style import Look, looks, styled
 from tex_lightning.stability.trial import Trial
 
 COLUMNS = 5  # of small charts
+ENTRY = 1.7  # inches of a system in the legend
 
 
 def stability_figures(trials: Sequence[Trial]) -> dict[str, Figure]:
@@ -59,8 +60,9 @@ def curves(trials: Sequence[Trial], modality: str) -> Figure:
     for axes in grid[::COLUMNS]:
         axes.set_ylabel("correct votes")
     handles, systems = grid[0].get_legend_handles_labels()
-    figure.legend(handles, systems, loc="outside lower center", ncols=min(len(systems), 6))
-    figure.suptitle(f"{modality} perturbed at growing severity, {_counted(trials)}")
+    columns = max(1, int(figure.get_figwidth() / ENTRY))
+    figure.legend(handles, systems, loc="outside lower center", ncols=min(len(systems), columns))
+    figure.suptitle(f"{modality} perturbed\n{_counted(trials)}")
     return figure
 
 

@@ -12,13 +12,12 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 from zlib import crc32
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.colors import to_hex, to_rgb
 
 FAMILIES = {"haptic": "#0072b2", "visual": "#009e73", "sound": "#56b4e9", "fusion": "#cc79a7"}
-OTHERS = ("#e69f00", "#d55e00", "#332288", "#882255")
-SHADES = (0.0, -0.45, 0.4, -0.7)  # of a family's colour: towards black, or towards white
+OTHERS = ("#e69f00", "#d55e00", "#332288", "#661100")
+DARKER = 0.5  # of a family's colour, for every other variant
 MARKERS = "osD^vPX<"
 BAR, GUIDE = "#0072b2", "#999999"  # of what belongs to no system
 STYLE: Any = {
@@ -72,9 +71,9 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
     """Colours and markers of the systems of one chart, by name.
 
     HapticNet, VisualNet, the sound network and FusionNet have a colour each, in which variants
-    (``haptic_bands``, ``fusion (RUN)``, ``haptic+visual``) have shades. Any other name takes one
-    of the other colours. Which one depends on the name alone, except that a colour is taken twice
-    only when all are; then the markers differ.
+    (``haptic_bands``, ``fusion (RUN)``, ``haptic+visual``) have that or a darker one. Any other
+    name takes one of the other colours. Which one depends on the name alone, except that a colour
+    is taken twice only when all are; then the markers differ.
 
     Args:
         names: Of systems or networks, in any order, which is kept.
@@ -114,10 +113,7 @@ def _hues() -> list[str]:
 def _colours(name: str) -> list[str]:
     """Colours that a name may take."""
     hue = FAMILIES.get(_family(name))
-    return list(OTHERS) if hue is None else [_shade(hue, share) for share in SHADES]
-
-
-def _shade(colour: str, share: float) -> str:
-    """A colour that goes so far towards white, or below zero towards black."""
-    rgb: Any = np.array(to_rgb(colour))
-    return to_hex(rgb + share * (1 - rgb) if share > 0 else rgb * (1 + share))
+    if hue is None:
+        return list(OTHERS)
+    red, green, blue = (DARKER * part for part in to_rgb(hue))
+    return [hue, to_hex((red, green, blue))]
