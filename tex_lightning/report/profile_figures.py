@@ -100,7 +100,7 @@ def _growth_panel(
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,g}"))
         axis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     if name == "threads":
         axes.set_xticks(values)
     axes.set(xlabel=name, ylabel="median ms")

@@ -60,8 +60,10 @@ def curves(trials: Sequence[Trial], modality: str) -> Figure:
     for axes in grid[::COLUMNS]:
         axes.set_ylabel("correct votes")
     handles, systems = grid[0].get_legend_handles_labels()
-    columns = max(1, int(figure.get_figwidth() / ENTRY))
-    figure.legend(handles, systems, loc="outside lower center", ncols=min(len(systems), columns))
+    columns = min(len(systems), max(1, int(figure.get_figwidth() / ENTRY)))
+    rows = -(-len(systems) // columns)
+    figure.set_figheight(figure.get_figheight() + 0.4 + 0.17 * rows)  # of title and legend
+    figure.legend(handles, systems, loc="outside lower center", ncols=columns)
     figure.suptitle(f"{modality} perturbed\n{_counted(trials)}")
     return figure
 
