@@ -62,7 +62,8 @@ def measure() -> dict[str, Any]:
             figures[name] = _measured(experiment, size, rows, curves)
         save_figure(
             learning_figure({name: points for name, points in curves.items() if points}),
-            RESULTS / f"enrolment_{experiment.replace('/', '_')}.png",
+            RESULTS / f"enrolment_{experiment.replace('/', '_')}",
+            ["png"],
         )
     return figures
 

@@ -10,12 +10,12 @@ from tex_lightning.evaluation.calibration import (
     augrc,
     auroc,
     calibration,
-    calibration_figure,
     risk_coverage,
     selective,
     unknown_auroc,
 )
 from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.report.calibration_figure import calibration_figure
 from tex_lightning.report.figures import save_figure
 
 CLASSES = ["a", "b", "c"]
@@ -101,7 +101,7 @@ def test_a_confidence_rounded_beyond_1_is_no_logit():
 
 
 def test_the_figure_is_drawn(outcomes, tmp_path):
-    save_figure(calibration_figure(outcomes, "t"), tmp_path / "c.png")
+    save_figure(calibration_figure(outcomes, "t"), tmp_path / "c", ["png"])
     assert (tmp_path / "c.png").stat().st_size > 5000
 
 

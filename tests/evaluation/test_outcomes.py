@@ -16,14 +16,12 @@ from tex_lightning.evaluation.outcomes import (
     read_outcomes,
     summarise,
     wilson_interval,
+    worst_first,
     write_outcomes,
     write_results,
 )
-from tex_lightning.report.figures import (
-    class_accuracy_figure,
-    confusion_figure,
-    save_figure,
-)
+from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
+from tex_lightning.report.figures import save_figure
 
 CLASSES = ["a", "b", "c"]
 LABELS = st.lists(st.tuples(st.sampled_from(CLASSES), st.sampled_from(CLASSES)), min_size=1)
@@ -38,6 +36,20 @@ def test_a_sample_is_named_alike_whichever_sense_comes_first():
     one, other = {"haptic": "x.wav", "image": "y.png"}, {"image": "y.png", "haptic": "x.wav"}
     samples = {Outcome(files, "a", "a", 0.5, 4, 2, 1.5).sample for files in (one, other)}
     assert len(samples) == 1
+
+
+def test_the_worst_are_wrong_and_sure_the_best_right_and_sure():
+    def made(label: str, probabilities: dict[str, float], share: float = 0.5) -> Outcome:
+        best = max(probabilities, key=probabilities.__getitem__, default="b")
+        return Outcome({}, label, best, share, 1, 1, 1.0, probabilities=json.dumps(probabilities))
+
+    order = [
+        made("a", {"a": 0.0, "b": 1.0}), made("a", {"a": 0.4, "b": 0.5, "c": 0.1}),
+        made("a", {}, 0.9), made("a", {}, 0.4),  # of a system without probabilities
+        made("b", {}, 0.3), made("b", {"b": 0.5, "a": 0.45, "c": 0.05}), made("a", {"a": 1.0}),
+    ]  # fmt: skip
+    assert worst_first(order) == [*range(7)]
+    assert worst_first(order[::-1]) == [*range(6, -1, -1)]
 
 
 @given(LABELS)
@@ -129,6 +141,6 @@ def test_the_environment_names_the_commit_of_a_checkout_alone(tmp_path, monkeypa
 def test_figures_are_drawn_at_any_number_of_classes(tmp_path, count):
     classes = [f"class {i}" for i in range(count)]
     counts = np.eye(count, dtype=np.int64)
-    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c.png")
-    save_figure(class_accuracy_figure(counts, classes, "t"), tmp_path / "f" / "a.png")
+    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c", ["png"])
+    save_figure(class_accuracy_figure(counts, classes, "n", "t"), tmp_path / "f" / "a", ["png"])
     assert all(path.stat().st_size > 5000 for path in (tmp_path / "f").iterdir())

@@ -1,5 +1,7 @@
 """Inputs of any sense, drawn."""
 
+import re
+
 import pytest
 import torch
 from conftest import make_card
@@ -10,7 +12,8 @@ from tex_lightning.evaluation.fragments import ConfusedPair
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.report.confused_pairs import pairs_figure
-from tex_lightning.report.figures import spectrogram_figure
+from tex_lightning.report.figures import picture, save_figure, spectrogram_figure
+from tex_lightning.report.page.writing import write_page
 
 
 def test_a_spectrogram_is_over_seconds_and_hertz():
@@ -49,3 +52,28 @@ def test_a_pair_shows_what_each_sense_took_of_both_classes(senses, surfaces):
     titles = [axes.get_title() for axes in figure.axes]
     assert [title for title in titles if title] == ["alpha", "beta"]
     assert all(axes.get_images()[0].get_array().std() > 0 for axes in figure.axes)
+
+
+def test_a_figure_is_saved_in_all_formats_and_alike_every_time(tmp_path):
+    def saved(folder: str) -> list[bytes]:
+        figure = spectrogram_figure(torch.ones(1, 6, 30), ["a"], nn.Identity())
+        shown = save_figure(figure, tmp_path / folder / "w0.5_a", ["pdf", "svg", "png"])
+        assert shown == tmp_path / folder / "w0.5_a.png"
+        return [shown.with_suffix(f".{name}").read_bytes() for name in ("png", "pdf", "svg")]
+
+    png, pdf, svg = saved("one")
+    assert (png[:4], pdf[:5], svg[:5]) == (b"\x89PNG", b"%PDF-", b"<?xml")
+    assert b"/Type3" not in pdf  # which publishers refuse
+    assert saved("other") == [png, pdf, svg]
+
+
+def test_a_page_shows_vector_graphics_and_links_to_what_it_cannot_show(tmp_path):
+    figure = spectrogram_figure(torch.ones(1, 6, 30), ["a"], nn.Identity())
+    in_report = save_figure(figure, tmp_path / "figures" / "learning", ["pdf"])
+    (tmp_path / "report.md").write_text(f"# T\n\n{picture('curves', in_report)}\n")
+    save_figure(figure, tmp_path / "figures" / "confusion", ["pdf", "svg"])
+    save_figure(figure, tmp_path / "figures" / "accuracy", ["pdf"])
+    write_page(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("data:image/svg+xml;base64,") == 1
+    assert re.findall(r'href="([^"]+)"', page) == ["figures/learning.pdf", "figures/accuracy.pdf"]

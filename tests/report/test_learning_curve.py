@@ -33,6 +33,7 @@ def test_each_count_of_recordings_is_a_point_with_its_interval(swept):
 
 def test_the_chart_stands_in_the_report(swept):
     assert "figures/learning_curve.png" in (swept / "report.md").read_text()
+    assert (swept / "figures" / "learning_curve.pdf").read_bytes().startswith(b"%PDF-")
     with Image.open(swept / "figures" / "learning_curve.png") as image:
         assert image.width > 500
 

@@ -69,5 +69,5 @@ def test_figures_of_a_network_can_be_saved(tmp_path: Path):
     sound = ways_figure("sound", network)  # which the paper does not have
     assert [bar.get_width() for bar in sound.axes[0].patches] == [100.0, 10.0]
     for title, figure in (("ways", ways), ("layers", layers)):
-        save_figure(figure, tmp_path / f"{title}.png")
+        save_figure(figure, tmp_path / title, ["png"])
         assert (tmp_path / f"{title}.png").stat().st_size > 1000

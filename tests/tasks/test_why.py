@@ -67,6 +67,13 @@ def test_a_sequential_decision_is_drawn_in_full(cli, untrained, files, tmp_path)
     ("given", "said"),
     [
         (
+            ["figures.format=[png,jpg]"],
+            "figures.format is jpg (did you mean png?): choose png, pdf, svg",
+        ),
+        (["figures.format=[]"], "figures.format names nothing: choose some of png, pdf, svg"),
+        (["figures.format=null"], "figures.format names nothing"),
+        (["figures.format=[[png]]"], "figures.format is ['png']"),
+        (
             ["task=predict", "checkpoint=x", "predict.figure=w.jpg"],
             "must end in .png, .pdf or .svg",
         ),
@@ -106,13 +113,18 @@ def test_a_part_of_a_fusion_and_equal_cuts_are_drawn(untrained, bands, files, tm
 def test_a_run_draws_its_wrong_samples_or_the_least_sure(cli, bands, surfaces, tmp_path):
     outcomes = read_outcomes(bands / "predictions" / "haptic.csv")
     wrong = sum(each.label != each.predicted for each in outcomes)
-    figures = sorted(path.name for path in (bands / "figures").glob("*why*"))
+    figures = sorted(path.name for path in (bands / "figures").glob("*why*.png"))
     assert figures == [f"haptic_why_{number}.png" for number in range(1, (wrong or 1) + 1)]
     events = [path.read_bytes() for path in (bands / "tensorboard").rglob("events*")]
     assert any(b"test/why_1" in each for each in events)
     given = ["task=evaluate", f"checkpoint={bands}", "data=folder", f"data.root={surfaces}"]
-    for count in (0, 1):
+    for count, suffix in enumerate(("svg", "pdf")):
         run = tmp_path / str(count)
-        outcome = cli(*given, f"explained_samples={count}", f"hydra.run.dir={run}")
+        asked = (f"explained_samples={count}", f"figures.format={suffix}", f"hydra.run.dir={run}")
+        outcome = cli(*given, *asked)
         assert outcome.status == 0, outcome.err
-        assert len(list((run / "figures").glob("*why*"))) == count
+        figures = list((run / "figures").iterdir())
+        assert {path.suffix for path in figures} == {f".{suffix}"}
+        assert sum("why" in path.name for path in figures) == count
+        shown = {"svg": 'src="data:image/svg+xml;base64,', "pdf": 'href="figures/haptic_why_1.pdf"'}
+        assert shown[suffix] in (run / "report.html").read_text()

@@ -27,6 +27,7 @@ from tex_lightning.config.tasks import (
     EngineConfig,
     EnrollConfig,
     ExportConfig,
+    FiguresConfig,
     FrontierConfig,
     GenerateConfig,
     PredictConfig,
@@ -38,9 +39,10 @@ from tex_lightning.config.tasks import (
 
 __all__ = [
     "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
-    "EnrollConfig", "ExportConfig", "Folding", "FrontierConfig", "GenerateConfig", "ModelConfig",
-    "PredictConfig", "ProfileConfig", "RecordConfig", "SourceConfig", "StabilityConfig",
-    "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten", "plain_values", "register",
+    "EnrollConfig", "ExportConfig", "FiguresConfig", "Folding", "FrontierConfig", "GenerateConfig",
+    "ModelConfig", "PredictConfig", "ProfileConfig", "RecordConfig", "SourceConfig",
+    "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten",
+    "plain_values", "register",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -102,6 +104,7 @@ class Config:
     logger: dict[str, Any] = key("by name, each with its _target_", factory=dict)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     enroll: EnrollConfig = field(default_factory=EnrollConfig)
+    figures: FiguresConfig = field(default_factory=FiguresConfig)
     predict: PredictConfig = field(default_factory=PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     record: RecordConfig = field(default_factory=RecordConfig)
@@ -125,6 +128,7 @@ class Config:
             share=self.crossval.share,
             running=self.running,
             explained_samples=self.explained_samples,
+            formats=self.figures.formats,
             settings=plain_values(self),
         )
 

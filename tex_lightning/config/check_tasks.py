@@ -8,12 +8,11 @@ from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import beyond, choice
 from tex_lightning.config.keys import Key, plain
 from tex_lightning.config.model import ModelConfig
-from tex_lightning.config.tasks import EVERY_SENSE
+from tex_lightning.config.tasks import EVERY_SENSE, FIGURE_FORMATS
 from tex_lightning.errors import shorten
 from tex_lightning.perturbations.table import perturbations, read_severities
 
 AUTO = "auto"
-FIGURES = (".png", ".pdf", ".svg")  # suffixes of predict.figure
 PROFILED = (
     "haptic",
     "visual",
@@ -157,9 +156,12 @@ def _stream(config: Config) -> Iterator[str]:
 
 
 def _figure(config: Config) -> Iterator[str]:
-    given = config.predict.figure
-    if given is not None and PurePath(given).suffix.lower() not in FIGURES:
-        *others, last = FIGURES
+    formats = config.figures.format
+    if formats is None or formats == [] or (isinstance(formats, list) and None in formats):
+        yield f"figures.format names nothing: choose some of {', '.join(FIGURE_FORMATS)}"
+    given, allowed = config.predict.figure, [f".{name}" for name in FIGURE_FORMATS]
+    if given is not None and PurePath(given).suffix.lower() not in allowed:
+        *others, last = allowed
         yield f"predict.figure={shorten(given)} must end in {', '.join(others)} or {last}"
 
 

@@ -59,6 +59,7 @@ class Recipe:
         share: Folder of networks that systems of a family share.
         running: How they are tested.
         explained_samples: How many test samples are drawn.
+        formats: What figures are saved as.
         settings: The whole configuration as plain values, which loggers write down.
     """
 
@@ -72,6 +73,7 @@ class Recipe:
     share: str | None
     running: Running
     explained_samples: int
+    formats: tuple[str, ...]
     settings: dict[str, Any]
 
     def start_of(self, kind: str) -> str | None:

@@ -13,6 +13,7 @@ CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
 EXPORT_FORMATS = ("onnx", "web", "pt2", "card")
+FIGURE_FORMATS = ("png", "pdf", "svg")
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 DAY = {"unit": "s", "above": 0, "most": 86_400}
@@ -151,6 +152,21 @@ class EnrollConfig:
         "classes that are taken out first; without data= and data.root= nothing is added then",
         default=None,
     )
+
+
+@dataclass
+class FiguresConfig:
+    """What figures are saved as."""
+
+    format: Any = key(
+        "of figures, one or several: png, pdf or svg; the last two are vector graphics",
+        choices=FIGURE_FORMATS,
+    )
+
+    @property
+    def formats(self) -> tuple[str, ...]:
+        """Each format once."""
+        return tuple(dict.fromkeys(self.format if isinstance(self.format, list) else [self.format]))
 
 
 @dataclass
@@ -322,7 +338,7 @@ class ExportConfig:
 _TRAINING = (
     "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
 )  # fmt: skip
-_REPORTED = ("optimized_metric", "explained_samples")
+_REPORTED = ("optimized_metric", "explained_samples", "figures")
 _RUNNING = (  # all of it that is read without training
     "trainer.accelerator", "trainer.tf32", "trainer.threads",
 )  # fmt: skip
@@ -332,10 +348,11 @@ READS = {
     "crossval": ("weights", *_TRAINING, "crossval", *_REPORTED),
     "evaluate": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",
-        *_RUNNING,
+        "figures", *_RUNNING,
     ),
     "enroll": (
-        "checkpoint", "trusted", "seed", "data", "decision", "engine", "enroll", *_RUNNING,
+        "checkpoint", "trusted", "seed", "data", "decision", "engine", "enroll", "figures",
+        *_RUNNING,
     ),
     "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
     "stream": (
@@ -346,11 +363,11 @@ READS = {
         "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
         *_RUNNING, "decision.reject_below", "decision.unknown",
     ),
-    "stability": ("stability", "trusted", "seed", "data", "engine", "logger", *_RUNNING),
-    "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
+    "stability": ("stability", "trusted", "seed", "data", "engine", "figures", "logger", *_RUNNING),
+    "frontier": ("weights", *_TRAINING, "crossval.only", "figures", "frontier"),
     "profile": (
         *_CLASSIFYING, "image", "sound", "seed", "profile", "model", "data.sampling_rate",
-        "data.half_scale", "data.resize", "logger",
+        "data.half_scale", "data.resize", "figures", "logger",
     ),
     "export": (
         "checkpoint", "trusted", "seed", "export", "data", "engine", *_RUNNING, "decision.pairs",

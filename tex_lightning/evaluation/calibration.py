@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import torch
-from matplotlib.figure import Figure
 from torchmetrics.functional.classification import binary_auroc, binary_calibration_error
 
 from tex_lightning.evaluation.outcomes import Outcome
@@ -142,29 +141,3 @@ def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
     scores = torch.tensor([*negative, *positive], dtype=torch.float64).clamp(0, 1)
     target = torch.tensor([0] * len(negative) + [1] * len(positive))
     return float(binary_auroc(scores, target))
-
-
-def calibration_figure(outcomes: Sequence[Outcome], title: str) -> Figure:
-    """Reliability in 15 bins, and error against coverage."""
-    confidence, correct = confidences(outcomes), correct_votes(outcomes)
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    edges = np.linspace(0, 1, BINS + 1)
-    place = np.clip(np.digitize(confidence, edges[1:-1], right=True), 0, BINS - 1)
-    used = np.unique(place)
-    left.plot([0, 1], [0, 1], color="#999999", linestyle="--")
-    left.bar(
-        [(edges[n] + edges[n + 1]) / 2 for n in used],
-        [correct[place == n].mean() for n in used],
-        width=1 / BINS,
-        color="#4477aa",
-        edgecolor="white",
-    )
-    for n in used:
-        left.text((edges[n] + edges[n + 1]) / 2, 0.02, int((place == n).sum()), ha="center", size=6)
-    left.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="correct votes")
-    coverage, wrong = risk_coverage(confidence, correct)
-    right.plot(coverage, wrong, drawstyle="steps-post", color="#cc6677")
-    right.set(xlim=(0, 1), ylim=(0, None), xlabel="share with a label", ylabel="wrong, of all")
-    figure.suptitle(title)
-    return figure

@@ -91,6 +91,26 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
+def worst_first(outcomes: Sequence[Outcome]) -> list[int]:
+    """Put the wrong ones first, the surest of them foremost, then the right ones, the least sure.
+
+    Sure is the margin by which the true class is more probable than the most probable other one,
+    or less; of equal margins, as where there are no probabilities, the share of the fragments.
+
+    Returns:
+        Indices of all outcomes.
+    """
+
+    def key(index: int) -> tuple[bool, float, float]:
+        each = outcomes[index]
+        right, known = each.label == each.predicted, each.class_probabilities
+        others = [value for name, value in known.items() if name != each.label]
+        margin = known.get(each.label, 0.0) - max(others, default=0.0)
+        return right, margin, each.share if right else -each.share
+
+    return sorted(range(len(outcomes)), key=key)
+
+
 def optimized_value(results: dict[str, Any], metric: str | None) -> float:
     """Choose what a search minimises.
 

@@ -16,7 +16,7 @@ from tex_lightning.decision.voting import Vote
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
 from tex_lightning.loggers import log_figures
-from tex_lightning.report.figures import confusion_figure
+from tex_lightning.report.confusion import confusion_figure
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span

@@ -88,7 +88,7 @@ def mark_added_senses(
         across = (log(middle[0]) - left) / (right - left)
         axes.annotate(
             step.label, xy=middle, xytext=(min(max(across, 0.22), 0.78), ROW * (number + 0.6)),
-            textcoords="axes fraction", ha="center", va="center", fontsize=8, color=COLOUR,
+            textcoords="axes fraction", ha="center", va="center", fontsize=7, color=COLOUR,
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1}, zorder=6,
             arrowprops={"arrowstyle": "-", "color": COLOUR, "linewidth": 0.8, "linestyle": ":"},
         )  # fmt: skip

@@ -12,7 +12,8 @@ from tex_lightning.data.conditions import describe
 from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
 from tex_lightning.files import write_text
 from tex_lightning.report.confused_pairs import pairs_figure
-from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure
+from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
+from tex_lightning.report.figures import picture, save_figure
 from tex_lightning.report.learning_curve import learning_curves, learning_figure, write_curves
 from tex_lightning.report.systems import System, read_systems, run_data
 from tex_lightning.report.table import TINY, is_tiny, run_overrides
@@ -42,13 +43,16 @@ invariant local binary patterns with 8 neighbours stand in for it. What the sour
 rows leave unknown is said in their file in `conf/model`."""
 
 
-def write_report(directory: Path, runs: Sequence[Path], command: str) -> None:
+def write_report(
+    directory: Path, runs: Sequence[Path], command: str, formats: Sequence[str]
+) -> None:
     """Write ``report.md`` and its figures; nothing where no run tested anything.
 
     Args:
         directory: Where they go.
         runs: Finished run folders.
         command: What repeats them.
+        formats: Of figures.
     """
     systems = read_systems(runs)
     if not systems:
@@ -63,8 +67,8 @@ def write_report(directory: Path, runs: Sequence[Path], command: str) -> None:
     profiles = _profiles(runs)
     if profiles:
         parts.append(profiling_table(profiles))
-    parts.append(_learning_curve(directory, systems))
-    parts += [_confusions(directory, systems), _pairs(directory, systems)]
+    parts.append(_learning_curve(directory, systems, formats))
+    parts += [_confusions(directory, systems, formats), _pairs(directory, systems, formats)]
     parts += ["### Where the paper leaves a choice", CHOICES]
     write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
 
@@ -110,18 +114,19 @@ def _folds(system: System) -> str:
     return f"fold{'s' * (len(tested) > 1)} {names}{total}{runs}"
 
 
-def _learning_curve(directory: Path, systems: Sequence[System]) -> str:
+def _learning_curve(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:
     """Accuracy over the recordings of a class, where runs differ in that."""
     curves = learning_curves(systems)
     if not curves:
         return ""
-    save_figure(learning_figure(curves), directory / "figures" / "learning_curve.png")
+    path = directory / "figures" / "learning_curve"
+    file = save_figure(learning_figure(curves), path, formats)
     write_curves(curves, directory / "learning_curve.csv")
     return (
         "### Few recordings of a class\n\n"
         "Votes over the recordings of each class that were trained on, with Wilson's intervals; "
         "the numbers are in `learning_curve.csv`.\n\n"
-        "![learning curves](figures/learning_curve.png)"
+        f"{picture('learning curves', file)}"
     )
 
 
@@ -146,7 +151,7 @@ def _networks(systems: Sequence[System]) -> list[System]:
     return list(chosen.values())
 
 
-def _confusions(directory: Path, systems: Sequence[System]) -> str:
+def _confusions(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:
     """Fragments by class, as in the paper's figures of HapticNet, VisualNet and FusionNet."""
     lines = []
     for system in _networks(systems):
@@ -155,16 +160,15 @@ def _confusions(directory: Path, systems: Sequence[System]) -> str:
         heading = f"{name}: fragments of {len(system.outcomes)} test samples"
         figures = {
             "fragment_confusion": confusion_figure(counts, classes, heading),
-            "fragment_accuracy": class_accuracy_figure(counts, classes, heading, "fragment"),
+            "fragment_accuracy": class_accuracy_figure(counts, classes, name, heading, "fragment"),
         }
         for title, figure in figures.items():
-            file = Path("figures") / f"{name}_{title}.png"
-            save_figure(figure, directory / file)
-            lines.append(f"![{name}, {title.replace('_', ' ')}]({file})")
+            file = save_figure(figure, directory / "figures" / f"{name}_{title}", formats)
+            lines.append(picture(f"{name}, {title.replace('_', ' ')}", file))
     return "\n".join(["### Fragments by class", "", *lines]) if lines else ""
 
 
-def _pairs(directory: Path, systems: Sequence[System]) -> str:
+def _pairs(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:
     """Pairs that one sense confuses and another tells apart, with their recordings."""
     by_kind: dict[str, System] = {}
     for system in _networks(systems):
@@ -180,8 +184,8 @@ def _pairs(directory: Path, systems: Sequence[System]) -> str:
     pairs = confused_pairs(counts, fusion.classes)
     if not pairs:
         return ""
-    file = Path("figures") / "confused_pairs.png"
-    save_figure(pairs_figure(pairs, fusion.outcomes, branches.values()), directory / file)
+    figure = pairs_figure(pairs, fusion.outcomes, branches.values())
+    file = save_figure(figure, directory / "figures" / "confused_pairs", formats)
     lines = [
         f"- {pair.classes[0]} and {pair.classes[1]}: confused by the {pair.confused_by} network "
         f"({pair.confusion:.1%} of fragments), not by the {pair.separated_by} network "
@@ -189,4 +193,4 @@ def _pairs(directory: Path, systems: Sequence[System]) -> str:
         for pair in pairs
     ]
     title = "### Pairs that one sense confuses and another separates"
-    return "\n".join([title, "", *lines, "", f"![confused pairs]({file})"])
+    return "\n".join([title, "", *lines, "", picture("confused pairs", file)])

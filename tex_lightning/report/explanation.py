@@ -12,10 +12,11 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 
 from tex_lightning.errors import shorten
-from tex_lightning.files import write_atomically
 from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvidence
 from tex_lightning.prediction import Prediction
 from tex_lightning.report.evidence_panels import OTHERS, SMALL, Key, draw_photo, draw_signal
+from tex_lightning.report.figures import write_figure
+from tex_lightning.report.style import styled
 
 # Tol's bright palette for colour-blind readers, the winner's first, and two of his vibrant one
 COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
@@ -84,6 +85,7 @@ class Explanation:
         ]
         return "\n".join(line for text in lines for line in textwrap.wrap(text, LINE))
 
+    @styled
     def figure(self, heading: str = "") -> Figure:
         """Draw the recordings with what was said of every position; see ``docs/why.md``.
 
@@ -98,7 +100,7 @@ class Explanation:
         fused = [HEIGHTS["fused"]] if len(self.senses) > 1 else []
         ratios = [*heights, *fused, HEIGHTS["line"] * (1 + -(-len(legend) // columns))]
         total = sum(ratios) + HEIGHTS["line"] * (title.count("\n") + 1)
-        figure = Figure(figsize=(WIDTH, total), layout="constrained")
+        figure = Figure(figsize=(WIDTH, total), dpi=DPI, layout="constrained")
         figure.suptitle(title, fontsize=11)
         parts = figure.subfigures(len(ratios), 1, squeeze=False, height_ratios=ratios)[:, 0]
         for part, evidence in zip(parts, self.senses.values(), strict=False):
@@ -167,12 +169,6 @@ class Explanation:
         _bars(votes, [key.name(label) for label in labels], shares, colours)
         votes.set_xlim(0, 1)
         votes.set_xlabel("share of the votes of all senses together", fontsize=SMALL)
-
-
-def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure of an explanation, whole or not at all; see :meth:`Explanation.save`."""
-    kind = path.suffix.lower().removeprefix(".")
-    write_atomically(path, lambda partial: figure.savefig(partial, format=kind, dpi=DPI))
 
 
 def _medium(evidence: Evidence) -> str:

@@ -6,62 +6,47 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
 from torch import Tensor, nn
 
-from tex_lightning.evaluation.fragments import Counts
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.files import write_atomically
+from tex_lightning.report.style import styled
 
-
-def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
-    """Confusion matrix, rows normalised to 1; counts are written in where they are legible."""
-    size = min(4.5 + 0.28 * len(classes), 22)
-    figure = Figure(figsize=(size, size), layout="constrained")
-    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    shown = np.argwhere(counts).tolist() if len(classes) <= 30 else []
-    texts = {(row, column): str(counts[row, column]) for row, column in shown}
-    axes = draw_shares(figure, shares, classes, classes, texts, "share of the true class")
-    axes.set(xlabel="predicted", ylabel="true", title=title)
-    return figure
+SHOWN = (".png", ".svg", ".pdf")  # by a browser, the first of them rather
+UNDATED = {"pdf": "CreationDate", "svg": "Date"}  # so that the same figure gives the same file
 
 
 def draw_shares(
-    figure: Figure,
+    axes: Axes,
     shares: npt.NDArray[np.float64],
     rows: Sequence[str],
     columns: Sequence[str],
     texts: Mapping[tuple[int, int], str],
-    label: str,
-) -> Axes:
-    """Colours for a table of shares from 0 to 1 (rows, columns), and texts in some of its cells."""
-    axes = figure.subplots()
-    image = axes.imshow(shares, vmin=0, vmax=1, cmap="viridis", aspect="auto")
-    axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
-    axes.set_yticks(range(len(rows)), rows, fontsize=7)
+    label: str | None,
+    gamma: float = 1,
+) -> None:
+    """Colours for a table of shares from 0 to 1 (rows, columns), and texts in some of its cells.
+
+    A colour bar with the ``label`` explains them, unless that is None. A ``gamma`` below 1
+    brings out small shares.
+    """
+    image = axes.imshow(shares, norm=PowerNorm(gamma, 0, 1), cmap="viridis", aspect="auto")
+    axes.set_xticks(range(len(columns)), columns, rotation=90)
+    axes.set_yticks(range(len(rows)), rows)
     for (row, column), text in texts.items():
-        colour = "black" if shares[row, column] > 0.6 else "white"
+        colour = "black" if shares[row, column] ** gamma > 0.6 else "white"
         axes.text(column, row, text, ha="center", va="center", fontsize=7, color=colour)
-    figure.colorbar(image, ax=axes, shrink=0.6, label=label)
-    return axes
+    if label is None:
+        return
+    bar = axes.figure.colorbar(image, ax=axes, shrink=0.6, label=label)
+    bar.ax.yaxis.set_major_formatter(PercentFormatter(1))
 
 
-def class_accuracy_figure(
-    counts: Counts, classes: list[str], title: str, what: str = "vote"
-) -> Figure:
-    """Accuracy of every class as bars, of votes or fragments."""
-    figure = Figure(figsize=(7, min(2.0 + 0.22 * len(classes), 16)), layout="constrained")
-    axes = figure.subplots()
-    totals = counts.sum(axis=1)
-    axes.barh(np.arange(len(classes)), np.diag(counts) / np.maximum(totals, 1), color="#4477aa")
-    names = [f"{name} ({total})" for name, total in zip(classes, totals, strict=True)]
-    axes.set_yticks(np.arange(len(classes)), names, fontsize=7)
-    axes.invert_yaxis()
-    axes.set(xlim=(0, 1), xlabel=f"{what} accuracy (number in brackets)", title=title)
-    return figure
-
-
+@styled
 def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: nn.Module) -> Figure:
     """Network inputs (count, bands, frames) of signals side by side."""
     figure, grid = make_grid(len(titles), 4, (3, 2.4))
@@ -90,6 +75,7 @@ def draw_spectrogram(axes: Axes, spectrogram: Tensor, features: nn.Module) -> tu
     return "s", "Hz"
 
 
+@styled
 def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
     """Normalised patches (count, 3, height, width) side by side, in their own colours."""
     figure, grid = make_grid(len(titles), 4, (3, 2.4))
@@ -101,9 +87,44 @@ def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Save as PNG, making the folder."""
-    write_atomically(path, lambda partial: figure.savefig(partial, format="png", dpi=120))
+def save_figure(figure: Figure, path: Path, formats: Sequence[str]) -> Path:
+    """Save in every one of the formats, making the folder.
+
+    Args:
+        figure: Is laid out by the first, and then not again.
+        path: Without a suffix.
+        formats: ``png``, ``pdf``, ``svg``; at least one.
+
+    Returns:
+        The file that a browser shows best.
+    """
+    files = [path.with_name(f"{path.name}.{name}") for name in formats]
+    for file in files:
+        write_figure(figure, file)
+        figure.set_layout_engine("none")  # also for loggers, which draw it again
+    return min(files, key=lambda file: SHOWN.index(file.suffix))
+
+
+def picture(words: str, file: Path) -> str:
+    """Markdown for a figure in ``figures/``: shown, or of a PDF, which no browser shows, a link."""
+    link = f"[{words}]({file.parent.name}/{file.name})"
+    return link if file.suffix == ".pdf" else f"!{link}"
+
+
+@styled
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as its suffix says, whole or not at all.
+
+    Raises:
+        UserError: If it cannot be written.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    undated = {UNDATED[kind]: None} if kind in UNDATED else {}
+
+    def write(partial: Path) -> None:
+        figure.savefig(partial, format=kind, metadata=undated)
+
+    write_atomically(path, write)
 
 
 def make_grid(

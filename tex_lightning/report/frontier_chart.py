@@ -14,27 +14,18 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogFormatter
 from matplotlib.transforms import Bbox
 
-from tex_lightning.config.model import FUSION
 from tex_lightning.files import write_lines
 from tex_lightning.progress import console
 from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
+from tex_lightning.report.style import GUIDE, looks, styled
 from tex_lightning.report.table import make_table
 
 log = logging.getLogger(__name__)
 
 PROCEDURE = "procedure"  # kind of the point that measures the choice
-COLOURS = {
-    "haptic": "#4477aa",
-    "visual": "#228833",
-    "sound": "#66ccee",
-    FUSION: "#aa3377",
-    PROCEDURE: "black",
-}
-OTHER = "#ccbb44"  # a sense of the user's
-GREY = "#bbbbbb"  # dominated
-DIM = "#666666"  # their names
+DIM = "#555555"  # names of dominated systems
 
 
 @dataclass(frozen=True)
@@ -86,10 +77,13 @@ def write_frontier(points: Sequence[Point], path: Path) -> None:
 
 
 def draw_frontier(
-    points: Sequence[Point], directory: Path, steps: Sequence[AddedSense] = ()
+    points: Sequence[Point],
+    directory: Path,
+    formats: Sequence[str],
+    steps: Sequence[AddedSense] = (),
 ) -> None:
-    """Write ``frontier.png`` and, where plotly is installed, ``frontier.html``."""
-    save_figure(frontier_figure(points, steps), directory / "frontier.png")
+    """Write ``frontier.png`` (or other ``formats``), with plotly installed ``frontier.html``."""
+    save_figure(frontier_figure(points, steps), directory / "frontier", formats)
     try:
         import plotly.graph_objects  # noqa: F401  (an optional extra)
     except ModuleNotFoundError:
@@ -98,8 +92,9 @@ def draw_frontier(
     _interactive(points).write_html(directory / "frontier.html", include_plotlyjs=True)
 
 
+@styled
 def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -> Figure:
-    """Accuracy with intervals over latency (log axis); dominated systems are grey.
+    """Accuracy with intervals over latency (log axis); dominated systems are hollow.
 
     The procedure that chooses is a hollow diamond. Every point has its name beside it, moved to
     where it covers neither points nor other names. Senses that are added one after another are
@@ -107,8 +102,9 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
     """
     figure = Figure(figsize=(11, 7), layout="constrained")
     axes = figure.subplots()
+    colours = _colours(points)
     for point in _by_latency(points):
-        colour, procedure = _colour(point), point.kind == PROCEDURE
+        colour, procedure = colours[point.system], point.kind == PROCEDURE
         low, high = point.vote_accuracy - point.ci_low, point.ci_high - point.vote_accuracy
         axes.errorbar(
             point.latency_ms_mean, point.vote_accuracy, yerr=[[max(low, 0)], [max(high, 0)]],
@@ -117,8 +113,8 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
         axes.scatter(
             point.latency_ms_mean, point.vote_accuracy, s=_area(point),
             zorder=5 if procedure else 3,
-            facecolors="none" if procedure else colour, marker="D" if procedure else "o",
-            edgecolors="black" if point.chosen or procedure else "none", linewidths=1.5,
+            facecolors=colour if point.on_frontier else "white", marker="D" if procedure else "o",
+            edgecolors="black" if point.chosen else colour, linewidths=1.5 if point.chosen else 1,
         )  # fmt: skip
     line = _line(points)
     axes.plot([item.latency_ms_mean for item in line], [item.vote_accuracy for item in line],
@@ -129,15 +125,15 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
         xlabel=f"ms for one sample, features included (mean over samples)\n{_ratios()}",
         ylabel="vote accuracy with Wilson's 95 % interval",
         title=f"Accuracy against latency, {' or '.join(map(str, counts))} test samples\n"
-        "area grows with parameters; grey: dominated; black edge: chosen, the quickest within one "
-        "standard error on these votes,\nand so slightly optimistic; diamond: the choice itself, "
-        "each fold's votes by the system chosen on another fold",
+        "area grows with parameters; hollow: dominated; black edge: chosen, the quickest within "
+        "one standard error on these votes,\nand so slightly optimistic; diamond: the choice "
+        "itself, each fold's votes by the system chosen on another fold",
     )
-    axes.title.set_fontsize(9)
     axes.margins(x=0.15, y=0.15)  # room for names
+    axes.yaxis.set_major_formatter(lambda share, _: f"{100 * share:.4g}%" if share <= 1 else "")
     for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         formatter(LogFormatter(minor_thresholds=(2, 0.5)))
-    axes.grid(alpha=0.3, which="both")
+    axes.grid(which="both")
     places = {item.system: (item.latency_ms_mean, item.vote_accuracy) for item in points}
     mark_added_senses(axes, steps, places)
     figure.draw_without_rendering()  # only then it is known where points and names are
@@ -150,14 +146,19 @@ def _name_points(axes: Axes, points: Sequence[Point]) -> None:
     across = [point.latency_ms_mean for point in points]
     upwards = [point.vote_accuracy for point in points]
     halo = [withStroke(linewidth=2, foreground="white")]
-    names = [
-        axes.text(x, y, _entry(point), fontsize=7, zorder=6, color=_ink(point), path_effects=halo)
-        for x, y, point in zip(across, upwards, points, strict=True)
-    ]
+    names = []
+    for x, y, point in zip(across, upwards, points, strict=True):
+        # the choice may lie where a system does; names that begin at one place are not moved apart
+        drop = 10 if point.kind == PROCEDURE else 0
+        place = axes.transData.transform((x, y)) - (0, drop)
+        left, low = axes.transData.inverted().transform(place).tolist()
+        text = axes.text(left, low, _entry(point))
+        text.set(fontsize=7, zorder=6, color=_ink(point), path_effects=halo)
+        names.append(text)
     adjust_text(
         names, across, upwards, objects=[_disc(axes, point) for point in points], ax=axes,
         expand=(1.1, 1.5), force_static=(0.5, 1), max_move=30, iter_lim=200,
-        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.6},
+        arrowprops={"arrowstyle": "-", "color": GUIDE, "linewidth": 0.6},
     )  # fmt: skip
 
 
@@ -181,9 +182,18 @@ def _ink(point: Point) -> str:
     return "black" if point.on_frontier or point.kind == PROCEDURE else DIM
 
 
-def _colour(point: Point) -> str:
-    shown = point.on_frontier or point.kind == PROCEDURE
-    return COLOURS.get(point.kind, OTHER) if shown else GREY
+def _colours(points: Sequence[Point]) -> dict[str, str]:
+    """By name, each its own in every chart; the choice, which is no system, is black."""
+    systems = [point.system for point in points if point.kind != PROCEDURE]
+    found = {name: look.colour for name, look in looks(systems).items()}
+    return {point.system: found.get(point.system, "black") for point in points}
+
+
+def _symbol(point: Point) -> str:
+    """Plotly's, hollow where Matplotlib's is."""
+    if point.kind == PROCEDURE:
+        return "diamond-open"
+    return "circle" if point.on_frontier else "circle-open"
 
 
 def _line(points: Sequence[Point]) -> list[Point]:
@@ -217,6 +227,7 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
             name="Pareto",
         )
     )
+    colours = _colours(points)
     for point in points:
         facts = "<br>".join(f"{key}: {value}" for key, value in asdict(point).items())
         figure.add_scatter(
@@ -224,8 +235,8 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
             name=point.system, hovertext=facts, hoverinfo="text",
             marker={
                 "size": _area(point) ** 0.5,
-                "color": _colour(point),
-                "symbol": "diamond-open" if point.kind == PROCEDURE else "circle",
+                "color": colours[point.system],
+                "symbol": _symbol(point),
                 "line": {"width": 2 if point.chosen else 0, "color": "black"},
             },
             error_y={

@@ -9,8 +9,12 @@ from matplotlib.figure import Figure
 
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.files import write_rows
+from tex_lightning.report.labels import name_lines
+from tex_lightning.report.numbers import spread
+from tex_lightning.report.style import looks, styled
 from tex_lightning.report.systems import PER_CLASS, System
 
+HEIGHT = 4.2  # inches
 COLUMNS = ("system", "per_class", "correct", "test_samples", "vote_accuracy", "ci_low", "ci_high")
 
 
@@ -47,10 +51,12 @@ def learning_curves(systems: Sequence[System]) -> dict[str, list[Point]]:
     return {name: sorted(points) for name, points in curves.items() if len(points) > 1}
 
 
+@styled
 def learning_figure(curves: Mapping[str, Sequence[Point]]) -> Figure:
     """Draw a line with intervals for every system, over a logarithmic axis of recordings."""
-    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    figure = Figure(figsize=(7, HEIGHT), layout="constrained")
     axes = figure.subplots()
+    drawn = looks(curves)
     for place, (name, points) in enumerate(curves.items()):
         shift = 1.02 ** (place - (len(curves) - 1) / 2)  # so that intervals do not hide each other
         bounds = [
@@ -59,15 +65,24 @@ def learning_figure(curves: Mapping[str, Sequence[Point]]) -> Figure:
         ]
         counts = [point.per_class * shift for point in points]
         accuracies = [point.accuracy for point in points]
-        axes.errorbar(counts, accuracies, bounds, marker="o", capsize=3, label=name)
+        look = drawn[name]
+        axes.errorbar(counts, accuracies, bounds, marker=look.marker, color=look.colour, capsize=3)
     ticks = sorted({point.per_class for points in curves.values() for point in points})
     axes.set_xscale("log")
     axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
     axes.yaxis.set_major_formatter(matplotlib.ticker.PercentFormatter(1))
-    axes.set(xlabel="recordings of each class trained on", ylabel="correct votes")
-    axes.grid(axis="y", alpha=0.3)
-    axes.legend()
+    tested = spread(
+        [point.test_samples for points in curves.values() for point in points], "test samples", "d"
+    )
+    axes.set(
+        xlabel="recordings of each class trained on",
+        ylabel="correct votes with Wilson's 95 % interval",
+        title=tested,
+    )
+    axes.grid(axis="y")
+    ends = [(name, points[-1].accuracy, drawn[name]) for name, points in curves.items()]
+    name_lines(axes, ends, HEIGHT)
     return figure
 
 

@@ -1,16 +1,20 @@
 """Charts of ``task=stability``: systems beside perturbations, and accuracy over severity."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.perturbations.table import SEVERITIES
 from tex_lightning.report.figures import draw_shares, make_grid
+from tex_lightning.report.numbers import spread
+from tex_lightning.report.style import Look, looks, styled
 from tex_lightning.stability.trial import Trial
 
 COLUMNS = 5  # of small charts
+ENTRY = 1.7  # inches of a system in the legend
 
 
 def stability_figures(trials: Sequence[Trial]) -> dict[str, Figure]:
@@ -22,6 +26,7 @@ def stability_figures(trials: Sequence[Trial]) -> dict[str, Figure]:
     return figures
 
 
+@styled
 def heat_map(trials: Sequence[Trial]) -> Figure:
     """Vote accuracy, mean over severities 1 to 5, of systems and perturbations."""
     systems = list(dict.fromkeys(trial.system.name for trial in trials))
@@ -38,37 +43,48 @@ def heat_map(trials: Sequence[Trial]) -> Figure:
     figure = Figure(figsize=size, layout="constrained")
     found = np.argwhere(~np.isnan(shares)).tolist()
     texts = {(row, column): f"{shares[row, column]:.0%}" for row, column in found}
-    axes = draw_shares(figure, shares, names, systems, texts, "vote accuracy")
-    axes.set_title("votes, mean of severities 1 to 5", fontsize=9)
+    axes = figure.subplots()
+    draw_shares(axes, shares, names, systems, texts, "correct votes")
+    axes.set_title(f"mean of severities 1 to 5, {_counted(trials)}")
     return figure
 
 
+@styled
 def curves(trials: Sequence[Trial], modality: str) -> Figure:
     """One small chart per perturbation, one line per system."""
     names = list(dict.fromkeys(trial.perturbation.name for trial in trials))
-    systems = list(dict.fromkeys(trial.system.name for trial in trials))
+    drawn = looks(trial.system.name for trial in trials)
     figure, grid = make_grid(len(names), COLUMNS, (2.6, 2.3), sharey=True)
     for axes, name in zip(grid, names, strict=True):
-        _curve(axes, [trial for trial in trials if trial.perturbation.name == name], systems)
-    handles = [
-        grid[0].plot([], [], "o-", color=f"C{place}", markersize=3)[0]
-        for place in range(len(systems))
-    ]
-    figure.legend(handles, systems, loc="outside lower center", ncols=min(len(systems), 6))
-    figure.suptitle(f"votes over severity: {modality}", fontsize=10)
+        _curve(axes, [trial for trial in trials if trial.perturbation.name == name], drawn)
+    for axes in grid[::COLUMNS]:
+        axes.set_ylabel("correct votes")
+    handles, systems = grid[0].get_legend_handles_labels()
+    columns = min(len(systems), max(1, int(figure.get_figwidth() / ENTRY)))
+    rows = -(-len(systems) // columns)
+    figure.set_figheight(figure.get_figheight() + 0.4 + 0.17 * rows)  # of title and legend
+    figure.legend(handles, systems, loc="outside lower center", ncols=columns)
+    figure.suptitle(f"{modality} perturbed\n{_counted(trials)}")
     return figure
 
 
-def _curve(axes: Axes, trials: Sequence[Trial], systems: list[str]) -> None:
-    for place, system in enumerate(systems):
+def _counted(trials: Sequence[Trial]) -> str:
+    """How many test samples there were, least and most."""
+    return spread([len(trial.labels) for trial in trials], "test samples", "d")
+
+
+def _curve(axes: Axes, trials: Sequence[Trial], drawn: Mapping[str, Look]) -> None:
+    for system, look in drawn.items():
         own = [trial for trial in trials if trial.system.name == system]
         severities = [trial.severity for trial in own]
         shares = [trial.accuracy for trial in own]
-        axes.plot(severities, shares, "o-", color=f"C{place}", markersize=3)
+        axes.plot(
+            severities, shares, color=look.colour, marker=look.marker, markersize=3, label=system
+        )
     perturbation = trials[0].perturbation
     values = ["clean", *(f"{perturbation.value(severity):g}" for severity in SEVERITIES)]
     axes.set_xticks(range(len(values)), values, fontsize=6)
     axes.set_ylim(-0.03, 1.03)
-    axes.tick_params(axis="y", labelsize=6)
-    axes.set_title(perturbation.name, fontsize=8)
-    axes.set_xlabel(perturbation.unit, fontsize=6)
+    axes.yaxis.set_major_formatter(PercentFormatter(1))
+    axes.set_title(perturbation.name)
+    axes.set_xlabel(perturbation.unit)

@@ -115,7 +115,9 @@ class SweepSummary(Callback):
         from tex_lightning.report.page.writing import write_page
 
         command = rerun_command(config, directory)
-        write_report(directory, jobs, command)
+        given = OmegaConf.select(config, "figures.format")
+        formats = [given] if isinstance(given, str) else list(given)
+        write_report(directory, jobs, command, formats)
         write_page(directory, command)
 
 

@@ -11,11 +11,12 @@ from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.quality import Quality
 from tex_lightning.data.store import Store
-from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.evaluation.outcomes import Outcome, worst_first
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.gathering import gather
 from tex_lightning.prediction import describe
-from tex_lightning.report.explanation import Explanation, write_figure
+from tex_lightning.report.explanation import Explanation
+from tex_lightning.report.figures import save_figure
 
 CANDIDATES = 3  # classes whose votes are shown
 
@@ -24,13 +25,9 @@ Drawn = tuple[SurfaceClassifier, Sample]  # what is drawn, and the network that 
 
 def telling(outcomes: Sequence[Outcome], count: int) -> list[int]:
     """Indices of the wrong samples that were the surest, or if none is wrong of the least sure."""
-    wrong = [index for index, each in enumerate(outcomes) if each.label != each.predicted]
-    sure = sorted(wrong or range(len(outcomes)), key=lambda index: _sureness(outcomes[index]))
-    return sure[::-1][:count] if wrong else sure[: min(count, 1)]
-
-
-def _sureness(outcome: Outcome) -> tuple[float, float]:
-    return outcome.share, outcome.class_probabilities.get(outcome.predicted, 0.0)
+    worst = worst_first(outcomes)
+    wrong = [index for index in worst if outcomes[index].label != outcomes[index].predicted]
+    return wrong[:count] or worst[: min(count, 1)]
 
 
 def draw_telling(
@@ -41,16 +38,22 @@ def draw_telling(
     running: Running,
     count: int,
     directory: Path,
+    formats: Sequence[str],
 ) -> dict[str, Figure]:
     """Draw up to ``count`` telling test samples of one network; none of a baseline."""
     if classifier.card.baseline:
         return {}
     drawn = ((classifier, samples[index]) for index in telling(outcomes, count))
-    return draw_explanations(drawn, store, running, classifier.card.kind, directory)
+    return draw_explanations(drawn, store, running, classifier.card.kind, directory, formats)
 
 
 def draw_explanations(
-    samples: Iterable[Drawn], store: Store, running: Running, name: str, directory: Path
+    samples: Iterable[Drawn],
+    store: Store,
+    running: Running,
+    name: str,
+    directory: Path,
+    formats: Sequence[str],
 ) -> dict[str, Figure]:
     """Save a picture of each sample into the run folder; return them for other uses."""
     figures = {}
@@ -59,8 +62,7 @@ def draw_explanations(
         figure = explain_sample(classifier, sample, store, running).figure(
             f"{name}: test sample of {sample.label} ({files})"
         )
-        write_figure(figure, directory / "figures" / f"{name}_why_{number}.png")
-        figure.set_layout_engine("none")  # it is laid out, and loggers draw it again
+        save_figure(figure, directory / "figures" / f"{name}_why_{number}", formats)
         figures[f"why_{number}"] = figure
     return figures
 

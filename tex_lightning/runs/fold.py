@@ -135,14 +135,21 @@ def _tested_network(
     keep_novelties(classifier, checkpoint, parts, store)
     unknown = workspace.unknown_samples(modalities)
     result, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, running, unknown
+        classifier, checkpoint, samples, store, directory, running, recipe.formats, unknown
     )
     figures = {}
     if draw:
-        figures = draw_figures(outcomes, workspace.classes, kind, directory)
+        figures = draw_figures(outcomes, workspace.classes, kind, directory, recipe.formats)
     if draw and kind == workspace.kind:
         figures |= draw_telling(
-            classifier, samples, outcomes, store, running, recipe.explained_samples, directory
+            classifier,
+            samples,
+            outcomes,
+            store,
+            running,
+            recipe.explained_samples,
+            directory,
+            recipe.formats,
         )
     log_test(recipe.logger, directory, kind, recipe.settings, result, figures)
     title = classifier.card.title

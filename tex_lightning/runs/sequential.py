@@ -31,6 +31,7 @@ def report_sequential(
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
+    formats: Sequence[str],
 ) -> dict[str, Any]:
     """Classify with every threshold; write ``sequential.csv`` and its figure.
 
@@ -44,12 +45,16 @@ def report_sequential(
         for knob, value, decision in _decisions(used, _knobs(classifier))
     ]
     write_settings(settings, directory / FILE)
-    draw_sequential(settings, classifier.card.kind, directory)
+    draw_sequential(settings, classifier.card.kind, directory, formats)
     return {**_thresholds(used), **summarise_sequential(settings[0])}
 
 
 def pool_sequential(
-    folds: Sequence[Path], name: str, directory: Path, config: DecisionConfig
+    folds: Sequence[Path],
+    name: str,
+    directory: Path,
+    config: DecisionConfig,
+    formats: Sequence[str],
 ) -> dict[str, Any]:
     """The same of several folds, from their files; nothing where decisions were not sequential."""
     settings = pool(
@@ -58,7 +63,7 @@ def pool_sequential(
     if config.name != SEQUENTIAL or not settings:
         return {}
     write_settings(settings, directory / FILE)
-    draw_sequential(settings, name, directory)
+    draw_sequential(settings, name, directory, formats)
     return {"sequential": {**_thresholds(config), **summarise_sequential(settings[0])}}
 
 
@@ -85,8 +90,9 @@ def _decisions(
             yield knob, value, replace(used, **changed)
 
 
-def draw_sequential(settings: Sequence[Setting], name: str, directory: Path) -> None:
+def draw_sequential(
+    settings: Sequence[Setting], name: str, directory: Path, formats: Sequence[str]
+) -> None:
     """Save the figure of a network's curves."""
-    count = settings[0].test_samples
-    figure = sequential_figure(settings, f"{name}: {count} test samples")
-    save_figure(figure, directory / "figures" / f"{name}_sequential.png")
+    figure = sequential_figure(settings, name)
+    save_figure(figure, directory / "figures" / f"{name}_sequential", formats)

@@ -11,11 +11,7 @@ from tex_lightning.config.recipe import Running
 from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
-from tex_lightning.evaluation.calibration import (
-    calibration,
-    calibration_figure,
-    selective,
-)
+from tex_lightning.evaluation.calibration import calibration, selective
 from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.fragments import vote_counts
 from tex_lightning.evaluation.novelty import report_unknown
@@ -24,11 +20,9 @@ from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
 from tex_lightning.inference.macs import count_macs
 from tex_lightning.inference.unknown import warn_of_few
-from tex_lightning.report.figures import (
-    class_accuracy_figure,
-    confusion_figure,
-    save_figure,
-)
+from tex_lightning.report.calibration_figure import calibration_figure
+from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
+from tex_lightning.report.figures import save_figure
 from tex_lightning.runs.sequential import report_sequential
 
 
@@ -39,6 +33,7 @@ def report_network(
     store: Store,
     directory: Path,
     running: Running,
+    formats: Sequence[str],
     unknown: Sequence[Sample] = (),
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
@@ -50,6 +45,7 @@ def report_network(
         store: Their recordings.
         directory: The run folder.
         running: How it runs and decides.
+        formats: Of figures.
         unknown: Samples of classes that were held out.
 
     Returns:
@@ -73,7 +69,7 @@ def report_network(
     drawn = running.decision.alphas or running.decision.confidence_thresholds
     if isinstance(decider, SequentialClassifier) and drawn:
         entry["sequential"] = report_sequential(
-            decider, running.decision, samples, store, directory
+            decider, running.decision, samples, store, directory, formats
         )
     entry |= report_unknown(decider, unknown, store, directory, outcomes)
     return entry, outcomes
@@ -102,16 +98,20 @@ def network_facts(classifier: SurfaceClassifier, sample: Sample, store: Store) -
 
 
 def draw_figures(
-    outcomes: Sequence[Outcome], classes: list[str], name: str, directory: Path
+    outcomes: Sequence[Outcome],
+    classes: list[str],
+    name: str,
+    directory: Path,
+    formats: Sequence[str],
 ) -> dict[str, Any]:
     """Save confusions, accuracy per class and calibration; return the figures for other uses."""
     counts = vote_counts(outcomes, classes)
-    count = len(outcomes)
+    title = f"{name}: votes on {len(outcomes)} test samples"
     figures = {
-        "confusion": confusion_figure(counts, classes, f"{name}: votes on {count} test samples"),
-        "class_accuracy": class_accuracy_figure(counts, classes, f"{name}: {count} test samples"),
-        "calibration": calibration_figure(outcomes, f"{name}: {count} test samples"),
+        "confusion": confusion_figure(counts, classes, title),
+        "class_accuracy": class_accuracy_figure(counts, classes, name, title),
+        "calibration": calibration_figure(outcomes, name),
     }
     for title, figure in figures.items():
-        save_figure(figure, directory / "figures" / f"{name}_{title}.png")
+        save_figure(figure, directory / "figures" / f"{name}_{title}", formats)
     return figures

@@ -63,7 +63,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     write_conditions(networks, directory)
     write_results(directory / "results.json", results)
     command = python_command(*run_overrides(directory), f"hydra.run.dir={directory}")
-    write_report(directory, [directory], command)
+    write_report(directory, [directory], command, config.figures.formats)
     print_results(results, directory)
     return results
 
@@ -97,7 +97,12 @@ def _explain(
             yield classifier, make_samples(test, classifier.card.modalities)[index]
 
     return draw_explanations(
-        samples(), workspace.store, recipe.running, workspace.kind, workspace.directory
+        samples(),
+        workspace.store,
+        recipe.running,
+        workspace.kind,
+        workspace.directory,
+        recipe.formats,
     )
 
 
@@ -150,7 +155,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     }
     outcomes = [outcome for fold in by_fold.values() for outcome in fold]
     write_outcomes(outcomes, workspace.directory / "predictions" / f"{name}.csv")
-    figures = draw_figures(outcomes, workspace.classes, name, workspace.directory)
+    figures = draw_figures(outcomes, workspace.classes, name, workspace.directory, recipe.formats)
     if name == workspace.kind:
         figures |= _explain(workspace, entries, by_fold)
     directories = [_fold_directory(workspace, fold) for fold in folds]
@@ -160,7 +165,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
         **summarise(outcomes),
         **pool_conditions(entries.values()),
         **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
-        **pool_sequential(directories, name, workspace.directory, decision),
+        **pool_sequential(directories, name, workspace.directory, decision, recipe.formats),
         **pool_unknown(
             dict(zip(directories, entries.values(), strict=True)),
             list(by_fold.values()),

@@ -135,9 +135,9 @@ def _test(
         )
     classifier.to(pick_device(config.trainer.accelerator))
     entry, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config.running
+        classifier, checkpoint, samples, store, directory, config.running, config.figures.formats
     )
-    draw_figures(outcomes, card.classes, card.kind, directory)
+    draw_figures(outcomes, card.classes, card.kind, directory, config.figures.formats)
     return entry
 
 

@@ -53,12 +53,20 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             f"There is nothing to test a {kind} network on in {tested_part(config.data)}; choose "
             "another data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
+    formats = config.figures.formats
     network, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config.running, unknown_samples
+        classifier, checkpoint, samples, store, directory, config.running, formats, unknown_samples
     )
-    draw_figures(outcomes, classes, kind, directory)
+    draw_figures(outcomes, classes, kind, directory, formats)
     draw_telling(
-        classifier, samples, outcomes, store, config.running, config.explained_samples, directory
+        classifier,
+        samples,
+        outcomes,
+        store,
+        config.running,
+        config.explained_samples,
+        directory,
+        formats,
     )
     results = {
         "task": config.task,

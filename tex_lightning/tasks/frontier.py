@@ -84,7 +84,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     means = {name: latency.mean for name, latency in timings.items()}
     added = added_senses(frontier.senses or [], measured, means)
     steps = chain(frontier.senses or [], chosen, means, added)
-    draw_frontier(shown, directory, steps)
+    draw_frontier(shown, directory, config.figures.formats, steps)
     if frontier.senses is not None:
         write_added_senses(added, directory / "senses.csv")
     results = {

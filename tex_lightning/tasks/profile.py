@@ -51,7 +51,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             "layers": layers_figure(name, networks[name]),
         }
         for title, figure in figures.items():
-            save_figure(figure, directory / "figures" / f"{name}_{title}.png")
+            path = directory / "figures" / f"{name}_{title}"
+            save_figure(figure, path, config.figures.formats)
         log_profile(config.logger, directory, name, networks[name], figures)
     if config.profile.growth:
         _measure_growth(config, subjects, directory)
@@ -96,7 +97,7 @@ def _measure_growth(config: Config, subjects: list[Subject], directory: Path) ->
     log.info("Measuring how the cost grows.")
     points = list(growth(subjects, _fusion_card(config, subjects), config.engine, config.profile))
     write_growth(points, directory / "growth.csv")
-    save_figure(growth_figure(points), directory / "growth.png")
+    save_figure(growth_figure(points), directory / "growth", config.figures.formats)
     for line in left_out(points):
         log.info("%s", line)
 

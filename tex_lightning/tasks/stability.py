@@ -46,7 +46,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     write_breaks(breaks, directory)
     figures = stability_figures(trials)
     for title, figure in figures.items():
-        save_figure(figure, directory / "figures" / f"{title}.png")
+        save_figure(figure, directory / "figures" / title, config.figures.formats)
     log_stability(config.logger, directory, _curves(trials), figures)
     results = {
         "task": config.task,

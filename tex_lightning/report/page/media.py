@@ -15,11 +15,13 @@ from scipy.signal import spectrogram
 
 from tex_lightning.data.decode import IMAGE_SUFFIXES, SignalDecoder, read_trace, to_rate
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, worst_first
 
 MOST_SAMPLES = 10
+BROAD = 1300  # pixels of a figure
 SIDE = 280  # pixels of a photo
 SECONDS = 5.0  # of a signal
+IMAGE_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}  # of figures that a page shows
 AUDIBLE = 8_000.0  # Hz; browsers refuse much lower rates
 RANGE_DB = 60.0  # of a spectrogram
 
@@ -63,8 +65,17 @@ class Shown:
 
 
 def embedded(path: Path) -> str:
-    """A PNG as a data URI."""
-    return _data_uri("image/png", path.read_bytes())
+    """A PNG or SVG as a data URI; empty of other files, which no browser shows in a page."""
+    kind = IMAGE_TYPES.get(path.suffix)
+    return _data_uri(kind, path.read_bytes()) if kind else ""
+
+
+def is_broad(path: Path) -> bool:
+    """Whether a PNG is too wide to be read beside another one."""
+    if path.suffix != ".png":
+        return False
+    with Image.open(path) as image:
+        return image.width > BROAD
 
 
 def _data_uri(kind: str, content: bytes) -> str:
@@ -76,15 +87,9 @@ def shown_samples(directory: Path, networks: Sequence[str]) -> list[Shown]:
     file = directory / "predictions" / f"{networks[-1]}.csv" if networks else directory
     if not file.is_file():
         return []
-    worst = sorted(read_outcomes(file), key=_margin)[:MOST_SAMPLES]
-    return [_shown(outcome, networks[-1]) for outcome in worst]
-
-
-def _margin(outcome: Outcome) -> float:
-    """By how much the true class is more probable than the most probable other."""
-    known = outcome.class_probabilities
-    others = [value for name, value in known.items() if name != outcome.label]
-    return known.get(outcome.label, 0.0) - max(others, default=0.0)
+    outcomes = read_outcomes(file)
+    worst = worst_first(outcomes)[:MOST_SAMPLES]
+    return [_shown(outcomes[index], networks[-1]) for index in worst]
 
 
 def _shown(outcome: Outcome, network: str) -> Shown:

@@ -10,8 +10,10 @@ from jinja2 import Environment, StrictUndefined
 from markdown_it import MarkdownIt
 
 from tex_lightning.files import write_text
+from tex_lightning.report.figures import SHOWN
 from tex_lightning.report.page.curves import Curve, read_curves
-from tex_lightning.report.page.media import embedded, shown_samples
+from tex_lightning.report.page.media import embedded, is_broad, shown_samples
+from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
     FACTS,
     TINY,
@@ -55,6 +57,7 @@ def write_page(directory: Path, command: str | None = None) -> None:
         or directory.name,
         tiny=TINY if is_tiny(given) else "",
         networks=networks,
+        colours={name: colour_of(name) for name in networks},
         curves=[_drawn(curve) for curve in read_curves(directory)],
         report=shown,
         tables={name: _table(directory / name) for name in TABLES if (directory / name).is_file()},
@@ -91,11 +94,22 @@ def _rendered(report: Path, directory: Path) -> str:
     )
 
 
-def _figures(directory: Path, shown: str) -> list[tuple[str, str]]:
-    """Name and content of every figure that the report does not show."""
-    paths = [*sorted(directory.glob("*.png")), *sorted((directory / "figures").glob("*.png"))]
-    found = [(path.stem.replace("_", " "), embedded(path)) for path in paths]
-    return [(name, content) for name, content in found if content not in shown]
+def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
+    """Name and source of every figure that the report does not show, and whether it is broad.
+
+    No browser shows a PDF in a page: without a PNG or SVG of the figure the source is its file.
+    """
+    found: dict[Path, Path] = {}
+    for suffix in reversed(SHOWN):
+        for pattern in (f"*{suffix}", f"figures/*{suffix}"):
+            found |= {path.with_suffix(""): path for path in directory.glob(pattern)}
+    paths = [found[stem] for stem in sorted(found, key=lambda stem: (len(stem.parts), stem))]
+    sources = {path: embedded(path) or path.relative_to(directory).as_posix() for path in paths}
+    return [
+        {"name": path.stem.replace("_", " "), "source": source, "broad": is_broad(path)}
+        for path, source in sources.items()
+        if source not in shown
+    ]
 
 
 def _table(path: Path) -> dict[str, Any]:
@@ -126,4 +140,10 @@ def _drawn(curve: Curve, width: int = 560, height: int = 150) -> dict[str, Any]:
         f"{index / across * width:.1f},{height - (value - low) / span * height:.1f}"
         for index, value in enumerate(curve.values)
     ]
-    return {"curve": curve, "low": low, "high": high, "points": " ".join(corners)}
+    return {
+        "curve": curve,
+        "colour": colour_of(curve.network),
+        "low": low,
+        "high": high,
+        "points": " ".join(corners),
+    }
