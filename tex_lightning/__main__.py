@@ -15,7 +15,9 @@ from tex_lightning.config.search import use_config_dir, with_own_senses
 from tex_lightning.config.usage import answer, asks
 from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake
+from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, join_quietly
+from tex_lightning.screen import Screen, console, wrapped
 
 USER_FAULT = 2
 FAILED_SWEEP = 1
@@ -34,9 +36,11 @@ def run_job(composed: DictConfig) -> float | None:
     """
     # Heavy imports wait until the command line is known to be right.
     from tex_lightning.dispatch import run_task
-    from tex_lightning.report.sweep import FAILURE, note_failure
+    from tex_lightning.report.sweep import FAILURE, note_failure, runs_side_by_side
 
     job = current_job()
+    Screen.sweep = job.origin == "sweep"
+    Screen.shared = Screen.sweep and runs_side_by_side(job.hydra)
     STARTED.append(job.directory)
     (job.directory / FAILURE).unlink(missing_ok=True)
     try:
@@ -56,8 +60,13 @@ def run_job(composed: DictConfig) -> float | None:
 def complain(error: Exception) -> int:
     """Print a user's mistake in one sentence and return the exit status for it."""
     if is_rank_zero():
-        print(f"Error: {error}", file=sys.stderr)
+        say(f"Error: {error}")
     return USER_FAULT
+
+
+def say(text: str) -> None:
+    """Print a sentence that is read whatever ``verbose`` is."""
+    print(wrapped(text, console.width) if console.is_terminal else text, file=sys.stderr)
 
 
 def main() -> int:
@@ -97,7 +106,8 @@ def _run() -> int:
     sys.argv[1:] = with_own_senses(quote_files(sys.argv[1:]))
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
-        entry()
+        with finishing():
+            entry()
     except Exception as error:
         mistake = as_mistake(error, sys.argv[1:], began=bool(STARTED))
         if mistake is None:
@@ -108,7 +118,7 @@ def _run() -> int:
 
         if STARTED and is_rank_zero() and holds_work(STARTED[-1]):
             again = f"the same command with hydra.run.dir={STARTED[-1]}"
-            print(f"Interrupted; {again} goes on after the last finished epoch.", file=sys.stderr)
+            say(f"Interrupted; {again} goes on after the last finished epoch.")
         return INTERRUPTED
     from tex_lightning.report.sweep import SweepSummary
 

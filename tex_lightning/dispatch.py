@@ -19,10 +19,12 @@ from tex_lightning.devices import count_processes
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.memory import kept_memory
+from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.page.writing import write_page
 from tex_lightning.report.sweep import NO_SWEEP
 from tex_lightning.runfolder import claim_folder, find_checkpoint
+from tex_lightning.screen import verbosity
 from tex_lightning.tasks import (
     crossval,
     enroll,
@@ -84,7 +86,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
-    with kept_memory(), trusting(config.trusted):
+    with verbosity(config.verbose), finishing(), kept_memory(), trusting(config.trusted):
         trust(config)
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)

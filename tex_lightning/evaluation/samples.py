@@ -47,7 +47,7 @@ def run_test(
     for sample in samples[:WARM_UP]:
         classify_sample(classifier, sample, store)
     outcomes = []
-    for sample in track(samples, f"Testing {classifier.card.title}"):
+    for sample in track(samples, "Testing"):
         vote, latency = classify_sample(classifier, sample, store)
         truth = classes.index(sample.label) if sample.label in classes else -1
         outcomes.append(

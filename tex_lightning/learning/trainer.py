@@ -12,7 +12,8 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.fabric.utilities.exceptions import MisconfigurationException
-from lightning.pytorch.callbacks import ModelCheckpoint, Timer
+from lightning.pytorch.callbacks import ModelCheckpoint, ModelSummary, Timer
+from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build
@@ -22,8 +23,10 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
 from tex_lightning.learning.callbacks.fusion import FusionStart
+from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.training import Training
 from tex_lightning.loggers import open_loggers
+from tex_lightning.screen import DEBUG, Screen
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
@@ -68,13 +71,13 @@ class PlainTermination(Callback):
 
 @contextmanager
 def quiet_lightning() -> Iterator[None]:
-    """Keep Lightning's advice and advertisements out of the user's way."""
-    logger = logging.getLogger("lightning.pytorch")
+    """Keep Lightning's advice and advertisements out of the way of whoever does not debug."""
+    logger, debugs = logging.getLogger("lightning.pytorch"), Screen.verbose >= DEBUG
     level, handlers = logger.level, logger.handlers
-    logger.setLevel(logging.WARNING)
+    logger.setLevel(logging.INFO if debugs else logging.WARNING)
     logger.handlers = []  # its own handler would say everything twice
     with warnings.catch_warnings():
-        for message in UNHELPFUL:
+        for message in () if debugs else UNHELPFUL:
             warnings.filterwarnings("ignore", message=message)
         try:
             yield
@@ -105,6 +108,9 @@ def make_trainer(
     callbacks += [
         build(f"callbacks.{name}", node) for name, node in training.recipe.callbacks.items()
     ]
+    _settle_progress_bar(callbacks, flags=training.recipe.trainer.flags)
+    if Screen.verbose >= DEBUG:
+        callbacks.append(ModelSummary())  # Lightning's own choice prints on standard output
     if kind == FUSION:
         start = training.recipe.model.fusion.head_start
         callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))
@@ -112,7 +118,7 @@ def make_trainer(
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
-        "enable_model_summary": False,
+        "enable_model_summary": Screen.verbose >= DEBUG,
         "sync_batchnorm": _synchronises(training.recipe.trainer, kind),
         **training.recipe.trainer.flags,
     }
@@ -133,6 +139,15 @@ def make_trainer(
             f"Lightning's Trainer refuses what trainer says: {' '.join(str(error).split())}"
         ) from error
     return trainer, timer, keeper
+
+
+def _settle_progress_bar(callbacks: list[Callback], flags: dict[str, Any]) -> None:
+    """Have this package's bar, unless the user has named another one or wants none."""
+    bars = [each for each in callbacks if isinstance(each, LightningProgressBar)]
+    if not flags.get("enable_progress_bar", True):
+        callbacks[:] = [each for each in callbacks if each not in bars]
+    elif not bars:
+        callbacks.append(ProgressBar())
 
 
 def _synchronises(trainer: TrainerConfig, kind: str) -> bool:

@@ -5,10 +5,13 @@ import json
 import logging
 import sys
 from collections.abc import Iterator
+from math import prod
 from pathlib import Path
 from statistics import mean, stdev
 from typing import Any, ClassVar
 
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.utils import JobReturn
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
@@ -17,15 +20,18 @@ from tex_lightning.config.job import Job
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.files import write_text
-from tex_lightning.progress import console
+from tex_lightning.progress import Stage, begin
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import TINY, is_tiny, make_table, python_command, seconds
+from tex_lightning.screen import NORMAL, Screen, console
 
 Row = dict[str, Any]
 
 log = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
+ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
+GRID = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 OWN_KEYS = ("hydra.mode=", "hydra.sweep.dir=")
 NO_SWEEP = (
     "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
@@ -48,6 +54,7 @@ class SweepSummary(Callback):
     """Print and write ``sweep.csv`` in the sweep's folder when all jobs have run."""
 
     failures: ClassVar[int] = 0
+    jobs: ClassVar[Stage | None] = None
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Refuse what no job of a sweep can do before the first one is run.
@@ -60,8 +67,21 @@ class SweepSummary(Callback):
             print(f"Error: {NO_SWEEP}", file=sys.stderr)
             raise SystemExit(2)
 
+        verbose = OmegaConf.select(config, "verbose")
+        Screen.verbose = verbose if isinstance(verbose, int) else NORMAL  # it may be swept
+        if not runs_side_by_side(config):
+            SweepSummary.jobs = begin("job", count_jobs(config))
+
+    def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:  # noqa: ANN401
+        """Count a job."""
+        if SweepSummary.jobs is not None:
+            SweepSummary.jobs.update(SweepSummary.jobs.done + 1)
+
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Collect what the jobs left behind."""
+        if SweepSummary.jobs is not None:
+            SweepSummary.jobs.end()
+        SweepSummary.jobs = None
         directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
         marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
         jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
@@ -80,6 +100,24 @@ class SweepSummary(Callback):
         command = rerun_command(config, directory)
         write_report(directory, jobs, command)
         write_page(directory, command)
+
+
+def runs_side_by_side(config: DictConfig) -> bool:
+    """Whether a launcher runs the jobs of a sweep in processes of their own."""
+    return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
+
+
+def count_jobs(config: DictConfig) -> int | None:
+    """How many jobs a sweep has; None if its sweeper does not say."""
+    sweeper = OmegaConf.to_container(OmegaConf.select(config, "hydra.sweeper"))
+    assert isinstance(sweeper, dict)
+    if sweeper["_target_"] != GRID:
+        return sweeper.get("n_trials")
+    given = [f"{name}={value}" for name, value in (sweeper["params"] or {}).items()]
+    given += OmegaConf.select(config, "hydra.overrides.task")
+    parsed = OverridesParser.create().parse_overrides(given)
+    swept = {each.key_or_group: each for each in parsed if each.is_sweep_override()}
+    return prod(len([*each.sweep_string_iterator()]) for each in swept.values())
 
 
 def rerun_command(config: DictConfig, directory: Path) -> str:

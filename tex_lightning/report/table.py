@@ -9,8 +9,8 @@ from omegaconf import OmegaConf
 from rich import box
 from rich.table import Table
 
-from tex_lightning.progress import console
 from tex_lightning.report.conditions import condition_rows
+from tex_lightning.screen import DEBUG, Screen, console
 
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
 
@@ -29,7 +29,12 @@ FACTS: dict[str, Callable[[Network], str]] = {
 
 
 def print_results(results: dict[str, Any], directory: Path) -> None:
-    """Print a column per network: accuracy with interval and counts, then its cost."""
+    """Print a column per network: accuracy with interval and counts, then its cost.
+
+    A job of a sweep leaves this to the table of all jobs.
+    """
+    if Screen.sweep and Screen.verbose < DEBUG:
+        return
     title = f"{results['task']} · {results['model']} · {results['data']}"
     table = make_table(title, [""], list(results["networks"]))
     for name, fact in FACTS.items():

@@ -14,9 +14,9 @@ from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
-from tex_lightning.progress import console
 from tex_lightning.report.durations import describe_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
+from tex_lightning.screen import tell_once
 
 WIDTH, INDENT = 80, 10
 
@@ -67,8 +67,7 @@ class Opening:
         for modality in {row.modality: None for row in fresh}:
             if odd := unlike_the_others(fresh.of(modality), store):
                 log.warning("%s", odd)
-        for line in self.lines(fresh, store, skipped):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+        tell_once("\n".join(self.lines(fresh, store, skipped)))
 
     def lines(self, recordings: Recordings, store: Store, skipped: Sequence[Unusable]) -> list[str]:
         """The block as lines of at most 80 columns."""

@@ -1,0 +1,115 @@
+"""What a person reads on standard error, and how much of it; standard output belongs to results."""
+
+import logging
+import os
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import ClassVar
+
+from rich.console import Console
+from rich.text import Text
+
+from tex_lightning.ranks import is_rank_zero
+
+QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
+OWN = ("tex_lightning", "hydra")  # whose messages concern the user; others' only from warnings on
+STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
+
+console = Console(stderr=True, quiet=not is_rank_zero())
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    # a log file has room for long names
+    console = Console(stderr=True, width=120, quiet=console.quiet)
+
+
+class Screen:
+    """What this process shows at present.
+
+    Attributes:
+        verbose: ``QUIET``, ``NORMAL`` or ``DEBUG``.
+        shared: Whether other processes write to the same terminal, so that no line can be redrawn.
+        sweep: Whether a table of all jobs follows.
+    """
+
+    verbose: ClassVar[int] = NORMAL
+    shared: ClassVar[bool] = False
+    sweep: ClassVar[bool] = False
+    told: ClassVar[str] = ""
+
+
+@contextmanager
+def verbosity(verbose: int) -> Iterator[None]:
+    """Show that much, as long as this lasts."""
+    logger, before = logging.getLogger("tex_lightning"), Screen.verbose
+    level = logger.level
+    Screen.verbose = verbose
+    if verbose >= DEBUG:
+        logger.setLevel(logging.DEBUG)
+    try:
+        yield
+    finally:
+        Screen.verbose = before
+        logger.setLevel(level)
+
+
+def is_interactive() -> bool:
+    """Whether a line can be drawn again: on a terminal that this process has for itself.
+
+    ``FORCE_COLOR`` makes a file look like a terminal to Rich, and ``TERM=dumb`` is one without
+    the control characters that it takes.
+    """
+    alone = not (console.quiet or Screen.shared) and Screen.verbose > QUIET
+    return alone and console.is_interactive and console.file.isatty()
+
+
+def tell(text: str) -> None:
+    """Print what is no result, word for word, unless the user wants results only."""
+    if Screen.verbose > QUIET:
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def tell_once(text: str) -> None:
+    """Print a block unless it is the one that was printed last, as by every job of a sweep."""
+    if text != Screen.told:
+        Screen.told = text
+        tell(text)
+
+
+def wrapped(text: str, width: int) -> str:
+    """Text in lines of whole words; longer words, such as paths, are left whole to be copied."""
+    return "\n".join(
+        textwrap.fill(
+            line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+        )
+        for line in text.split("\n")
+    )
+
+
+class ConsoleHandler(logging.Handler):
+    """Messages above the progress bar, in whole words on a terminal, as many as ``verbose`` lets.
+
+    The configuration of logging names this class; its formats may have ``%(severity)s``, which is
+    empty up to warnings.
+    """
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one message."""
+        if record.levelno < self._least(record.name):
+            return
+        grave = record.levelno >= logging.WARNING
+        record.severity = f"{record.levelname.capitalize()}: " if grave else ""
+        text = self.format(record)
+        if Screen.verbose >= DEBUG:
+            text = f"{text} ({record.name})"
+        if console.is_terminal and not record.exc_info:
+            text = wrapped(text, console.width)
+        style = STYLES.get(record.levelno, "")
+        console.print(Text(text, style), soft_wrap=True)
+
+    def _least(self, name: str) -> int:
+        if Screen.verbose == QUIET:
+            return logging.ERROR
+        own = name.partition(".")[0] in OWN
+        if Screen.verbose == NORMAL:
+            return logging.INFO if own else logging.WARNING
+        return logging.DEBUG
