@@ -17,7 +17,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake
 from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, join_quietly
-from tex_lightning.screen import Screen, console, wrapped
+from tex_lightning.screen import Screen, say
 
 USER_FAULT = 2
 FAILED_SWEEP = 1
@@ -62,11 +62,6 @@ def complain(error: Exception) -> int:
     if is_rank_zero():
         say(f"Error: {error}")
     return USER_FAULT
-
-
-def say(text: str) -> None:
-    """Print a sentence that is read whatever ``verbose`` is."""
-    print(wrapped(text, console.width) if console.is_terminal else text, file=sys.stderr)
 
 
 def main() -> int:

@@ -213,13 +213,9 @@ def seconds_left(stages: Sequence[Stage]) -> float | None:
         return outer.seconds_left()
     elapsed = time.monotonic() - outer.begun
     done, before = share(stages), share(stages, first=True)
-    if elapsed < SURE or done <= before:
+    if elapsed < SURE or done <= before or done == 1:
         return None
-    left = elapsed * (1 - done) / (done - before)
-    inner = stages[-1]  # such as a test after the last epoch
-    if inner is not outer and not inner.counted:
-        left += seconds_left([inner]) or 0
-    return left
+    return elapsed * (1 - done) / (done - before)
 
 
 def format_seconds(seconds: float) -> str:
@@ -230,12 +226,17 @@ def format_seconds(seconds: float) -> str:
 
 
 def describe(stages: Sequence[Stage], width: int | None = None) -> str:
-    """Where the work is, with as many of the notes as fit."""
+    """Where the work is, with as much of it as fits."""
     first, *inner = [each.label for each in stages]
     labels = [first, *(label[0].lower() + label[1:] for label in inner)]
     notes = [note for each in stages for note in each.notes]
-    while notes and width is not None and len(", ".join([*labels, *notes])) > width:
-        del notes[0]
+    while width is not None and len(", ".join([*labels, *notes])) > width:
+        if notes:
+            del notes[0]
+        elif len(labels) > 2:  # the outermost and the innermost say most
+            del labels[1]
+        else:
+            break
     return ", ".join([*labels, *notes])
 
 
@@ -250,7 +251,7 @@ def line(stages: Sequence[Stage], width: int) -> Table:
     """Bar, share, time that is left, and where the work is, in so many columns."""
     done, left = share(stages), seconds_left(stages)
     percent = f"{min(int(100 * done), 99):>2} %"
-    estimate = "" if left is None else f"{format_seconds(left)} left"
+    estimate = "" if left is None or left < SURE else f"{format_seconds(left)} left"
     grid = Table.grid(padding=(0, 1), pad_edge=False)
     bar = 0 if width < NARROW else width // 10
     room = width - (bar + 1 if bar else 0) - 5 - 12 - 1

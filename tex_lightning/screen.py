@@ -75,6 +75,17 @@ def tell_once(text: str) -> None:
         tell(text)
 
 
+def say(text: str, *, wraps: bool = True) -> None:
+    """Print a sentence that is read whatever ``verbose`` is; a command to copy does not wrap."""
+    _write(text, wraps=wraps)
+
+
+def _write(text: str, style: str = "", *, wraps: bool) -> None:
+    if wraps and console.is_terminal:
+        text = wrapped(text, console.width)
+    console.print(Text(text, style), soft_wrap=True)
+
+
 def wrapped(text: str, width: int) -> str:
     """Text in lines of whole words; longer words, such as paths, are left whole to be copied."""
     return "\n".join(
@@ -101,10 +112,7 @@ class ConsoleHandler(logging.Handler):
         text = self.format(record)
         if Screen.verbose >= DEBUG:
             text = f"{text} ({record.name})"
-        if console.is_terminal and not record.exc_info:
-            text = wrapped(text, console.width)
-        style = STYLES.get(record.levelno, "")
-        console.print(Text(text, style), soft_wrap=True)
+        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info)
 
     def _least(self, name: str) -> int:
         if Screen.verbose == QUIET:

@@ -20,7 +20,7 @@ from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.table import make_table
-from tex_lightning.screen import console
+from tex_lightning.screen import console, say
 
 log = logging.getLogger(__name__)
 
@@ -256,8 +256,9 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
             style="bold" if point.kind == PROCEDURE else None if point.on_frontier else "dim",
         )
     console.print(table)
-    for line in (*_remarks(points), f"Train the chosen one with: {command}"):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)  # it has [brackets]
+    for line in _remarks(points):
+        say(line)
+    say(f"Train the chosen one with: {command}", wraps=False)
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
 
 

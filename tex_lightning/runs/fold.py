@@ -148,6 +148,9 @@ def _tested_network(
             classifier, samples, outcomes, store, running, recipe.explained_samples, directory
         )
     log_test(recipe.logger, directory, kind, recipe.settings, result, figures)
-    title = classifier.card.title
-    log.info("%s: %d of %d votes correct.", title, result["correct"], result["test_samples"])
+    log.info(
+        "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",
+        workspace.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],
+        result["fit_seconds"],
+    )  # fmt: skip
     return result

@@ -138,7 +138,6 @@ def _finished_fold(workspace: Workspace, fold: int) -> dict[str, Any] | None:
 def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:
     directory = _fold_directory(workspace, fold)
     begin = time.perf_counter()
-    log.info("Testing on fold %d of 0 to %d.", fold, workspace.data.folds - 1)
     on_fold = workspace.on_fold(fold, directory)
     networks = fit_fold(on_fold)
     if not is_rank_zero():
