@@ -17,7 +17,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake
 from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, join_quietly
-from tex_lightning.screen import Screen, say
+from tex_lightning.screen import say
 
 USER_FAULT = 2
 FAILED_SWEEP = 1
@@ -36,11 +36,9 @@ def run_job(composed: DictConfig) -> float | None:
     """
     # Heavy imports wait until the command line is known to be right.
     from tex_lightning.dispatch import run_task
-    from tex_lightning.report.sweep import FAILURE, note_failure, runs_side_by_side
+    from tex_lightning.report.sweep import FAILURE, note_failure
 
     job = current_job()
-    Screen.sweep = job.origin == "sweep"
-    Screen.shared = Screen.sweep and runs_side_by_side(job.hydra)
     STARTED.append(job.directory)
     (job.directory / FAILURE).unlink(missing_ok=True)
     try:

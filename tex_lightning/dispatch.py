@@ -22,9 +22,9 @@ from tex_lightning.memory import kept_memory
 from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.page.writing import write_page
-from tex_lightning.report.sweep import NO_SWEEP
+from tex_lightning.report.sweep import NO_SWEEP, runs_side_by_side
 from tex_lightning.runfolder import claim_folder, find_checkpoint
-from tex_lightning.screen import verbosity
+from tex_lightning.screen import Screen, verbosity
 from tex_lightning.tasks import (
     crossval,
     enroll,
@@ -67,6 +67,8 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
+    Screen.sweep = job.origin == "sweep"
+    Screen.shared = Screen.sweep and runs_side_by_side(job.hydra)
     check_known(composed)
     check_missing(composed)
     config = read_config(composed)

@@ -1,7 +1,7 @@
 """How far the work is: one line with one bar on a terminal, a sentence a minute elsewhere.
 
 Work is nested: folds have networks, networks epochs. The bar is of all of it, so that it never
-begins anew, and the line says where in it the work is.
+begins anew, and the line says where in it the work is (:mod:`tex_lightning.progress_line`).
 """
 
 import logging
@@ -11,70 +11,38 @@ from contextlib import contextmanager
 from typing import ClassVar, TypeVar
 
 from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.table import Table
 
+from tex_lightning.progress_line import Level, line, sentence, share
 from tex_lightning.screen import QUIET, Screen, console, is_interactive
 
 Item = TypeVar("Item")
 
 REDRAWN = 0.1  # seconds between two drawings
 TOLD = 60.0  # seconds between two sentences where nothing can be redrawn
-SURE = 1.0  # seconds after which the time that is left is estimated
-NARROW = 60  # columns, below which there is no bar
 
 log = logging.getLogger(__name__)
 
 
-class Stage:
-    """One level of the work, from :func:`stage` or :func:`begin`.
-
-    Args:
-        title: What is counted, such as ``fold``.
-        total: How many there are; None if nobody knows.
-        done: How many an earlier run has done; may have a fraction.
-        counted: Whether the bar of the outer levels moves with it.
-        seconds_left: Knows better than the pace so far how long all will take.
-    """
-
-    def __init__(
-        self,
-        title: str,
-        total: int | None,
-        done: float = 0,
-        *,
-        counted: bool = True,
-        seconds_left: Callable[[], float | None] | None = None,
-    ) -> None:
-        self.title, self.total, self.done, self.counted = title, total, done, counted
-        self.seconds_left = seconds_left
-        self.partly = 0.0  # of the one that is being done, once the levels inside have ended
-        self.notes: list[str] = []
-        self.first, self.begun = done, time.monotonic()
+class Stage(Level):
+    """A level that is being worked on, from :func:`stage` or :func:`begin`."""
 
     def update(self, done: float, *, title: str | None = None, notes: Sequence[str] = ()) -> None:
         """Say how many are done, and what is to be read beside it, most important last."""
         self.done, self.partly = done, 0.0
         self.title = self.title if title is None else title
-        self.notes = list(notes) or self.notes
+        self.notes = notes or self.notes
         Work.show()
 
     def end(self) -> None:
         """Take this level away, and what is left of those inside."""
-        if self in Work.stages:
-            log.debug("%s: %.2f s.", self.title, time.monotonic() - self.begun)
-            place = Work.stages.index(self)
-            if place and self.counted:
-                Work.stages[place - 1].partly = share([self])
-            del Work.stages[place:]
-            Work.show(now=True)
-
-    @property
-    def label(self) -> str:
-        """Such as ``fold 3/10``."""
-        if self.total is None or self.total < 2:
-            return self.title
-        return f"{self.title} {min(int(self.done) + 1, self.total)}/{self.total}"
+        if not any(each is self for each in Work.stages):
+            return
+        log.debug("%s: %.2f s.", self.title, time.monotonic() - self.begun)
+        while Work.stages.pop() is not self:
+            pass
+        if Work.stages and self.counted:
+            Work.stages[-1].partly = share([self])
+        Work.show(now=True)
 
 
 class Work:
@@ -118,7 +86,7 @@ class Work:
 
 def begin(title: str, total: int | None, done: float = 0, *, counted: bool = True) -> Stage:
     """Begin a level inside the present one; whoever calls this ends it."""
-    return _enter(Stage(title, total, done, counted=counted))
+    return _enter(Stage(title, total, done, counted))
 
 
 def _enter(entered: Stage) -> Stage:
@@ -189,77 +157,3 @@ def finishing() -> Iterator[None]:
     finally:
         del Work.stages[depth:]
         Work.show(now=True)
-
-
-def share(stages: Sequence[Stage], *, first: bool = False) -> float:
-    """Share in [0, 1] of all work that is done, or of the first, that was before it began.
-
-    Only levels that are counted do, or where none is, the outermost.
-    """
-    part, total = 0.0, 1.0
-    for each in [each for each in stages if each.counted] or stages[:1]:
-        if each.total:
-            part += total * (each.first if first else each.done + each.partly) / each.total
-            total /= each.total
-        if first:
-            break
-    return min(part, 1.0)
-
-
-def seconds_left(stages: Sequence[Stage]) -> float | None:
-    """Estimate of the seconds until the outermost level ends; None while nobody knows."""
-    outer = next((each for each in stages if each.counted), stages[0])
-    if outer.seconds_left is not None:
-        return outer.seconds_left()
-    elapsed = time.monotonic() - outer.begun
-    done, before = share(stages), share(stages, first=True)
-    if elapsed < SURE or done <= before or done == 1:
-        return None
-    return elapsed * (1 - done) / (done - before)
-
-
-def format_seconds(seconds: float) -> str:
-    """A length of time to two digits or so: 40 s, 4 min, 1.5 h."""
-    if seconds < 60:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-def describe(stages: Sequence[Stage], width: int | None = None) -> str:
-    """Where the work is, with as much of it as fits."""
-    first, *inner = [each.label for each in stages]
-    labels = [first, *(label[0].lower() + label[1:] for label in inner)]
-    notes = [note for each in stages for note in each.notes]
-    while width is not None and len(", ".join([*labels, *notes])) > width:
-        if notes:
-            del notes[0]
-        elif len(labels) > 2:  # the outermost and the innermost say most
-            del labels[1]
-        else:
-            break
-    return ", ".join([*labels, *notes])
-
-
-def sentence(stages: Sequence[Stage]) -> str:
-    """How far the work is, for a log."""
-    left = seconds_left(stages)
-    estimate = "" if left is None else f", about {format_seconds(left)} left"
-    return f"{share(stages):.0%} done{estimate}: {describe(stages)}."
-
-
-def line(stages: Sequence[Stage], width: int) -> Table:
-    """Bar, share, time that is left, and where the work is, in so many columns."""
-    done, left = share(stages), seconds_left(stages)
-    percent = f"{min(int(100 * done), 99):>2} %"
-    estimate = "" if left is None or left < SURE else f"{format_seconds(left)} left"
-    grid = Table.grid(padding=(0, 1), pad_edge=False)
-    bar = 0 if width < NARROW else width // 10
-    room = width - (bar + 1 if bar else 0) - 5 - 12 - 1
-    cells: list[ProgressBar | str] = [percent, estimate, describe(stages, room)]
-    sizes = [4, 11, room]
-    if bar:
-        cells, sizes = [ProgressBar(1.0, done, width=bar), *cells], [bar, *sizes]
-    for size in sizes:
-        grid.add_column(width=size, no_wrap=True, overflow="ellipsis")
-    grid.add_row(*cells)
-    return grid
