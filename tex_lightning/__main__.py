@@ -17,7 +17,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake
 from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, join_quietly
-from tex_lightning.screen import say
+from tex_lightning.screen import fresh_screen, say
 
 USER_FAULT = 2
 FAILED_SWEEP = 1
@@ -99,7 +99,7 @@ def _run() -> int:
     sys.argv[1:] = with_own_senses(quote_files(sys.argv[1:]))
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
-        with finishing():
+        with fresh_screen(), finishing():
             entry()
     except Exception as error:
         mistake = as_mistake(error, sys.argv[1:], began=bool(STARTED))

@@ -99,11 +99,16 @@ def describe(levels: Sequence[Level], width: int | None = None) -> str:
     return ", ".join([*labels, *notes])
 
 
+def _percent(levels: Sequence[Level]) -> int:
+    """Whole percent of the work; 100 only the results say."""
+    return min(int(100 * share(levels)), 99)
+
+
 def sentence(levels: Sequence[Level]) -> str:
     """How far the work is, for a log."""
     left = seconds_left(levels)
     estimate = "" if left is None else f", about {format_seconds(left)} left"
-    return f"{share(levels):.0%} done{estimate}: {describe(levels)}."
+    return f"{_percent(levels)} % done{estimate}: {describe(levels)}."
 
 
 def line(levels: Sequence[Level], width: int) -> Table:
@@ -112,7 +117,7 @@ def line(levels: Sequence[Level], width: int) -> Table:
     bar = 0 if width < NARROW else width // 10
     room = width - 1 - (bar + 1 if bar else 0) - (PERCENT + 1) - (ESTIMATE + 1)
     cells: list[tuple[int, ProgressBar | str]] = [
-        (PERCENT, f"{min(int(100 * done), 99):>2} %"),
+        (PERCENT, f"{_percent(levels):>2} %"),
         (ESTIMATE, "" if left is None or left < SURE else f"{format_seconds(left)} left"),
         (room, describe(levels, room)),
     ]

@@ -3,6 +3,7 @@
 import logging
 import os
 import textwrap
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import ClassVar
@@ -29,12 +30,27 @@ class Screen:
         verbose: ``QUIET``, ``NORMAL`` or ``DEBUG``.
         shared: Whether other processes write to the same terminal, so that no line can be redrawn.
         sweep: Whether a table of all jobs follows.
+        told: The block that was printed last.
     """
 
     verbose: ClassVar[int] = NORMAL
     shared: ClassVar[bool] = False
     sweep: ClassVar[bool] = False
     told: ClassVar[str] = ""
+
+
+@contextmanager
+def fresh_screen() -> Iterator[None]:
+    """Begin as a new process does, and leave it so."""
+    _reset()
+    try:
+        yield
+    finally:
+        _reset()
+
+
+def _reset() -> None:
+    Screen.verbose, Screen.shared, Screen.sweep, Screen.told = NORMAL, False, False, ""
 
 
 @contextmanager
@@ -46,7 +62,10 @@ def verbosity(verbose: int) -> Iterator[None]:
     if verbose >= DEBUG:
         logger.setLevel(logging.DEBUG)
     try:
-        yield
+        with warnings.catch_warnings():
+            if verbose == QUIET:
+                warnings.simplefilter("ignore")
+            yield
     finally:
         Screen.verbose = before
         logger.setLevel(level)
@@ -105,19 +124,24 @@ class ConsoleHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one message."""
-        if record.levelno < self._least(record.name):
+        if record.levelno < _least(record):
             return
         grave = record.levelno >= logging.WARNING
         record.severity = f"{record.levelname.capitalize()}: " if grave else ""
         text = self.format(record)
-        if Screen.verbose >= DEBUG:
+        if not _is_own(record):
             text = f"{text} ({record.name})"
         _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info)
 
-    def _least(self, name: str) -> int:
-        if Screen.verbose == QUIET:
-            return logging.ERROR
-        own = name.partition(".")[0] in OWN
-        if Screen.verbose == NORMAL:
-            return logging.INFO if own else logging.WARNING
-        return logging.DEBUG
+
+def _is_own(record: logging.LogRecord) -> bool:
+    return record.name.partition(".")[0] in OWN
+
+
+def _least(record: logging.LogRecord) -> int:
+    """The least level of a message that is shown."""
+    if Screen.verbose == QUIET:
+        return logging.ERROR
+    if Screen.verbose == NORMAL:
+        return logging.INFO if _is_own(record) else logging.WARNING
+    return logging.DEBUG

@@ -35,6 +35,9 @@ UNHELPFUL = (
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
 
+SUMMARISED = 3  # levels of modules
+LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
+
 
 class CheckpointFiles(TorchCheckpointIO):
     """Checkpoints written straight to their file.
@@ -72,18 +75,21 @@ class PlainTermination(Callback):
 @contextmanager
 def quiet_lightning() -> Iterator[None]:
     """Keep Lightning's advice and advertisements out of the way of whoever does not debug."""
-    logger, debugs = logging.getLogger("lightning.pytorch"), Screen.verbose >= DEBUG
-    level, handlers = logger.level, logger.handlers
-    logger.setLevel(logging.INFO if debugs else logging.WARNING)
-    logger.handlers = []  # its own handler would say everything twice
+    debugs = Screen.verbose >= DEBUG
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    before = [(each.level, each.handlers) for each in loggers]
+    for each in loggers:
+        each.setLevel(logging.INFO if debugs else logging.WARNING)
+        each.handlers = []  # its own would say everything twice
     with warnings.catch_warnings():
         for message in () if debugs else UNHELPFUL:
             warnings.filterwarnings("ignore", message=message)
         try:
             yield
         finally:
-            logger.setLevel(level)
-            logger.handlers = handlers
+            for each, (level, handlers) in zip(loggers, before, strict=True):
+                each.setLevel(level)
+                each.handlers = handlers
 
 
 def make_trainer(
@@ -110,7 +116,9 @@ def make_trainer(
     ]
     _settle_progress_bar(callbacks, flags=training.recipe.trainer.flags)
     if Screen.verbose >= DEBUG:
-        callbacks.append(ModelSummary())  # Lightning's own choice prints on standard output
+        callbacks.append(
+            ModelSummary(SUMMARISED)
+        )  # Lightning's own choice prints on standard output
     if kind == FUSION:
         start = training.recipe.model.fusion.head_start
         callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))
@@ -118,7 +126,7 @@ def make_trainer(
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
-        "enable_model_summary": Screen.verbose >= DEBUG,
+        "enable_model_summary": False,
         "sync_batchnorm": _synchronises(training.recipe.trainer, kind),
         **training.recipe.trainer.flags,
     }

@@ -19,7 +19,7 @@ from tex_lightning.files import write_lines
 from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
-from tex_lightning.report.table import make_table
+from tex_lightning.report.table import make_table, print_table
 from tex_lightning.screen import console, say
 
 log = logging.getLogger(__name__)
@@ -255,7 +255,7 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
             "" if point.parameters is None else f"{point.parameters:,}",
             style="bold" if point.kind == PROCEDURE else None if point.on_frontier else "dim",
         )
-    console.print(table)
+    print_table(table)
     for line in _remarks(points):
         say(line)
     say(f"Train the chosen one with: {command}", wraps=False)

@@ -22,7 +22,14 @@ from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.files import write_text
 from tex_lightning.progress import Stage, begin
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
-from tex_lightning.report.table import TINY, is_tiny, make_table, python_command, seconds
+from tex_lightning.report.table import (
+    TINY,
+    is_tiny,
+    make_table,
+    print_table,
+    python_command,
+    seconds,
+)
 from tex_lightning.screen import NORMAL, Screen, console
 
 Row = dict[str, Any]
@@ -229,7 +236,7 @@ def _print(rows: list[Row], directory: Path) -> None:
         job = "" if pooled else row["job"]
         said = "\n".join([*_varying(row, rows), *([row["job"]] if pooled else [])])
         table.add_row(job, said, row.get("network", ""), *_figures(row))
-    console.print(table)
+    print_table(table)
     for row in rows:
         if row["status"] != "done":
             console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True, highlight=False)

@@ -16,9 +16,9 @@ from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.report.durations import describe_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
-from tex_lightning.screen import tell_once
+from tex_lightning.screen import console, tell_once
 
-WIDTH, INDENT = 80, 10
+WIDTH, NARROWEST, INDENT = 80, 40, 10
 
 log = logging.getLogger(__name__)
 
@@ -115,7 +115,8 @@ def trained_networks(model: ModelConfig) -> str:
 
 
 def _wrapped(title: str, text: str, lines: int) -> list[str]:
-    wrapped = textwrap.wrap(text, WIDTH - INDENT, max_lines=lines, placeholder=" …")
+    width = min(WIDTH, max(console.width, NARROWEST))
+    wrapped = textwrap.wrap(text, width - INDENT, max_lines=lines, placeholder=" …")
     titles = [title, *[""] * (len(wrapped) - 1)]
     return [f"{name:<{INDENT}}{line}" for name, line in zip(titles, wrapped, strict=True)]
 
