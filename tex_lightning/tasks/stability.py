@@ -91,7 +91,7 @@ def _chosen(config: Config, systems: Sequence[System]) -> list[Perturbation]:
         counts = " and ".join(
             f"{count} of {SEVERAL.get(sense, sense)}" for sense, count in senses.items()
         )
-        log.info("Perturbations that no system can meet are left out: %s.", counts)
+        log.info("Perturbations that no system meets are left out: %s.", counts)
         log.debug("Left out: %s.", ", ".join(left_out))
     return chosen
 
