@@ -12,6 +12,7 @@ from rich.table import Table
 
 SURE = 1.0  # seconds after which the time that is left is estimated, and down to which it is shown
 NARROW = 60  # columns, below which there is no bar
+MARGIN = 3  # columns, where a terminal echoes ^C without a new line
 PERCENT, ESTIMATE = 4, 11  # columns of their cells
 
 
@@ -115,7 +116,7 @@ def line(levels: Sequence[Level], width: int) -> Table:
     """Bar, share, time that is left, and where the work is, in one line of so many columns."""
     done, left = share(levels), seconds_left(levels)
     bar = 0 if width < NARROW else width // 10
-    room = width - 1 - (bar + 1 if bar else 0) - (PERCENT + 1) - (ESTIMATE + 1)
+    room = width - MARGIN - (bar + 1 if bar else 0) - (PERCENT + 1) - (ESTIMATE + 1)
     cells: list[tuple[int, ProgressBar | str]] = [
         (PERCENT, f"{_percent(levels):>2} %"),
         (ESTIMATE, "" if left is None or left < SURE else f"{format_seconds(left)} left"),

@@ -114,7 +114,7 @@ def make_trainer(
     callbacks += [
         build(f"callbacks.{name}", node) for name, node in training.recipe.callbacks.items()
     ]
-    _settle_progress_bar(callbacks, flags=training.recipe.trainer.flags)
+    _settle_progress_bar(callbacks, training.recipe.trainer.flags)
     if Screen.verbose >= DEBUG:
         callbacks.append(
             ModelSummary(SUMMARISED)
