@@ -68,7 +68,8 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         UserError: If the configuration or what it names cannot be used.
     """
     Screen.sweep = job.origin == "sweep"
-    Screen.shared = Screen.sweep and runs_side_by_side(job.hydra)
+    several = Screen.sweep and runs_side_by_side(job.hydra)
+    Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
     check_known(composed)
     check_missing(composed)
     config = read_config(composed)

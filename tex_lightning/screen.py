@@ -14,7 +14,11 @@ from rich.text import Text
 from tex_lightning.ranks import is_rank_zero
 
 QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
-OWN = ("tex_lightning", "hydra")  # whose messages concern the user; others' only from warnings on
+OWN = (
+    "tex_lightning",
+    "hydra",
+    "hydra_plugins",
+)  # whose messages concern the user; others' only from warnings on
 STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
 
 console = Console(stderr=True, quiet=not is_rank_zero())
@@ -28,13 +32,13 @@ class Screen:
 
     Attributes:
         verbose: ``QUIET``, ``NORMAL`` or ``DEBUG``.
-        shared: Whether other processes write to the same terminal, so that no line can be redrawn.
+        job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
         sweep: Whether a table of all jobs follows.
         told: The block that was printed last.
     """
 
     verbose: ClassVar[int] = NORMAL
-    shared: ClassVar[bool] = False
+    job: ClassVar[str] = ""
     sweep: ClassVar[bool] = False
     told: ClassVar[str] = ""
 
@@ -50,7 +54,7 @@ def fresh_screen() -> Iterator[None]:
 
 
 def _reset() -> None:
-    Screen.verbose, Screen.shared, Screen.sweep, Screen.told = NORMAL, False, False, ""
+    Screen.verbose, Screen.job, Screen.sweep, Screen.told = NORMAL, "", False, ""
 
 
 @contextmanager
@@ -77,7 +81,7 @@ def is_interactive() -> bool:
     ``FORCE_COLOR`` makes a file look like a terminal to Rich, and ``TERM=dumb`` is one without
     the control characters that it takes.
     """
-    alone = not (console.quiet or Screen.shared) and Screen.verbose > QUIET
+    alone = not (console.quiet or Screen.job) and Screen.verbose > QUIET
     return alone and console.is_interactive and console.file.isatty()
 
 
@@ -119,7 +123,7 @@ class ConsoleHandler(logging.Handler):
     """Messages above the progress bar, in whole words on a terminal, as many as ``verbose`` lets.
 
     The configuration of logging names this class; its formats may have ``%(severity)s``, which is
-    empty up to warnings.
+    empty up to warnings, and says which job it is where several run.
     """
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -127,7 +131,8 @@ class ConsoleHandler(logging.Handler):
         if record.levelno < _least(record):
             return
         grave = record.levelno >= logging.WARNING
-        record.severity = f"{record.levelname.capitalize()}: " if grave else ""
+        severity = f"{record.levelname.capitalize()}: " if grave else ""
+        record.severity = Screen.job + severity
         text = self.format(record)
         if not _is_own(record):
             text = f"{text} ({record.name})"
