@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import pyte
 
 MOMENT = 0.2  # seconds between two looks at the screen
-BAR = re.compile(r"\d+ % ")
+BAR = re.compile(r"^[━╸╺ ]*\d+ % (?!interval)")
 SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
