@@ -50,7 +50,7 @@ def test_one_line_of_progress_that_never_falls_and_a_table_that_fits(
     text = session.screen.text
     assert not {*text} & {"╸", "╺"}
     assert "…" not in text
-    assert re.search(r"\d/\d", text)
+    assert re.search(r"\d\.\d%", text)
     assert text.splitlines()[-1]
 
 
