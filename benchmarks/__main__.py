@@ -11,7 +11,7 @@ from rich.table import Table
 import benchmarks
 from benchmarks._run import RESULTS, run_one
 from tex_lightning.config import flatten
-from tex_lightning.progress import console
+from tex_lightning.screen import console
 
 FOREMOST = "ratio"
 LONG = ("faults", "growth", "longrun", "mutations", "scale")  # many minutes each: only by name

@@ -17,7 +17,9 @@ try:
     from tex_lightning.config.usage import answer, asks
     from tex_lightning.errors import UserError
     from tex_lightning.launch import as_mistake
+    from tex_lightning.progress import finishing
     from tex_lightning.ranks import is_rank_zero, join_quietly
+    from tex_lightning.screen import fresh_screen, say
 except KeyboardInterrupt:  # Ctrl-C before anything has begun
     print("Interrupted.", file=sys.stderr)
     raise SystemExit(INTERRUPTED) from None
@@ -60,7 +62,7 @@ def run_job(composed: DictConfig) -> float | None:
 def complain(error: Exception) -> int:
     """Print a user's mistake in one sentence and return the exit status for it."""
     if is_rank_zero():
-        print(f"Error: {error}", file=sys.stderr)
+        say(f"Error: {error}")
     return USER_FAULT
 
 
@@ -70,7 +72,7 @@ def main() -> int:
         return _main()
     except KeyboardInterrupt:
         if is_rank_zero():
-            print(_interrupted(), file=sys.stderr)
+            say(_interrupted())
         return INTERRUPTED
 
 
@@ -123,7 +125,8 @@ def _run() -> int:
     sys.argv[1:] = with_own_senses(quote_files(sys.argv[1:]))
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
-        entry()
+        with fresh_screen(), finishing():
+            entry()
     except Exception as error:
         mistake = as_mistake(error, sys.argv[1:], began=bool(STARTED))
         if mistake is None:

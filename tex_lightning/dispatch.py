@@ -21,10 +21,12 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
 from tex_lightning.files import quiet_threads
 from tex_lightning.memory import kept_memory
+from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.page.writing import write_page
-from tex_lightning.report.sweep import NO_SWEEP
+from tex_lightning.report.sweep import NO_SWEEP, runs_side_by_side
 from tex_lightning.runfolder import claim_folder, find_checkpoint, locked_folder
+from tex_lightning.screen import Screen, verbosity
 from tex_lightning.tasks import (
     crossval,
     enroll,
@@ -67,6 +69,9 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
+    Screen.sweep = job.origin == "sweep"
+    several = Screen.sweep and runs_side_by_side(job.hydra)
+    Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
     check_known(composed)
     check_missing(composed)
     config = read_config(composed)
@@ -92,6 +97,8 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         )
     own = is_rank_zero() and config.task not in SILENT
     with (
+        verbosity(config.verbose),
+        finishing(),
         kept_memory(),
         trusting(config.trusted),
         quiet_threads(),

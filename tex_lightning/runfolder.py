@@ -26,7 +26,7 @@ FREE_KEYS = (
     "crossval.", "frontier.only", "frontier.max", "frontier.min", "logger.", "data.cache_dir",
     "data.num_workers", "explained_samples", "figures.", "optimized_metric", "trainer.accelerator",
     "trainer.devices", "trainer.num_nodes", "trainer.strategy", "trainer.threads", "callbacks.",
-    "trusted", "data.reader.cache_dir",
+    "trusted", "data.reader.cache_dir", "verbose",
 )  # fmt: skip
 
 

@@ -1,21 +1,19 @@
 """Checkpoint files as Lightning would write them, and the progress bar."""
 
-import io
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import torch
-from lightning import Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
-from lightning.pytorch.callbacks import RichProgressBar
-from rich.console import Console
-from rich.progress import Progress, TextColumn
+from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.train import train_network
-from tex_lightning.learning.trainer import CheckpointFiles
+from tex_lightning.learning.trainer import CheckpointFiles, _settle_progress_bar
+from tex_lightning.progress import Work
+from tex_lightning.progress_line import share
 
 
 class Unsaveable:
@@ -46,26 +44,39 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
     assert [*tmp_path.iterdir()] == [path]
 
 
-def test_the_progress_bar_counts_epochs_from_one_and_fits_80_columns(monkeypatch) -> None:
+def test_the_progress_bar_is_a_level_of_the_line_from_the_epoch_that_it_resumes_at() -> None:
+    metrics = {"train/loss": torch.tensor(0.5), "val/vote_accuracy": torch.tensor(0.4), "lr": 1}
+    trainer = SimpleNamespace(
+        max_epochs=4, current_epoch=2, num_training_batches=10, num_val_batches=[3],
+        callback_metrics=metrics,
+    )  # fmt: skip
     bar = ProgressBar()
-    bar._trainer = Trainer(max_epochs=10, logger=False, enable_checkpointing=False)
-    assert [bar._get_train_description(epoch).strip() for epoch in (0, 9)] == [
-        "Epoch 1/10",
-        "Epoch 10/10",
+    bar.on_train_start(trainer, None)
+    (epochs,) = Work.stages
+    assert (epochs.label, epochs.first) == ("epoch 3/4", 2)
+    bar.on_train_batch_end(trainer, None, None, None, 4)
+    assert share([epochs]) == (2 + 5 / 10) / 4
+    assert [*epochs.notes] == ["loss 0.5", "votes 40%"]
+    bar.on_validation_start(trainer, None)
+    bar.on_validation_batch_end()
+    assert Work.stages[-1].label == "validation 2/3"
+    bar.on_validation_end(trainer, None)
+    bar.on_train_epoch_end(trainer, None)
+    assert share(Work.stages) == 3 / 4
+    bar.on_exception(trainer, None, KeyboardInterrupt())
+    assert Work.stages == []
+
+
+def test_another_progress_bar_takes_its_place_and_none_is_none() -> None:
+    theirs, other = TQDMProgressBar(), ModelCheckpoint()
+    cases = [
+        ([other], {}, [ModelCheckpoint, ProgressBar]),
+        ([other, theirs], {}, [ModelCheckpoint, TQDMProgressBar]),
+        ([other, theirs], {"enable_progress_bar": False}, [ModelCheckpoint]),
     ]
-    monkeypatch.setattr(
-        RichProgressBar,
-        "get_metrics",
-        lambda self, *_: {"v_num": 1, "train/fragment_accuracy": 0.5} | dict.fromkeys(bar.shown, 1),
-    )
-    metrics = bar.get_metrics(bar._trainer, None)
-    beside = " ".join(f"{name}: {value:.3f}" for name, value in metrics.items())
-    assert beside == "loss: 1.000 val_loss: 1.000 votes: 1.000"
-    console = Console(width=80, file=io.StringIO())
-    shown = Progress(*bar.configure_columns(bar._trainer), TextColumn(beside), console=console)
-    shown.add_task(bar._get_train_description(98), total=1000)
-    console.print(shown.get_renderable())
-    assert len(console.file.getvalue().splitlines()) == 1
+    for callbacks, flags, left in cases:
+        _settle_progress_bar(callbacks, flags)
+        assert [type(each) for each in callbacks] == left
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:

@@ -1,12 +1,13 @@
 """Tables fit 80 columns whatever the figures, and nothing of a figure is cut."""
 
 import io
+from collections import Counter
 
 import pytest
 from omegaconf import OmegaConf
 from rich.console import Console
 
-from tex_lightning.report import stability_tables, sweep, table
+from tex_lightning.report import frontier_chart, stability_tables, sweep, table
 from tex_lightning.report.profile_table import FACTS, WAYS, print_profile
 
 CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}
@@ -47,6 +48,42 @@ def test_results(printed, tmp_path):
     for figure in ("98765/100000", "97.8% to 100.0%", "12345.7", "123456.8", "123,456,789"):
         assert text.count(figure) == 3
     assert "debug=tiny" not in text
+
+
+def test_a_narrow_terminal_cuts_no_figure(monkeypatch, tmp_path):
+    networks = dict.fromkeys(("haptic", "visual", "fusion"), NETWORK)
+    results = {"task": "crossval", "model": "fusion", "data": "manifest", "networks": networks}
+    read = []
+    for width in (40, 80):
+        monkeypatch.setattr(table, "console", Console(width=width, file=io.StringIO()))
+        table.print_results(results, tmp_path)
+        text = table.console.file.getvalue().partition("Results in")[0]
+        assert max(map(len, text.splitlines())) <= width
+        read.append(sorted(text.replace("─", "").split()))
+    assert Counter("".join(read[0])) == Counter("".join(read[1]))
+
+
+def test_a_job_of_a_sweep_leaves_the_table_to_the_summary(printed, monkeypatch, tmp_path):
+    monkeypatch.setattr(table.Screen, "sweep", True)
+    results = {"task": "fit", "model": "haptic", "data": "tum", "networks": {"haptic": NETWORK}}
+    table.print_results(results, tmp_path)
+    assert table.console.file.getvalue() == ""
+
+
+def test_frontier(printed, monkeypatch, tmp_path):
+    monkeypatch.setattr(frontier_chart, "console", table.console)
+    monkeypatch.setattr("tex_lightning.screen.console", table.console)
+    point = frontier_chart.Point(
+        system="hapticnet_w0.5_sequential", kind="haptic", parameters=123_456_789, macs=1,
+        latency_ms_median=12.0, latency_ms_p95=12.0, fit_seconds=12_345.6, vote_accuracy=1.0,
+        ci_low=0.978, ci_high=1.0, on_frontier=True, chosen=True, test_samples=100,
+        chosen_in_folds=10, latency_ms_mean=1234.5,
+    )  # fmt: skip
+    frontier_chart.print_frontier([point], tmp_path, "python -m tex_lightning model=haptic")
+    text = table.console.file.getvalue()
+    assert "hapticnet_w0.5_sequential" in text
+    assert "97.8-100.0" in text
+    assert max(map(len, text.partition("picks:")[0].splitlines())) <= 80
 
 
 def test_tiny_runs_are_warned_of(printed, tmp_path):

@@ -114,3 +114,5 @@ def test_folds_run_side_by_side_through_joblib(cli, surfaces, tmp_path):
     )
     assert outcome.status == 0, outcome.err
     assert [row["job"] for row in rows(tmp_path)] == ["0", "1", "2 folds"]
+    assert "] Job 0: Fold 0, " in outcome.err
+    assert "] Job 1: Fold 2, " in outcome.err

@@ -162,7 +162,7 @@ def test_what_is_wrong_with_a_recording_is_said_at_once(record):
     *_, last = lines(outcome)
     warning = "The trace is silent, so nothing was measured; check the sensor."
     assert last["warnings"] == [warning]
-    assert f"WARNING oak_001: {warning}" in " ".join(outcome.err.split())
+    assert f"Warning: oak_001: {warning}" in " ".join(outcome.err.split())
 
 
 @pytest.mark.parametrize(("chunks", "kept"), [(15, True), (5, False)])

@@ -55,6 +55,11 @@ class Config:
     """The whole configuration."""
 
     task: str = key("what to do, set by task=NAME", choices=tuple(READS))
+    verbose: int = key(
+        "what is said on standard error: 0 the result and errors, 1 also progress and messages, 2 "
+        "also Lightning's summary, other libraries' messages, metrics of each epoch and timings",
+        least=0, most=2,
+    )  # fmt: skip
     seed: int = key(
         "of initial weights, order of samples, sub-samples, rotations", least=0, most=SEED
     )

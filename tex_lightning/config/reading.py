@@ -7,6 +7,8 @@ from tex_lightning.config.keys import Key, walk
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES
 from tex_lightning.config.tasks import READS
 
+EVERYWHERE = ("task", "verbose")  # every task reads these
+
 
 def keys_read(config: DictConfig) -> dict[str, Key]:
     """Metadata of the keys that ``config.task`` reads for ``config.model``, by dotted name."""
@@ -15,7 +17,7 @@ def keys_read(config: DictConfig) -> dict[str, Key]:
     used = (*PACKAGE_SENSES, FUSION) if every else () if model.baseline else (*model.senses,)
     used += (FUSION,) if len(used) > 1 else ()
     unused = tuple(f"model.{name}." for name in (*PACKAGE_SENSES, FUSION) if name not in used)
-    read = tuple(f"{part}." for part in ("task", *READS[task]))
+    read = tuple(f"{part}." for part in (*EVERYWHERE, *READS[task]))
     trains = "trainer" in READS[task]
     return {
         name: key

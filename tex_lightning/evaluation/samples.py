@@ -48,7 +48,7 @@ def run_test(
     for sample in samples[:WARM_UP]:
         classify_sample(classifier, sample, store)
     outcomes = []
-    for sample in track(samples, f"Testing {classifier.card.title}"):
+    for sample in track(samples, "Testing"):
         vote, latency = classify_sample(classifier, sample, store)
         truth = index.get(sample.label, -1)
         outcomes.append(

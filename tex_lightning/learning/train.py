@@ -3,6 +3,7 @@
 import logging
 import shutil
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import cast
 
@@ -21,11 +22,13 @@ from tex_lightning.data.recordings import class_indices
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.start import start_network
 from tex_lightning.learning.statistics import keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
+from tex_lightning.progress import hidden
 
 log = logging.getLogger(__name__)
 
@@ -80,9 +83,13 @@ def _check_resumable(last: Path) -> None:
 
 
 def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path | None) -> None:
+    own = trainer.progress_bar_callback is None or isinstance(
+        trainer.progress_bar_callback, ProgressBar
+    )
     try:
-        # The folder holds nothing but this package's own checkpoints of plain values and tensors.
-        trainer.fit(module, datamodule=data, ckpt_path=last, weights_only=True)
+        with nullcontext() if own else hidden():
+            # The folder holds only this package's own checkpoints of plain values and tensors.
+            trainer.fit(module, datamodule=data, ckpt_path=last, weights_only=True)
     except SystemExit as stop:  # Lightning's answer to Ctrl-C
         raise KeyboardInterrupt from stop
     if trainer.state.status == TrainerStatus.INTERRUPTED:

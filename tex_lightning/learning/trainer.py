@@ -12,7 +12,8 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.fabric.utilities.exceptions import MisconfigurationException
-from lightning.pytorch.callbacks import ModelCheckpoint, Timer
+from lightning.pytorch.callbacks import ModelCheckpoint, ModelSummary, Timer
+from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 
 from tex_lightning.config import TrainerConfig
 from tex_lightning.config.instantiation import build
@@ -22,8 +23,10 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.files import write_atomically
 from tex_lightning.learning.callbacks.fusion import FusionStart
+from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.training import Training
 from tex_lightning.loggers import open_loggers
+from tex_lightning.screen import DEBUG, Screen
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
@@ -31,6 +34,9 @@ UNHELPFUL = (
     ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
+
+SUMMARISED = 3  # levels of modules
+LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
 
 
 class CheckpointFiles(TorchCheckpointIO):
@@ -68,19 +74,22 @@ class PlainTermination(Callback):
 
 @contextmanager
 def quiet_lightning() -> Iterator[None]:
-    """Keep Lightning's advice and advertisements out of the user's way."""
-    logger = logging.getLogger("lightning.pytorch")
-    level, handlers = logger.level, logger.handlers
-    logger.setLevel(logging.WARNING)
-    logger.handlers = []  # its own handler would say everything twice
+    """Keep Lightning's advice and advertisements out of the way of whoever does not debug."""
+    debugs = Screen.verbose >= DEBUG
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    before = [(each.level, each.handlers) for each in loggers]
+    for each in loggers:
+        each.setLevel(logging.INFO if debugs else logging.WARNING)
+        each.handlers = []  # its own would say everything twice
     with warnings.catch_warnings():
-        for message in UNHELPFUL:
+        for message in () if debugs else UNHELPFUL:
             warnings.filterwarnings("ignore", message=message)
         try:
             yield
         finally:
-            logger.setLevel(level)
-            logger.handlers = handlers
+            for each, (level, handlers) in zip(loggers, before, strict=True):
+                each.setLevel(level)
+                each.handlers = handlers
 
 
 def make_trainer(
@@ -105,6 +114,11 @@ def make_trainer(
     callbacks += [
         build(f"callbacks.{name}", node) for name, node in training.recipe.callbacks.items()
     ]
+    _settle_progress_bar(callbacks, training.recipe.trainer.flags)
+    if Screen.verbose >= DEBUG:
+        callbacks.append(
+            ModelSummary(SUMMARISED)
+        )  # Lightning's own choice prints on standard output
     if kind == FUSION:
         start = training.recipe.model.fusion.head_start
         callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))
@@ -133,6 +147,15 @@ def make_trainer(
             f"Lightning's Trainer refuses what trainer says: {' '.join(str(error).split())}"
         ) from error
     return trainer, timer, keeper
+
+
+def _settle_progress_bar(callbacks: list[Callback], flags: dict[str, Any]) -> None:
+    """Have this package's bar, unless the user has named another one or wants none."""
+    bars = [each for each in callbacks if isinstance(each, LightningProgressBar)]
+    if not flags.get("enable_progress_bar", True):
+        callbacks[:] = [each for each in callbacks if each not in bars]
+    elif not bars:
+        callbacks.append(ProgressBar())
 
 
 def _synchronises(trainer: TrainerConfig, kind: str) -> bool:

@@ -9,7 +9,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from tex_lightning.lines import print_line
-from tex_lightning.progress import console
+from tex_lightning.screen import console
 
 WIDTH = 79
 BAR = 20

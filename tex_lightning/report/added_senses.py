@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 
 from tex_lightning.files import write_lines
-from tex_lightning.progress import console
+from tex_lightning.screen import say
 
 ROW = 0.06  # height of a label, as a share of the axes
 COLOUR = "#cc3311"
@@ -57,8 +57,7 @@ def write_added_senses(added: Sequence[AddedSense], path: Path) -> None:
 def print_added_senses(steps: Sequence[AddedSense]) -> None:
     """Print what each sense that is added adds."""
     for step in steps:
-        line = f"{step.before} to {step.after}: {step.label}, {step.test_samples} samples."
-        console.print(line, soft_wrap=True, highlight=False)
+        say(f"{step.before} to {step.after}: {step.label}, {step.test_samples} samples.")
 
 
 def mark_added_senses(

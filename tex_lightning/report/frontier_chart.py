@@ -15,12 +15,12 @@ from matplotlib.ticker import LogFormatter
 from matplotlib.transforms import Bbox
 
 from tex_lightning.files import write_lines
-from tex_lightning.progress import console
 from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.style import GUIDE, looks, styled
-from tex_lightning.report.table import make_table
+from tex_lightning.report.table import make_table, print_table
+from tex_lightning.screen import console, say
 
 log = logging.getLogger(__name__)
 
@@ -251,25 +251,25 @@ def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has n
 
 def print_frontier(points: Sequence[Point], directory: Path, command: str) -> None:
     """Print one line per point, quickest first, and how to train the chosen system."""
-    figures = ["chosen in folds", "ms", "median", "p95", "fit s", "parameters"]
-    table = make_table("frontier", ["system", "votes", "95 % interval"], figures)
+    figures = ["votes", "95 % CI", "picks", "ms", "fit s", "parameters"]
+    table = make_table("frontier", ["system"], figures)
+    table.caption = "picks: in how many folds it is chosen; ms: mean of one sample"
     for point in _by_latency(points):
         mark = " (chosen)" if point.chosen else ""
         table.add_row(
             f"{point.system}{mark}",
             f"{point.vote_accuracy:.1%}",
-            f"{point.ci_low:.1%} to {point.ci_high:.1%}",
+            f"{100 * point.ci_low:.1f}-{100 * point.ci_high:.1f}",
             "" if point.chosen_in_folds is None else str(point.chosen_in_folds),
             f"{point.latency_ms_mean:.1f}",
-            f"{point.latency_ms_median:.1f}",
-            f"{point.latency_ms_p95:.1f}",
             f"{point.fit_seconds:.1f}",
             "" if point.parameters is None else f"{point.parameters:,}",
             style="bold" if point.kind == PROCEDURE else None if point.on_frontier else "dim",
         )
-    console.print(table)
-    for line in (*_remarks(points), f"Train the chosen one with: {command}"):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)  # it has [brackets]
+    print_table(table)
+    for line in _remarks(points):
+        say(line)
+    say(f"Train the chosen one with: {command}", wraps=False)
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
 
 

@@ -84,7 +84,7 @@ def _comparison(name: str, network: Network, results: dict[str, Any]) -> Table:
     theirs = paper.get(name)
     title = f"profile · {results['model']} · {results['weights']}"
     table = make_table(title, [""], [name, "paper"] if theirs else [name])
-    table.caption = f"ms: median (p95), {results['environment']['threads']} threads"
+    table.caption = f"ms: median (p95), threads: {results['environment']['threads']}"
     columns = [network]
     if theirs:
         theirs["speedup"] = theirs["sliding_window_ms"] / theirs["fcn_ms"]

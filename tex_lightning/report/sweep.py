@@ -2,13 +2,15 @@
 
 import json
 import logging
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from math import prod
 from pathlib import Path
 from statistics import mean, stdev
 from typing import Any, ClassVar
 
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.utils import JobReturn
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
@@ -18,24 +20,28 @@ from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.files import write_rows, write_text
-from tex_lightning.progress import console
+from tex_lightning.progress import Stage, begin
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import (
     TINY,
     is_tiny,
     make_table,
+    print_table,
     python_command,
     run_overrides,
     seconds,
     written,
 )
 from tex_lightning.runfolder import locked_folder
+from tex_lightning.screen import NORMAL, Screen, console, say
 
 Row = dict[str, Any]
 
 log = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
+ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
+GRID = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 OWN_KEYS = ("hydra.mode=", "hydra.sweep.dir=")
 NO_SWEEP = (
     "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
@@ -60,7 +66,7 @@ def _as_exit() -> Iterator[None]:
     try:
         yield
     except UserError as error:
-        print(f"Error: {error}", file=sys.stderr)
+        say(f"Error: {error}")
         raise SystemExit(2) from error
 
 
@@ -68,6 +74,7 @@ class SweepSummary(Callback):
     """Print and write ``sweep.csv`` in the sweep's folder when all jobs have run."""
 
     failures: ClassVar[int] = 0
+    jobs: ClassVar[Stage | None] = None
 
     def __init__(self) -> None:
         self._running = ExitStack()
@@ -89,6 +96,15 @@ class SweepSummary(Callback):
         directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
         with _as_exit():
             self._running.enter_context(locked_folder(directory, "hydra.sweep.dir"))
+        verbose = OmegaConf.select(config, "verbose")
+        Screen.verbose = verbose if isinstance(verbose, int) else NORMAL  # it may be swept
+        if not runs_side_by_side(config):
+            SweepSummary.jobs = begin("job", count_jobs(config))
+
+    def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:  # noqa: ANN401
+        """Count a job."""
+        if SweepSummary.jobs is not None:
+            SweepSummary.jobs.update(SweepSummary.jobs.done + 1)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Collect what the jobs left behind.
@@ -97,6 +113,9 @@ class SweepSummary(Callback):
             SystemExit: If it cannot be written.
         """
         with self._running, _as_exit():
+            if SweepSummary.jobs is not None:
+                SweepSummary.jobs.end()
+            SweepSummary.jobs = None
             self._summarise(config)
 
     def _summarise(self, config: DictConfig) -> None:
@@ -119,6 +138,24 @@ class SweepSummary(Callback):
         formats = [given] if isinstance(given, str) else list(given)
         write_report(directory, jobs, command, formats)
         write_page(directory, command)
+
+
+def runs_side_by_side(config: DictConfig) -> bool:
+    """Whether a launcher runs the jobs of a sweep in processes of their own."""
+    return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
+
+
+def count_jobs(config: DictConfig) -> int | None:
+    """How many jobs a sweep has; None if its sweeper does not say."""
+    sweeper = OmegaConf.to_container(OmegaConf.select(config, "hydra.sweeper"))
+    assert isinstance(sweeper, dict)
+    if sweeper["_target_"] != GRID:
+        return sweeper.get("n_trials")
+    given = [f"{name}={value}" for name, value in (sweeper["params"] or {}).items()]
+    given += OmegaConf.select(config, "hydra.overrides.task")
+    parsed = OverridesParser.create().parse_overrides(given)
+    swept = {each.key_or_group: each for each in parsed if each.is_sweep_override()}
+    return prod(len([*each.sweep_string_iterator()]) for each in swept.values())
 
 
 def rerun_command(config: DictConfig, directory: Path) -> str:
@@ -231,7 +268,7 @@ def _print(rows: list[Row], directory: Path) -> None:
         job = "" if pooled else row["job"]
         said = "\n".join([*_varying(row, rows), *([row["job"]] if pooled else [])])
         table.add_row(job, said, row.get("network", ""), *_figures(row))
-    console.print(table)
+    print_table(table)
     for row in rows:
         if row["status"] != "done":
             console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True, highlight=False)

@@ -7,12 +7,15 @@ from typing import Any
 
 from omegaconf import OmegaConf
 from rich import box
+from rich.measure import Measurement
 from rich.table import Table
 
-from tex_lightning.progress import console
 from tex_lightning.report.conditions import condition_rows
+from tex_lightning.screen import DEBUG, Screen, console
 
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
+
+WIDE = 1000  # columns, for which no table is too wide
 
 Network = dict[str, Any]
 
@@ -29,7 +32,12 @@ FACTS: dict[str, Callable[[Network], str]] = {
 
 
 def print_results(results: dict[str, Any], directory: Path) -> None:
-    """Print a column per network: accuracy with interval and counts, then its cost."""
+    """Print a column per network: accuracy with interval and counts, then its cost.
+
+    A job of a sweep leaves this to the table of all jobs.
+    """
+    if Screen.sweep and Screen.verbose < DEBUG:
+        return
     title = f"{results['task']} · {results['model']} · {results['data']}"
     table = make_table(title, [""], list(results["networks"]))
     for name, fact in FACTS.items():
@@ -64,10 +72,19 @@ def make_table(title: str, names: list[str], figures: list[str]) -> Table:
     return table
 
 
+def print_table(table: Table) -> None:
+    """Print a table; where a terminal is too narrow for it, figures go on in the next line."""
+    wide = console.options.update(width=WIDE)
+    if Measurement.get(console, wide, table).minimum > console.width:
+        for column in table.columns:
+            column.no_wrap = False
+    console.print(table)
+
+
 def print_tables(directory: Path, *tables: Table) -> None:
     """Print tables, where the results are, and whether they mean anything."""
     for table in tables:
-        console.print(table)
+        print_table(table)
     if is_tiny(run_overrides(directory)):
         console.print(TINY, style="bold yellow", highlight=False)
     console.print(f"Results in {directory}", soft_wrap=True, highlight=False)

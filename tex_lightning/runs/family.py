@@ -23,6 +23,7 @@ from tex_lightning.evaluation.choice import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import prepare
+from tex_lightning.progress import stage
 from tex_lightning.runs.fold import fit_fold
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.remaining import Remaining
@@ -145,13 +146,17 @@ def measure_family(
     }
     left = [(name, pair) for name, own in missing.items() for pair in own]
     remaining = Remaining(list(pairs), left)
-    for member in members:
-        workspace: Workspace | None = None
-        for pair in missing[member.name]:
-            with remaining.measuring(member.name, pair):
-                home = directory / member.name
-                workspace = workspace or open_workspace(member.data, member.recipe, home, opening)
-                _measure_pair(workspace, pair, _place(home, pair))
+    with stage("training", len(left), seconds_left=remaining.seconds_left) as trainings:
+        for member in members:
+            workspace: Workspace | None = None
+            for pair in missing[member.name]:
+                trainings.update(len(left) - len(remaining.left), title=member.name)
+                with remaining.measuring(member.name, pair):
+                    home = directory / member.name
+                    workspace = workspace or open_workspace(
+                        member.data, member.recipe, home, opening
+                    )
+                    _measure_pair(workspace, pair, _place(home, pair))
     return [_read(member, pairs[member.name], directory / member.name) for member in members]
 
 

@@ -21,6 +21,7 @@ from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.loggers import log_test
+from tex_lightning.progress import steps
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.runs.explained import draw_telling
 from tex_lightning.runs.testing import draw_figures, report_network
@@ -77,13 +78,15 @@ def fit_fold(
         given = {name: Path(path).expanduser() for name, path in model.checkpoints.items()}
         for name, path in given.items():
             starting_card(workspace, name, path)  # before time is spent on the other networks
-        for name in model.senses:
-            if name not in given:
-                networks[name] = _fit_network(
-                    workspace, parts, [name], {}, draw=draw, test=test_parts
-                )
-            unimodal[name] = given.get(name) or Path(networks[name]["checkpoint"])
-    networks[workspace.kind] = _fit_network(workspace, parts, model.senses, unimodal, draw=draw)
+        unimodal = given.copy()
+    alone = [name for name in model.senses if workspace.kind == FUSION and name not in unimodal]
+    for name in steps([*alone, workspace.kind], str):
+        if name in alone:
+            networks[name] = _fit_network(workspace, parts, [name], {}, draw=draw, test=test_parts)
+            unimodal[name] = Path(networks[name]["checkpoint"])
+        else:
+            ordered = {sense: unimodal[sense] for sense in model.senses if sense in unimodal}
+            networks[name] = _fit_network(workspace, parts, model.senses, ordered, draw=draw)
     return networks
 
 
@@ -152,6 +155,9 @@ def _tested_network(
             recipe.formats,
         )
     log_test(recipe.logger, directory, kind, recipe.settings, result, figures)
-    title = classifier.card.title
-    log.info("%s: %d of %d votes correct.", title, result["correct"], result["test_samples"])
+    log.info(
+        "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",
+        workspace.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],
+        result["fit_seconds"],
+    )  # fmt: skip
     return result

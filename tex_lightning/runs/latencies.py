@@ -1,6 +1,7 @@
 """Latencies of the systems of a family, all measured in one run."""
 
 import itertools
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from math import ceil
@@ -22,6 +23,8 @@ from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.runs.family import Measured
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.workspace import Workspace, open_workspace
+
+log = logging.getLogger(__name__)
 
 WARM_UP = 3
 TIMED = 15  # tested samples, at most, that every system is timed on
@@ -73,6 +76,7 @@ def measure_latencies(measured: Sequence[Measured], rounds: int, opening: Openin
         counts[member.name] = len(recordings[decoded])
         call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
         functions[system.member.name] = waiting(call, device)
+    log.info("Timing %d systems on the same samples.", len(functions))
     timings = interleaved(functions, rounds, WARM_UP)
     return {
         name: Latency(_mean_of_samples(timing.calls, counts[name]), timing.median, timing.p95)

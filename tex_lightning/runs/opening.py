@@ -14,11 +14,11 @@ from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
-from tex_lightning.progress import console
 from tex_lightning.report.durations import describe_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
+from tex_lightning.screen import console, tell_once
 
-WIDTH, INDENT = 80, 10
+WIDTH, NARROWEST, INDENT = 80, 40, 10
 
 log = logging.getLogger(__name__)
 
@@ -67,8 +67,7 @@ class Opening:
         for modality in {row.modality: None for row in fresh}:
             if odd := unlike_the_others(fresh.of(modality), store):
                 log.warning("%s", odd)
-        for line in self.lines(fresh, store, skipped):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+        tell_once("\n".join(self.lines(fresh, store, skipped)))
 
     def lines(self, recordings: Recordings, store: Store, skipped: Sequence[Unusable]) -> list[str]:
         """The block as lines of at most 80 columns."""
@@ -116,7 +115,8 @@ def trained_networks(model: ModelConfig) -> str:
 
 
 def _wrapped(title: str, text: str, lines: int) -> list[str]:
-    wrapped = textwrap.wrap(text, WIDTH - INDENT, max_lines=lines, placeholder=" …")
+    width = min(WIDTH, max(console.width, NARROWEST))
+    wrapped = textwrap.wrap(text, width - INDENT, max_lines=lines, placeholder=" …")
     titles = [title, *[""] * (len(wrapped) - 1)]
     return [f"{name:<{INDENT}}{line}" for name, line in zip(titles, wrapped, strict=True)]
 

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from statistics import fmean
 
+from tex_lightning.progress_line import format_seconds
+
 log = logging.getLogger(__name__)
 
 
@@ -20,19 +22,21 @@ class Remaining:
     def __init__(self, systems: Sequence[str], left: Sequence[tuple[str, tuple[int, int]]]) -> None:
         self.systems, self.left = list(systems), list(left)
         self._seconds: dict[str, list[float]] = {}
+        self._began: float | None = None  # the one that is being measured
 
     @contextmanager
     def measuring(self, system: str, pair: tuple[int, int]) -> Iterator[None]:
         """Say what is measured next, and take its time."""
         own = [name for name, _ in self.left].count(system)
         log.info(
-            "System %d of %d (%s), without folds %d and %d, %d more to train%s.",
-            self.systems.index(system) + 1, len(self.systems), system, *pair, own - 1,
-            self._estimate(),
+            "System %d of %d (%s), trained without folds %d and %d%s%s.",
+            self.systems.index(system) + 1, len(self.systems), system, *pair,
+            f", {own - 1} more to train" if own > 1 else "", self._estimate(),
         )  # fmt: skip
-        begin = time.monotonic()
+        self._began = time.monotonic()
         yield
-        self._seconds.setdefault(system, []).append(time.monotonic() - begin)
+        self._seconds.setdefault(system, []).append(time.monotonic() - self._began)
+        self._began = None
         self.left.remove((system, pair))
 
     def seconds_left(self) -> float | None:
@@ -45,15 +49,9 @@ class Remaining:
             return None
         means = {system: fmean(taken) for system, taken in self._seconds.items()}
         typical = fmean(means.values())
-        return sum(means.get(system, typical) for system, _ in self.left)
+        spent = 0.0 if self._began is None else time.monotonic() - self._began
+        return max(sum(means.get(system, typical) for system, _ in self.left) - spent, 0.0)
 
     def _estimate(self) -> str:
         seconds = self.seconds_left()
         return "" if seconds is None else f", about {format_seconds(seconds)} left"
-
-
-def format_seconds(seconds: float) -> str:
-    """A length of time to two digits or so: 40 s, 4 min, 1.5 h."""
-    if seconds < 60:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

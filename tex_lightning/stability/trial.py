@@ -107,7 +107,9 @@ class Bench:
     def __init__(self, systems: Sequence[System], record: Record) -> None:
         self.systems = systems
         self.record = record
-        self._clean = {system.name: system.clean() for system in systems}
+        self._clean = {
+            system.name: system.clean() for system in track(systems, "recordings as they are")
+        }
         self._labels = {system.name: system.wanted for system in systems}
 
     def trial(self, system: System, perturbation: Perturbation, severity: float) -> Trial:
@@ -120,7 +122,7 @@ class Bench:
 
     def grid(self, perturbations: Sequence[Perturbation]) -> Iterator[Trial]:
         """Trials of every perturbation, severity 0 to 5, and system that meets it."""
-        for perturbation in track(perturbations, "Perturbing"):
+        for perturbation in perturbations:
             meeting = [system for system in self.systems if system.meets(perturbation)]
             for severity in (0, *SEVERITIES):
                 for system in meeting:

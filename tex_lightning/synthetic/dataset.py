@@ -19,6 +19,7 @@ from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.config.keys import Key, walk
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321
+from tex_lightning.progress import track
 from tex_lightning.synthetic.camera import Light, draw_distance, render_photo
 from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.microphone import hear_stroke
@@ -202,7 +203,9 @@ def _for_each_class(spec: SyntheticSpec, write: Callable[[Specimen, int], None])
 
     # Threads do, as the work is done inside NumPy, SciPy and OpenCV, and they start anywhere.
     with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
-        list(pool.map(write_class, range(spec.classes)))
+        jobs = [pool.submit(write_class, index) for index in range(spec.classes)]
+        for job in track(jobs, "Rendering surfaces"):
+            job.result()
 
 
 def _write_jpeg(path: Path, photo: NDArray[np.uint8]) -> None:

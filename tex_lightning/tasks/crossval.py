@@ -29,6 +29,7 @@ from tex_lightning.evaluation.outcomes import (
     write_results,
 )
 from tex_lightning.loggers import log_test
+from tex_lightning.progress import steps
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.document import write_report
@@ -51,7 +52,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     workspace = open_workspace(config.data, config.recipe, directory, opening)
     for fold in chosen:  # before time is spent on the first
         workspace.on_fold(fold, directory).parts()
-    folds = {fold: _run_fold(workspace, fold) for fold in chosen}
+    done = {fold: _finished_fold(workspace, fold) for fold in chosen}
+    left = [fold for fold, results in done.items() if results is None]
+    fresh = {fold: _run_fold(workspace, fold) for fold in steps(left, "fold")}
+    folds = {fold: done[fold] or fresh[fold] for fold in chosen}
     if not is_rank_zero():
         return {}
     names = next(iter(folds.values()))["networks"]
@@ -126,22 +130,25 @@ def _fold_directory(workspace: Workspace, fold: int) -> Path:
     return workspace.directory / "folds" / str(fold)
 
 
+def _finished_fold(workspace: Workspace, fold: int) -> dict[str, Any] | None:
+    """Results of a fold that an earlier run has finished."""
+    done = _fold_directory(workspace, fold) / "results.json"
+    if not done.is_file():
+        return None
+    log.info("Fold %d is done already.", fold)
+    results: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
+    return results
+
+
 def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:
-    """Results of one fold, from its own folder if they are there."""
     directory = _fold_directory(workspace, fold)
-    done = directory / "results.json"
-    if done.is_file():
-        log.info("Fold %d is done already.", fold)
-        results: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
-        return results
     begin = time.perf_counter()
-    log.info("Fold %d of %d.", fold, workspace.data.folds)
     on_fold = workspace.on_fold(fold, directory)
     networks = fit_fold(on_fold)
     if not is_rank_zero():
         return {}
     results = results_frame("crossval", on_fold, networks, time.perf_counter() - begin)
-    write_results(done, results)
+    write_results(directory / "results.json", results)
     return results
 
 

@@ -31,6 +31,7 @@ from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import open_store, recordings_to_test
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.usable import find_unusable
+from tex_lightning.screen import say
 
 DATA = ("data=", "data.root=", "data.manifest=")  # whoever gives one adds classes
 
@@ -147,7 +148,5 @@ def _say(entry: dict[str, Any], classes: list[str]) -> None:
         log.info("Added %s from %s.", label, what)
     if entry["forgotten"]:
         log.info("Forgot %s.", listed(entry["forgotten"]))
-    log.info(
-        "%s knows %d classes now (%.1f s).",
-        entry["checkpoint"], len(classes), entry["enroll_seconds"],
-    )  # fmt: skip
+    seconds = entry["enroll_seconds"]
+    say(f"{entry['checkpoint']} knows {len(classes)} classes now ({seconds:.1f} s).")

@@ -1,7 +1,6 @@
 """Write a trained network to a file that runs without this package."""
 
 import json
-import logging
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,8 +26,7 @@ from tex_lightning.export.web_page import write_page
 from tex_lightning.export.web_runtime import runtime_files
 from tex_lightning.files import write_atomically, write_text
 from tex_lightning.inference.unknown import check_unknown
-
-log = logging.getLogger(__name__)
+from tex_lightning.screen import say
 
 
 @dataclass(frozen=True)
@@ -97,8 +95,10 @@ def _web(order: Order) -> dict[str, Any]:
     given = without_defaults(model)
     entry = _checked(order, onnx_runner(model), path, lambda partial: write_onnx(given, partial))
     size = entry["bytes"] + write_page(order.out, metadata(classifier), runtime)
-    log.info("%s: %.1f MB; look at it with python -m http.server -d %s",
-             order.out, size / 1e6, order.out)  # fmt: skip
+    say(
+        f"{order.out}: {size / 1e6:.1f} MB; look at it with python -m http.server -d {order.out}",
+        wraps=False,
+    )
     return {**entry, "page": "index.html", "page_bytes": size}
 
 
@@ -127,7 +127,7 @@ def _card(order: Order) -> dict[str, Any]:
         order.classifier, order.checkpoint, None if not stability else Path(stability)
     )
     write_text(path, text)
-    log.info("%s", path)
+    say(str(path))
     return {"file": path.name, "bytes": _size(path)}
 
 
@@ -145,10 +145,10 @@ def _checked(
 
 
 def _say(path: Path, found: Agreement) -> None:
-    log.info(
-        "%s: %.1f MB; %d of %d labels as of the checkpoint, scores within %.1g of their range.",
-        path, _size(path) / 1e6, found.same_labels, found.recordings, found.score_difference,
-    )  # fmt: skip
+    say(
+        f"{path}: {_size(path) / 1e6:.1f} MB; {found.same_labels} of {found.recordings} labels as "
+        f"of the checkpoint, scores within {found.score_difference:.1g} of their range."
+    )
 
 
 def _size(path: Path) -> int:

@@ -5,7 +5,6 @@ all votes; how well such a choice does is measured on each fold by the choice on
 """
 
 import json
-import logging
 import shlex
 import time
 from collections.abc import Mapping, Sequence
@@ -46,9 +45,8 @@ from tex_lightning.runs.family import (
 from tex_lightning.runs.latencies import Timings, measure_latencies
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.subsets import added_senses, chain, with_subsets
+from tex_lightning.screen import say
 from tex_lightning.tasks.crossval import chosen_folds
-
-log = logging.getLogger(__name__)
 
 RULE = "one_standard_error_rule"
 
@@ -270,11 +268,10 @@ def _print_budget(
     given = [f"{most:g} ms" if most is not None else "", f"{least:.1%}" if least else ""]
     asked = " and ".join(limit for limit in given if limit)
     if found is None:
-        log.warning("No system of the family meets %s on the tested folds.", asked)
+        say(f"No system of the family meets {asked} on the tested folds.")
         return
-    command = _command(job, _member(members, found.name))
-    log.info(
-        "Within %s: %s, %.1f ms and %.1f %% correct votes on all tested folds, which it is picked "
-        "on as well (slightly optimistic); train it with: %s",
-        asked, found.name, found.cost, 100 * found.accuracy, command,
-    )  # fmt: skip
+    say(
+        f"Within {asked}: {found.name}, {found.cost:.1f} ms and {found.accuracy:.1%} correct votes "
+        "on all tested folds, which it is picked on as well (slightly optimistic)."
+    )
+    say(f"Train it with: {_command(job, _member(members, found.name))}", wraps=False)

@@ -1,6 +1,5 @@
 """Write synthetic surfaces to a folder, to look at them or to try another tool on them."""
 
-import logging
 from pathlib import Path
 
 from tex_lightning.config import Config
@@ -10,9 +9,8 @@ from tex_lightning.data.readers.synthetic import spec_of, with_conditions
 from tex_lightning.data.readers.tum import read_tum
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
+from tex_lightning.screen import say
 from tex_lightning.synthetic import write_folder, write_tum
-
-log = logging.getLogger(__name__)
 
 
 def run(config: Config, job: Job) -> None:
@@ -34,7 +32,7 @@ def run(config: Config, job: Job) -> None:
         write_folder(spec, out, ("haptic", "image", *(["sound"] if sound else [])))
         recordings = read_folder(out)
     write_manifest(with_conditions(spec, recordings), out / "manifest.csv")
-    log.info("%d synthetic classes written to %s.", spec.classes, out)
+    say(f"{spec.classes} synthetic classes written to {out}.")
 
 
 def _new_folder(name: str) -> Path:

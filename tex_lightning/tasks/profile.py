@@ -17,6 +17,7 @@ from tex_lightning.loggers import log_profile
 from tex_lightning.profiling.comparison import compare
 from tex_lightning.profiling.growth import growth
 from tex_lightning.profiling.subject import Subject, only_branch
+from tex_lightning.progress import steps
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
 from tex_lightning.report.profile_table import left_out, print_profile, write_growth
@@ -42,7 +43,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     device = pick_device(config.trainer.accelerator)
     subjects = _subjects(config, device)
     networks: dict[str, Any] = {}
-    for subject in subjects:
+    for subject in steps(subjects, lambda each: f"timing {each.classifier.card.title}"):
         name = subject.classifier.card.kind
         log.info("Profiling the %s network.", name)
         networks[name] = compare(subject, config.engine, config.profile)

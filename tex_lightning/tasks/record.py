@@ -23,6 +23,7 @@ from tex_lightning.recording.opening import open_source
 from tex_lightning.recording.parsing import Chunk
 from tex_lightning.recording.session import Session
 from tex_lightning.recording.track import Track
+from tex_lightning.screen import say
 
 KEYS = ("label", "rejected", "probability", "fragments", "latency_ms")  # of a prediction
 
@@ -212,4 +213,8 @@ def _tell(files: Sequence[Path], warnings: Sequence[str], **more: object) -> Non
         print_line({"recording": name, **more, "files": paths, "warnings": list(warnings)})
     for text in warnings:
         log.warning("%s: %s", name, text)
-    log.info("%s is written: %s.", name, ", ".join(paths))
+    text = f"{name} is written: {', '.join(paths)}."
+    if prints_lines():
+        log.info("%s", text)
+    else:
+        say(text)

@@ -2,8 +2,10 @@
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config
@@ -14,8 +16,14 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.loggers import log_stability
-from tex_lightning.perturbations.table import Perturbation, perturbations, read_severities
-from tex_lightning.progress import track
+from tex_lightning.perturbations.table import (
+    BOTH,
+    SEVERITIES,
+    Perturbation,
+    perturbations,
+    read_severities,
+)
+from tex_lightning.progress import stage
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.stability_figures import stability_figures
 from tex_lightning.report.stability_tables import Break, print_stability, write_breaks, write_trials
@@ -24,6 +32,8 @@ from tex_lightning.stability.record import RECORD, Record
 from tex_lightning.stability.summary import conflict_summary, mean_errors, summarise_system
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import Bench, Trial
+
+SEVERAL = {BOTH: "several senses"}
 
 log = logging.getLogger(__name__)
 
@@ -38,9 +48,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     device = pick_device(config.trainer.accelerator)
     systems = load_systems(config.stability, config.data, config.running, config.seed)
     chosen = _chosen(config, systems)
-    bench = Bench(systems, Record(directory / RECORD))
-    trials = list(bench.grid(chosen))
-    breaks = _search(config, bench, chosen)
+    trials, bench, breaks = _run_trials(config, systems, chosen, directory)
     directory.mkdir(parents=True, exist_ok=True)
     write_trials(trials, directory)
     write_breaks(breaks, directory)
@@ -79,18 +87,37 @@ def _chosen(config: Config, systems: Sequence[System]) -> list[Perturbation]:
             f"No system meets {', '.join(left_out)}; choose other stability.only or systems."
         )
     if left_out:
-        log.info("Left out, since no system reads what they change: %s.", ", ".join(left_out))
+        senses = Counter(each.modality for each in asked if each not in chosen)
+        counts = " and ".join(
+            f"{count} of {SEVERAL.get(sense, sense)}" for sense, count in senses.items()
+        )
+        log.info("Perturbations that no system meets are left out: %s.", counts)
+        log.debug("Left out: %s.", ", ".join(left_out))
     return chosen
 
 
-def _search(config: Config, bench: Bench, chosen: Sequence[Perturbation]) -> list[Break]:
-    settings = config.stability
-    return [
-        (system, each, bench.breaking_point(system, each, settings.bound, settings.bisections))
-        for each in track(chosen, "Searching for breaking points")
-        for system in bench.systems
-        if system.meets(each)
-    ]
+def _run_trials(
+    config: Config, systems: Sequence[System], chosen: Sequence[Perturbation], directory: Path
+) -> tuple[list[Trial], Bench, list[Break]]:
+    """All severities of all perturbations, then the search for breaking points between them."""
+    record, settings = Record(directory / RECORD), config.stability
+    pairs = [(system, each) for each in chosen for system in systems if system.meets(each)]
+    severities = len(SEVERITIES) + 1
+    with stage("trial", len(pairs) * (severities + settings.bisections)) as level:
+        level.first = len(record.trials)  # of an earlier run
+        bench, trials = Bench(systems, record), []
+        for trial in bench.grid(chosen):
+            trials.append(trial)
+            level.update(len(trials), notes=[trial.perturbation.name])
+        breaks = []
+        for number, (system, each) in enumerate(pairs):
+            level.update(
+                len(trials) + number * settings.bisections,
+                title="search for breaking points, trial", notes=[each.name],
+            )  # fmt: skip
+            found = bench.breaking_point(system, each, settings.bound, settings.bisections)
+            breaks.append((system, each, found))
+    return trials, bench, breaks
 
 
 def _entries(bench: Bench, trials: Sequence[Trial], breaks: Sequence[Break]) -> dict[str, Any]:

@@ -62,7 +62,7 @@ class FusionStart(Callback):
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """State the rates; each step's are logged as lr/backbone and lr/head."""
         groups = trainer.optimizers[0].param_groups  # no backbone where nothing in it is trained
-        log.info(
+        log.debug(
             "FusionNet starts from %s; learning rate of the %s.",
             " and ".join(path.name for path in self.checkpoints.values()),
             " and ".join(f"{group['name']} {group['lr']:.3g}" for group in groups),

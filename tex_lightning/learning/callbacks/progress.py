@@ -1,36 +1,84 @@
-"""Lightning's progress bar as this package shows it."""
+"""Training as a level of the progress line."""
 
+import logging
 from typing import Any, ClassVar
 
-from lightning import Trainer
-from lightning.pytorch.callbacks import RichProgressBar
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from lightning import LightningModule, Trainer
+from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 
 from tex_lightning.learning.base import REFRESH
+from tex_lightning.progress import Stage, begin
+
+log = logging.getLogger(__name__)
 
 
-class ProgressBar(RichProgressBar):
-    """Lightning's bar for 80 columns: epochs are counted from 1, the metrics are the main ones."""
+class ProgressBar(LightningProgressBar):
+    """Epochs, loss and votes; what a validation does beside them."""
+
+    shown: ClassVar = {  # most important last
+        "train/loss": "loss {:.3g}".format,
+        "val/loss": "val {:.3g}".format,
+        "val/vote_accuracy": "votes {:.0%}".format,
+    }
 
     def __init__(self) -> None:
-        super().__init__(refresh_rate=REFRESH, console_kwargs={"stderr": True})
+        super().__init__()
+        self.epochs: Stage | None = None
+        self.validation: Stage | None = None
 
-    shown: ClassVar = {"train/loss": "loss", "val/loss": "val_loss", "val/vote_accuracy": "votes"}
+    def disable(self) -> None:
+        """Lightning asks for this where another process shows the bar; the screen knows that."""
 
-    def get_metrics(self, *args: Any) -> dict[str, int | str | float | dict[str, float]]:  # noqa: ANN401
-        """The metrics beside the bar."""
-        metrics = super().get_metrics(*args)
-        return {short: metrics[name] for name, short in self.shown.items() if name in metrics}
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Begin to count, after the epochs that an earlier run has done."""
+        self.epochs = begin("epoch", trainer.max_epochs, trainer.current_epoch)
 
-    def configure_columns(self, trainer: Trainer) -> list[Any]:
-        """Epoch, bar, steps and time left; Lightning adds the metrics."""
-        return [
-            TextColumn("[progress.description]{task.description}"),
-            BarColumn(bar_width=8),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(compact=True),
-        ]
+    def on_train_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: object,
+        batch: object,
+        batch_idx: int,
+    ) -> None:
+        """Count a step."""
+        last = batch_idx + 1 >= trainer.num_training_batches
+        if self.epochs is not None and not last and (batch_idx + 1) % REFRESH == 0:
+            part = (batch_idx + 1) / trainer.num_training_batches
+            self.epochs.update(trainer.current_epoch + part, notes=self._notes(trainer))
 
-    def _get_train_description(self, current_epoch: int) -> str:
-        text = f"Epoch {current_epoch + 1}/{self.trainer.max_epochs}"
-        return f"{text:<{len(self.validation_description)}}"  # so that the bars stay in line
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Count an epoch."""
+        notes = self._notes(trainer)
+        log.debug("Epoch %d: %s.", trainer.current_epoch + 1, ", ".join(notes))
+        if self.epochs is not None:
+            self.epochs.update(trainer.current_epoch + 1, notes=notes)
+
+    def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Show that a validation takes its time."""
+        self.validation = begin("validation", int(sum(trainer.num_val_batches)), counted=False)
+
+    def on_validation_batch_end(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401
+        """Count a sample."""
+        if self.validation is not None:
+            self.validation.update(self.validation.done + 1)
+
+    def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Go on with the epochs."""
+        if self.validation is not None:
+            self.validation.end()
+
+    def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Count no more."""
+        if self.epochs is not None:
+            self.epochs.end()
+
+    def on_exception(
+        self, trainer: Trainer, pl_module: LightningModule, exception: BaseException
+    ) -> None:
+        """Count no more."""
+        self.on_train_end(trainer, pl_module)
+
+    def _notes(self, trainer: Trainer) -> list[str]:
+        metrics = trainer.callback_metrics
+        return [text(float(metrics[name])) for name, text in self.shown.items() if name in metrics]

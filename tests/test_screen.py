@@ -1,0 +1,69 @@
+"""How much is said, through the command line; whole words on a terminal."""
+
+import json
+
+import pytest
+
+from tex_lightning.screen import Screen, wrapped
+
+
+@pytest.fixture
+def quick(cli, surfaces, tmp_path):
+    """Run something in a moment, in a folder that goes on with what is there."""
+    data = ["data=folder", f"data.root={surfaces}", f"hydra.run.dir={tmp_path / 'run'}"]
+
+    def run(*arguments: str):
+        outcome = cli("model=mfcc_nb", *data, *arguments)
+        assert outcome.status == 0, outcome.err
+        assert outcome.out == ""  # which belongs to predict, stream and record
+        assert not {*outcome.err} & {"\r", "\x1b"}
+        return outcome.err
+
+    return run
+
+
+def test_verbose_says_how_much_is_printed(quick, tmp_path):
+    quiet = quick("verbose=0")
+    first, *_, last = (line for line in quiet.splitlines() if line.strip())
+    assert first.strip() == "fit · mfcc_nb · folder"
+    assert last == f"Results in {tmp_path / 'run'}"
+    log = tmp_path / "run" / "tex_lightning.log"
+    assert "Fitting mfcc_nb to 24 recordings." in log.read_text()  # all the same
+    assert "This run is finished already." in quick("verbose=1")  # another verbose goes on
+    (tmp_path / "run" / "results.json").unlink()
+    verbose = quick("verbose=2")
+    assert "Folds     24 recordings train" in verbose
+    assert "] Fold 0, mfcc_nb: 3 of 3 votes correct, trained in " in verbose
+    assert "INFO" not in verbose
+    assert "] Testing: 0." in verbose
+    assert Screen.verbose == 1
+
+
+def test_errors_are_said_however_quiet(cli, tmp_path):
+    outcome = cli("verbose=0", "task=predict", f"checkpoint={tmp_path}", "haptic=a.wav")
+    assert outcome.status == 2
+    assert outcome.err.startswith(f"Error: {tmp_path} holds no finished checkpoint")
+    outcome = cli("verbose=3")
+    assert outcome.err == "Error: verbose is 3: choose from 0 to 2.\n"
+
+
+@pytest.mark.slow
+def test_quiet_sweeps_say_the_table_of_all_jobs(cli, surfaces, tmp_path):
+    data = ["data=folder", f"data.root={surfaces}", f"hydra.sweep.dir={tmp_path}"]
+    outcome = cli(
+        "-m", "model=mfcc_nb", "verbose=0", "data.test_fold=0,1", "data.val_fold=null", *data
+    )
+    assert outcome.status == 0, outcome.err
+    first, *_, last = (line for line in outcome.err.splitlines() if line.strip())
+    assert (first.strip(), last) == ("sweep", f"Summary in {tmp_path / 'sweep.csv'}")
+    done = [json.loads((tmp_path / job / "results.json").read_text()) for job in "01"]
+    assert all(results["networks"]["haptic"]["correct"] == 3 for results in done)
+
+
+def test_words_and_paths_stay_whole():
+    path = "/a/folder/with-a-name/that/is/longer/than/a/line/of/the/terminal"
+    text = f"Run folder {path} holds a run with another seed;\n  choose another hydra.run.dir."
+    rows = wrapped(text, 40).splitlines()
+    assert f"  {path}" in rows
+    assert max(len(row) for row in rows if path not in row) <= 40
+    assert " ".join(" ".join(rows).split()) == " ".join(text.split())

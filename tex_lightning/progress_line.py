@@ -1,0 +1,131 @@
+"""What the progress line says: share, time that is left, and where in nested work this is.
+
+Work is nested: folds have networks, networks epochs. A level lists these from the outermost on.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+
+SURE = 1.0  # seconds after which the time that is left is estimated, and down to which it is shown
+NARROW = 60  # columns, below which there is no bar
+MARGIN = 3  # columns, where a terminal echoes ^C without a new line
+PERCENT, ESTIMATE = 4, 11  # columns of their cells
+
+
+@dataclass
+class Level:
+    """One level of the work.
+
+    Attributes:
+        title: What is counted, such as ``fold``, or the name of the one that is being done.
+        total: How many there are; None if nobody knows.
+        done: How many are done; may have a fraction.
+        counted: Whether the bar of the outer levels moves with this one.
+        seconds_left: Knows better than the pace so far how long all will take.
+        partly: Share of the next one that is done, once the levels inside it have ended.
+        notes: What is to be read beside it, most important last.
+        begun: When, as :func:`time.monotonic` has it.
+        first: How many were done before.
+    """
+
+    title: str
+    total: int | None
+    done: float = 0
+    counted: bool = True
+    seconds_left: Callable[[], float | None] | None = None
+    partly: float = 0.0
+    notes: Sequence[str] = ()
+    begun: float = field(default_factory=time.monotonic)
+    first: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.first = self.done
+
+    @property
+    def label(self) -> str:
+        """Such as ``fold 3/10``."""
+        if self.total is None or self.total < 2:
+            return self.title
+        return f"{self.title} {min(int(self.done) + 1, self.total)}/{self.total}"
+
+
+def share(levels: Sequence[Level]) -> float:
+    """Share in [0, 1] of all work that is done.
+
+    Only levels that are counted do, or where none is, the outermost.
+    """
+    part, whole = 0.0, 1.0
+    for each in [each for each in levels if each.counted] or levels[:1]:
+        if each.total:
+            part += whole * (each.done + each.partly) / each.total
+            whole /= each.total
+    return min(part, 1.0)
+
+
+def seconds_left(levels: Sequence[Level]) -> float | None:
+    """Estimate of the seconds until the outermost level ends; None while nobody knows."""
+    outer = next((each for each in levels if each.counted), levels[0])
+    if outer.seconds_left is not None:
+        return outer.seconds_left()
+    elapsed = time.monotonic() - outer.begun
+    done, before = share(levels), outer.first / (outer.total or 1)
+    if elapsed < SURE or done <= before or done == 1:
+        return None
+    return elapsed * (1 - done) / (done - before)
+
+
+def format_seconds(seconds: float) -> str:
+    """A length of time to two digits or so: 40 s, 4 min, 1.5 h."""
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def describe(levels: Sequence[Level], width: int | None = None) -> str:
+    """Where the work is, with as much of it as fits."""
+    first, *inner = [each.label for each in levels]
+    labels = [first, *(label[0].lower() + label[1:] for label in inner)]
+    notes = [note for each in levels for note in each.notes]
+    while width is not None and len(", ".join([*labels, *notes])) > width:
+        if notes:
+            del notes[0]
+        elif len(labels) > 2:  # the outermost and the innermost say most
+            del labels[1]
+        else:
+            break
+    return ", ".join([*labels, *notes])
+
+
+def _percent(levels: Sequence[Level]) -> int:
+    """Whole percent of the work; 100 only the results say."""
+    return min(int(100 * share(levels)), 99)
+
+
+def sentence(levels: Sequence[Level]) -> str:
+    """How far the work is, for a log."""
+    left = seconds_left(levels)
+    estimate = "" if left is None else f", about {format_seconds(left)} left"
+    return f"{_percent(levels)} % done{estimate}: {describe(levels)}."
+
+
+def line(levels: Sequence[Level], width: int) -> Table:
+    """Bar, share, time that is left, and where the work is, in one line of so many columns."""
+    done, left = share(levels), seconds_left(levels)
+    bar = 0 if width < NARROW else width // 10
+    room = width - MARGIN - (bar + 1 if bar else 0) - (PERCENT + 1) - (ESTIMATE + 1)
+    cells: list[tuple[int, ProgressBar | str]] = [
+        (PERCENT, f"{_percent(levels):>2} %"),
+        (ESTIMATE, "" if left is None or left < SURE else f"{format_seconds(left)} left"),
+        (room, describe(levels, room)),
+    ]
+    if bar:
+        cells.insert(0, (bar, ProgressBar(1.0, done, width=bar)))
+    grid = Table.grid(padding=(0, 1), pad_edge=False)
+    for size, _ in cells:
+        grid.add_column(width=size, no_wrap=True, overflow="ellipsis")
+    grid.add_row(*(cell for _, cell in cells))
+    return grid

@@ -1,0 +1,152 @@
+"""What a person reads on standard error, and how much of it; standard output belongs to results."""
+
+import logging
+import os
+import textwrap
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import ClassVar
+
+from rich.console import Console
+from rich.text import Text
+
+from tex_lightning.ranks import is_rank_zero
+
+QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
+OWN = (
+    "tex_lightning",
+    "hydra",
+    "hydra_plugins",
+)  # whose messages concern the user; others' only from warnings on
+STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
+
+console = Console(stderr=True, quiet=not is_rank_zero())
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    # a log file has room for long names
+    console = Console(stderr=True, width=120, quiet=console.quiet)
+
+
+class Screen:
+    """What this process shows at present.
+
+    Attributes:
+        verbose: ``QUIET``, ``NORMAL`` or ``DEBUG``.
+        job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
+        sweep: Whether a table of all jobs follows.
+        told: The block that was printed last.
+    """
+
+    verbose: ClassVar[int] = NORMAL
+    job: ClassVar[str] = ""
+    sweep: ClassVar[bool] = False
+    told: ClassVar[str] = ""
+
+
+@contextmanager
+def fresh_screen() -> Iterator[None]:
+    """Begin as a new process does, and leave it so."""
+    _reset()
+    try:
+        yield
+    finally:
+        _reset()
+
+
+def _reset() -> None:
+    Screen.verbose, Screen.job, Screen.sweep, Screen.told = NORMAL, "", False, ""
+
+
+@contextmanager
+def verbosity(verbose: int) -> Iterator[None]:
+    """Show that much, as long as this lasts."""
+    logger, before = logging.getLogger("tex_lightning"), Screen.verbose
+    level = logger.level
+    Screen.verbose = verbose
+    if verbose >= DEBUG:
+        logger.setLevel(logging.DEBUG)
+    try:
+        with warnings.catch_warnings():
+            if verbose == QUIET:
+                warnings.simplefilter("ignore")
+            yield
+    finally:
+        Screen.verbose = before
+        logger.setLevel(level)
+
+
+def is_interactive() -> bool:
+    """Whether a line can be drawn again: on a terminal that this process has for itself.
+
+    ``FORCE_COLOR`` makes a file look like a terminal to Rich, and ``TERM=dumb`` is one without
+    the control characters that it takes.
+    """
+    alone = not (console.quiet or Screen.job) and Screen.verbose > QUIET
+    return alone and console.is_interactive and console.file.isatty()
+
+
+def tell(text: str) -> None:
+    """Print what is no result, word for word, unless the user wants results only."""
+    if Screen.verbose > QUIET:
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def tell_once(text: str) -> None:
+    """Print a block unless it is the one that was printed last, as by every job of a sweep."""
+    if text != Screen.told:
+        Screen.told = text
+        tell(text)
+
+
+def say(text: str, *, wraps: bool = True) -> None:
+    """Print a sentence that is read whatever ``verbose`` is; a command to copy does not wrap."""
+    _write(text, wraps=wraps)
+
+
+def _write(text: str, style: str = "", *, wraps: bool) -> None:
+    if wraps and console.is_terminal:
+        text = wrapped(text, console.width)
+    console.print(Text(text, style), soft_wrap=True)
+
+
+def wrapped(text: str, width: int) -> str:
+    """Text in lines of whole words; longer words, such as paths, are left whole to be copied."""
+    return "\n".join(
+        textwrap.fill(
+            line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+        )
+        for line in text.split("\n")
+    )
+
+
+class ConsoleHandler(logging.Handler):
+    """Messages above the progress bar, in whole words on a terminal, as many as ``verbose`` lets.
+
+    The configuration of logging names this class; its formats may have ``%(severity)s``, which is
+    empty up to warnings, and says which job it is where several run.
+    """
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one message."""
+        if record.levelno < _least(record):
+            return
+        grave = record.levelno >= logging.WARNING
+        severity = f"{record.levelname.capitalize()}: " if grave else ""
+        record.severity = Screen.job + severity
+        text = self.format(record)
+        if not _is_own(record):
+            text = f"{text} ({record.name})"
+        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info)
+
+
+def _is_own(record: logging.LogRecord) -> bool:
+    return record.name.partition(".")[0] in OWN
+
+
+def _least(record: logging.LogRecord) -> int:
+    """The least level of a message that is shown."""
+    if Screen.verbose == QUIET:
+        return logging.ERROR
+    if Screen.verbose == NORMAL:
+        return logging.INFO if _is_own(record) else logging.WARNING
+    return logging.DEBUG
