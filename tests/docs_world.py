@@ -132,7 +132,7 @@ def write_lmt108(root: Path) -> Path:
 def write_published(root: Path) -> Path:
     """The layouts of LMT-108 and of the Cluster Haptic Texture Dataset in one folder."""
     write_lmt108(root)
-    strokes = product((0,), (20, 40, 60, 80, 100), (500,), (0, 1))
+    strokes = product((0,), (20, 30, 40, 50, 60), (500,), (0, 1))
     return write_cluster(root, 2.4, "accel", "force", "images", strokes=list(strokes))
 
 
