@@ -108,6 +108,13 @@ def test_a_file_gets_a_sentence_a_minute_and_no_control_characters(file, log, mo
     assert not {*file.getvalue()} & {"\r", "\x1b", "━"}
 
 
+def test_a_notebook_without_logging_is_told_as_well(file, monkeypatch):
+    monkeypatch.setattr(progress, "TOLD", 0.0)
+    monkeypatch.setattr(progress.log, "hasHandlers", lambda: False)
+    list(track(range(2), "Decoding"))
+    assert file.getvalue().splitlines()[-1] == "50 % done: Decoding 2/2."
+
+
 @pytest.mark.parametrize(("name", "value"), [("TERM", "dumb"), ("FORCE_COLOR", "1")])
 def test_only_a_terminal_that_can_is_drawn_on(monkeypatch, name, value):
     monkeypatch.setenv(name, value)

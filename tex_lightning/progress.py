@@ -13,7 +13,7 @@ from typing import ClassVar, TypeVar
 from rich.live import Live
 
 from tex_lightning.progress_line import Level, line, sentence, share
-from tex_lightning.screen import QUIET, Screen, console, is_interactive
+from tex_lightning.screen import QUIET, Screen, console, is_interactive, tell
 
 Item = TypeVar("Item")
 
@@ -64,8 +64,9 @@ class Work:
             cls.drawn = moment
             cls._line().update(line(cls.stages, console.width), refresh=True)
         if cls.stages and not drawable and Screen.verbose > QUIET and moment - cls.told >= TOLD:
-            cls.told = moment
-            log.info("%s", sentence(cls.stages))
+            cls.told, said = moment, sentence(cls.stages)
+            # a notebook seldom configures logging
+            log.info("%s", said) if log.hasHandlers() else tell(said)
 
     @classmethod
     def hide(cls) -> None:
