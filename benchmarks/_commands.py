@@ -15,6 +15,7 @@ import torch
 
 from benchmarks._processes import Ended, files, import_what_it_imports, partial_files, run
 from tex_lightning.baselines.estimators import load_estimator
+from tex_lightning.report.frontier_chart import PROCEDURE
 
 LOGS = {"metrics", "tensorboard"}
 TINY, FOLDS = ("debug=tiny", "data.folds=4"), "crossval.only=[0,1]"
@@ -110,7 +111,7 @@ def _texts(folder: Path) -> Iterator[tuple[str, str]]:
     """Of each file its path and what of it counts."""
     for name in files(folder):
         path, text = folder / name, ""
-        if LOGS & {*path.parts}:
+        if LOGS & {*path.parts} or path.suffix == ".log":
             continue
         if path.suffix in READERS:
             text = json.dumps(READERS[path.suffix](path), sort_keys=True, default=_bytes)
@@ -149,7 +150,14 @@ def _timeless(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, dict):
         kept = {key: each for key, each in value.items() if not TIMED.search(str(key))}
         return {key: _timeless(each) for key, each in kept.items()}
-    return [_timeless(each) for each in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return [_timeless(each) for each in value if not _follows_times(each)]
+    return value
+
+
+def _follows_times(value: Any) -> bool:  # noqa: ANN401
+    """Whether it is the row of the procedure that chooses by latency."""
+    return isinstance(value, dict) and value.get("kind") == PROCEDURE
 
 
 READERS = {
