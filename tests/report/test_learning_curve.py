@@ -14,7 +14,7 @@ def swept(surfaces, run_once):
     return run_once(
         "-m", "hydra.sweep.dir=${hydra.run.dir}", "model=minirocket", "task=crossval",
         "model.baseline.kernels=84", "data=folder", f"data.root={surfaces}",
-        "data.per_class=1,3", "crossval.only=[0,1,2]",
+        "data.per_class=1,3", "crossval.only=[0,1,2]", "figures.format=[png,pdf]",
     )  # fmt: skip
 
 

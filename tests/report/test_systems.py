@@ -1,11 +1,14 @@
 """Systems of any senses side by side."""
 
+import json
 from pathlib import Path
 from typing import Any
 
+from omegaconf import OmegaConf
+
 from tex_lightning.evaluation.mcnemar import mcnemar
-from tex_lightning.evaluation.outcomes import RANDOM, Outcome
-from tex_lightning.report.systems import System, _start
+from tex_lightning.evaluation.outcomes import RANDOM, Outcome, write_outcomes
+from tex_lightning.report.systems import System, _start, read_systems
 from tex_lightning.report.tables import accuracy_tables, profiling_table
 
 ENTRY = {"fit_seconds": 1.0, "parameters": 7}
@@ -48,3 +51,18 @@ def test_rows_say_which_trunks_did_not_begin_at_random():
     both = ["visual trunk from squeezenet.pth", "touch trunk from /r/a.ckpt"]
     assert _start({"weights": given}, "fusion") == both
     assert _start({}, "fusion") == []
+
+
+def test_what_runs_draw_makes_no_other_system(tmp_path):
+    for name, asked in (("a", []), ("b", ["figures.format=pdf", "explained_samples=0"])):
+        entry = {"fit_seconds": 1.0, "vote_accuracy": 1.0}
+        results = {"model": "haptic", "data": "folder", "classes": ["a"]}
+        write_outcomes([Outcome({"haptic": name}, "a", "a", 1, 1, 1, 2.0)],
+                       tmp_path / name / "predictions" / "haptic.csv")  # fmt: skip
+        (tmp_path / name / "results.json").write_text(
+            json.dumps({**results, "networks": {"haptic": entry}})
+        )
+        (tmp_path / name / ".hydra").mkdir()
+        OmegaConf.save(["model=haptic", *asked], tmp_path / name / ".hydra" / "overrides.yaml")
+    (system,) = read_systems([tmp_path / "a", tmp_path / "b"])
+    assert len(system.outcomes) == 2

@@ -18,6 +18,7 @@ SEED_KEYS = ("seed=",)
 PER_CLASS = "data.per_class="
 SHARED_KEYS = (
     "model=", "data=", "data.", "hydra", "experiment=", "task=", "debug=", "crossval.", "weights=",
+    "figures.", "explained_samples=",
 )  # fmt: skip
 
 
