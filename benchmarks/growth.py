@@ -142,8 +142,8 @@ def measure(classes: int = CLASSES, recordings: int = RECORDINGS) -> dict[str, A
         }
         for step in steps
     }
-    count = classes * recordings // 10
-    memory = {f"{each} recordings": training_memory(each) for each in (count // 10, count)}
+    sizes = {max(10 * TRAINED, classes * recordings // share) for share in (100, 10)}
+    memory = {f"{each} recordings": training_memory(each) for each in sorted(sizes)}
     return {**exponents, "memory of training": memory}
 
 
