@@ -12,12 +12,14 @@ from torch import Tensor
 
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
+from tex_lightning.networks.archives import check_archive
 from tex_lightning.networks.caffemodel import read_caffemodel
 from tex_lightning.networks.efficientnet_file import fold_statistics
 from tex_lightning.networks.matconvnet import read_matconvnet
 from tex_lightning.networks.official_weights import find_weights
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
+from tex_lightning.quiet import quietly
 
 log = logging.getLogger(__name__)
 
@@ -78,6 +80,8 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     if not trunk.textures:
         _scale_features(trunk)
+    if not all(tensor.isfinite().all() for tensor in trunk.parameters()):
+        raise UserError(f"weights: {path} holds numbers too large to compute with; replace it.")
     return f"{_name(trunk)} trunk from {path} ({layout} layout, {len(state)} tensors)"
 
 
@@ -134,6 +138,7 @@ def _check_trunk(trunk: Trunk) -> None:
 def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
     """Tensors by name, and the input they expect if they are of the Caffe layout."""
     try:
+        check_archive(path)
         if path.suffix == ".caffemodel":
             return _tensors(read_caffemodel(path)), PixelInput()
         if path.suffix == ".mat":
@@ -145,7 +150,8 @@ def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
                 named = {name: arrays[name] for name in arrays.files}
             return _tensors(named), PixelInput()
-        content: Any = torch.load(path, map_location="cpu", weights_only=True)
+        with quietly():
+            content: Any = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # zip, zlib, pickle and NumPy each raise their own kinds
         raise UserError(
             f"weights: {path} cannot be read, it may be truncated or not a weight file; replace it."

@@ -217,7 +217,7 @@ STRETCHES = {"stretch": 3, "recording": 2}
         (duplicate, "7_0_020_500_0.csv and .*7_0_20_500_0.csv are one stroke; keep one of them"),
         (change(TRACE, "X,Y,Z", "X,Y"), "begins with 'time,X,Y' where the columns time,X,Y,Z are"),
         (rename("images/images_scan_area/img7.jpg", "7.jpg"), "is not called imgID.jpg, such as"),
-        (rename("images/images_scan_area/img7.jpg", ".7"), "has no photos of 7; is the name spelt"),
+        (rename("images/images_scan_area/img7.jpg", ".7"), "has no photos of 7; correct the name"),
         (rename("images/images_scan_area", "crop_images"), "overlap, so that folds would share"),
     ],
 )
