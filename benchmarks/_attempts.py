@@ -27,6 +27,7 @@ LONGEST = 900  # characters of a sentence
 MEMORY = 8 << 30  # bytes that the process may grow by
 LARGEST = 3e38  # of the numbers that a reader may give
 SENTENCES = re.compile(r"[.!?] +[A-Z][a-z]")
+STDERR = os.dup(2)  # whatever is done to the other
 STATUS = Path("/proc/self/status")
 
 
@@ -83,8 +84,8 @@ def attempt(read: Callable[[], list[Array]], *names: str) -> Attempt:
     It has to give finite numbers, or one sentence with one of the ``names`` in it; and to write
     nothing, warn of nothing and end in time.
     """
-    before, begin = _reset_peak(), time.perf_counter()
-    with warnings.catch_warnings(record=True) as warned, _captured() as noise, _in_time():
+    before, begin = reset_peak(), time.perf_counter()
+    with warnings.catch_warnings(record=True) as warned, captured() as noise, in_time():
         warnings.simplefilter("always")
         try:
             outcome, why = _judge(read())
@@ -92,7 +93,7 @@ def attempt(read: Callable[[], list[Array]], *names: str) -> Attempt:
             outcome, why = _judge_sentence(str(error), names)
         except (Exception, Hangs) as error:
             outcome, why = WRONG, f"{type(error).__name__}: {error}"
-    seconds, grown = time.perf_counter() - begin, _peak() - before
+    seconds, grown = time.perf_counter() - begin, peak() - before
     said = [f"warns: {each.message}" for each in warned] + [f"prints: {each}" for each in noise]
     if said:
         outcome, why = WRONG, said[0]
@@ -121,7 +122,7 @@ def _judge_sentence(text: str, names: tuple[str, ...]) -> tuple[str, str]:
 
 
 @contextmanager
-def _captured() -> Iterator[list[str]]:
+def captured() -> Iterator[list[str]]:
     """What is written to standard output and error, also by libraries in C."""
     said: list[str] = []
     with tempfile.TemporaryFile() as file:
@@ -140,15 +141,15 @@ def _captured() -> Iterator[list[str]]:
 
 
 @contextmanager
-def _in_time() -> Iterator[None]:
-    """Raise :class:`Hangs` after :data:`SECONDS`; what C does not give back ends the process."""
+def in_time(seconds: float = SECONDS) -> Iterator[None]:
+    """Raise :class:`Hangs` after so long; what C does not give back ends the process."""
 
     def stop(*_: object) -> None:
-        raise Hangs(f"more than {SECONDS:g} s")
+        raise Hangs(f"more than {seconds:g} s")
 
     earlier = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
-    faulthandler.dump_traceback_later(3 * SECONDS, exit=True)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    faulthandler.dump_traceback_later(3 * seconds, exit=True, file=STDERR)
     try:
         yield
     finally:
@@ -163,13 +164,13 @@ def limit_memory() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (size * resource.getpagesize() + MEMORY,) * 2)
 
 
-def _reset_peak() -> float:
+def reset_peak() -> float:
     """Forget the peak so far; gives the resident set in MiB."""
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
     return _status("VmRSS")
 
 
-def _peak() -> float:
+def peak() -> float:
     return _status("VmHWM")
 
 

@@ -40,7 +40,8 @@ def printable(text: str) -> str:
 
 def reason(error: object) -> str:
     """What a library said, to stand inside a sentence: one line, shortened, without full stops."""
-    return shorten(" ".join(str(error).split())).rstrip(". ").replace(". ", "; ")
+    said = " ".join(str(error).split()) or type(error).__name__
+    return shorten(said).rstrip(". ").replace(". ", "; ")
 
 
 def listed(names: Sequence[str]) -> str:

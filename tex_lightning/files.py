@@ -49,6 +49,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder; see :func:`is_file`."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
+
+
 def resolved(path: Path) -> Path:
     """The path without links; as it stands if links go round in a circle or it is no path."""
     try:
@@ -76,6 +84,8 @@ def read_json(path: Path, what: str) -> Any:  # noqa: ANN401
         UserError: If it is none.
     """
     try:
+        if not is_file(path):
+            raise ValueError("it is no file")
         if path.stat().st_size > LARGEST_JSON:
             raise ValueError("it is larger than 64 MiB")
         return json.loads(path.read_text(encoding="utf-8-sig"))

@@ -73,8 +73,6 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         return UserError(
             "The command line or a configuration file is nested too deeply; take brackets out."
         )
-    if isinstance(error, UnicodeDecodeError):
-        return _undecodable(user_folders())
     if isinstance(error, OverflowError) or DIGITS in str(error):
         longest = shorten(max(overrides, key=len, default=""))
         return UserError(f"{longest} has too many digits; give a smaller number.")
@@ -94,16 +92,6 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         group, _, option = str(error.missing_cfg_file).rpartition("/")
         return unknown_option(group, option, error.options)
     return UserError(_one_line(error))
-
-
-def _undecodable(folders: Sequence[Path]) -> UserError:
-    """Name the user's configuration file that is no UTF-8, which what Python says does not."""
-    for file in (file for folder in folders for file in folder.rglob("*.yaml")):
-        try:
-            file.read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            return UserError(f"{file} is not UTF-8 text; save it as that.")
-    return UserError("A configuration file is not UTF-8 text; save it as that.")
 
 
 def _unreadable(override: str) -> UserError:
