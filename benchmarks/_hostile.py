@@ -234,35 +234,43 @@ SEVERITIES: dict[str, Write] = {
 
 def commands(folder: Path) -> Iterator[tuple[str, list[str]]]:
     """Write the files and give each command by name; all have to end with status 2."""
-    write_all(folder, {**TRACES, **PHOTOS, **CHECKPOINTS, **WEIGHTS, **MANIFESTS, **SEVERITIES})
-    for kind in ("haptic", "visual"):
-        card, state = network(f"model={kind}", *(SMALL if kind == "haptic" else ()))
-        torch.save(
-            {"hyper_parameters": {"card": card}, "state_dict": state}, folder / f"{kind}.ckpt"
-        )
-    for sense, kind, files in (("haptic", "haptic", TRACES), ("image", "visual", PHOTOS)):
-        given = ",".join(f'"{folder / name.rstrip("/")}"' for name in files)
-        yield (
-            f"predict, {sense}",
-            ["task=predict", f"checkpoint={folder / kind}.ckpt", f"{sense}=[{given}]"],
-        )
+    for files in (TRACES, PHOTOS, CHECKPOINTS, WEIGHTS, MANIFESTS, SEVERITIES):
+        for name, write in files.items():
+            write(folder / name.rstrip("/"))
+    for kind, more in (("haptic", SMALL), ("visual", ())):
+        card, state = network(f"model={kind}", *more)
+        content = {"hyper_parameters": {"card": card}, "state_dict": state}
+        torch.save(content, folder / f"{kind}.ckpt")
     np.save(folder / "a.npy", LONG)
-    for name in map(str.strip, (each.rstrip("/") for each in CHECKPOINTS)):
+    (folder / "folder.wav").mkdir()
+    yield from _predictions(folder)
+    yield from _trainings(folder)
+    yield from _trees(folder)
+
+
+def _predictions(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Files, many at once, and checkpoints."""
+    own = ["task=predict", f"checkpoint={folder}/haptic.ckpt"]
+    for sense, kind, files in (("haptic", "haptic", TRACES), ("image", "visual", PHOTOS)):
+        given = ",".join(f'"{folder / name}"' for name in files)
+        whole = ["task=predict", f"checkpoint={folder / kind}.ckpt", f"{sense}=[{given}]"]
+        yield f"predict, {sense}", whole
+    yield "folder.wav", [*own, f"haptic={folder}/folder.wav"]
+    for name in (each.rstrip("/") for each in CHECKPOINTS):
         yield name, ["task=predict", f"checkpoint={folder / name}", f"haptic={folder}/a.npy"]
+
+
+def _trainings(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Weights, manifests and tables of severities."""
     for name in WEIGHTS:
-        yield name, ["model=visual", "model.visual.width=1", "model.visual.norm=none",
+        kind = "visual_squeezenet" if name.endswith(".pth") else "visual"
+        yield name, [f"model={kind}", "model.visual.width=1", "model.visual.norm=none",
                      f"weights={folder / name}", "data=synthetic"]  # fmt: skip
     for name in MANIFESTS:
         yield name, ["model=haptic", "data=manifest", f"data.manifest={folder / name}"]
     for name in SEVERITIES:
         yield name, ["task=stability", f"stability.systems=[{folder}/haptic.ckpt]",
                      f"stability.severities=[{folder / name}]", "data=synthetic"]  # fmt: skip
-    (folder / "folder.wav").mkdir()
-    yield (
-        "folder.wav",
-        ["task=predict", f"checkpoint={folder}/haptic.ckpt", f"haptic={folder}/folder.wav"],
-    )
-    yield from _trees(folder)
 
 
 def _trees(folder: Path) -> Iterator[tuple[str, list[str]]]:
@@ -290,8 +298,3 @@ def _trees(folder: Path) -> Iterator[tuple[str, list[str]]]:
     nobodys(folder / "nobodys.npy")
     yield "nobody's file", ["task=predict", f"checkpoint={folder}/haptic.ckpt",
                             f"haptic={folder}/nobodys.npy"]  # fmt: skip
-
-
-def write_all(folder: Path, files: dict[str, Write]) -> None:
-    for name, write in files.items():
-        write(folder / name.rstrip("/"))

@@ -33,8 +33,6 @@ from tex_lightning.recording.parsing import Float32Parser, TextParser
 from tex_lightning.runfolder import find_checkpoint
 from tex_lightning.runs.workspace import configured_card
 from tex_lightning_runtime import Runtime
-from tex_lightning_runtime.files import read_photo
-from tex_lightning_runtime.files import read_trace as runtime_trace
 
 Array = np.ndarray[Any, Any]
 
@@ -339,14 +337,6 @@ FORMATS: dict[str, Format] = {
     "pth": Format("a.pth", partial(_pth, trunk=SmallTrunk), CAFFE_READ),
     "pth of EfficientNet": Format("a.pth", partial(_pth, trunk=LiteTrunk), LITE_READ),
     "exported onnx": Format("a.onnx", _onnx, run_exported),
-    "runtime: wav": Format("a.wav", _sound, lambda p: [runtime_trace(p, None, None)[0]]),
-    "runtime: csv": Format(
-        "a.csv",
-        partial(_table, head="", mark=","),
-        lambda p: [runtime_trace(p, None, None)[0]],
-        text=True,
-    ),
-    "runtime: png": Format("a.png", _photo, lambda path: [read_photo(path)]),
     "severities": Format("s.yaml", _severities, severities, text=True),
     "settings.json": Format("settings.json", _run, find_own, text=True),
     "configuration": Format(
