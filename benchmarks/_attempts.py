@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, printable
 from tex_lightning_runtime import UserError as RuntimeUserError
 
 Array = np.ndarray[Any, Any]
@@ -109,7 +109,8 @@ def _judge(arrays: list[Array]) -> tuple[str, str]:
     return ACCEPTED, ""
 
 
-def _judge_sentence(text: str, names: tuple[str, ...]) -> tuple[str, str]:
+def _judge_sentence(said: str, names: tuple[str, ...]) -> tuple[str, str]:
+    text = printable(said)  # as the command line does
     rest = text.replace(names[0], "FILE")
     good = (
         any(name in text for name in names)

@@ -13,7 +13,7 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.readers.kth_tips2b import NUMBERS
 
 Names = list[str]
-NASTY = ("é中.wav", "-rf.wav", "x" * 200 + ".jpg", " .png", "..wav", "CON.csv",
+NASTY = ("é中.wav", "-rf.wav", "x" * 200 + ".jpg", " .png", "..wav", "\x1b[31m.csv",
          "a;b.xml", "Thumbs.db", ".DS_Store", "\udce9.wav", "rates.csv", "a.json")  # fmt: skip
 
 

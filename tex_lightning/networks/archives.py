@@ -68,7 +68,7 @@ class SizeLimit(TorchFunctionMode):
         kwargs: Mapping[str, Any] | None = None,
     ) -> Any:  # noqa: ANN401
         """Count what ``torch.empty`` is asked for, as layers do."""
-        if func is torch.empty:
+        if func is torch.empty and args:
             self.left -= prod(args[0] if isinstance(args[0], Sequence) else args)
             if self.left < 0:
                 raise ValueError("its network has more weights than the file")
