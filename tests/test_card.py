@@ -107,3 +107,18 @@ def test_a_decision_given_goes_before_the_cards():
     given = DecisionConfig(pairs=None, rule="mean", seed=None, reject_below=0)
     changed = CARD.deciding(given)
     assert changed.decision == {**CARD.decision, "rule": "mean", "reject_below": 0}
+
+
+def test_a_network_larger_than_its_file_and_weights_of_nan_are_refused(tmp_path):
+    state = {f"classifier.{k}": v for k, v in SurfaceClassifier(CARD).state_dict().items()}
+    card = CARD.to_dict()
+    card["branches"]["haptic"]["width"] = 99.0
+    torch.save({"hyper_parameters": {"card": card}, "state_dict": state}, tmp_path / "m.ckpt")
+    with pytest.raises(UserError, match=r"m.ckpt cannot be used: .*more weights than the file"):
+        SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
+    first = next(key for key, value in state.items() if value.is_floating_point())
+    state[first] = torch.full_like(state[first], torch.nan)
+    content = {"hyper_parameters": {"card": CARD.to_dict()}, "state_dict": state}
+    torch.save(content, tmp_path / "m.ckpt")
+    with pytest.raises(UserError, match="is damaged or was not written"):
+        SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")

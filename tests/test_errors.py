@@ -1,4 +1,4 @@
-from tex_lightning.errors import SHOWN, listed, shorten
+from tex_lightning.errors import SHOWN, listed, printable, reason, shorten
 
 
 def test_names_in_messages_are_short_and_few():
@@ -6,3 +6,13 @@ def test_names_in_messages_are_short_and_few():
     assert len(shorten("x" * 100_000)) < SHOWN + 50
     assert listed(["a", "b"]) == "a, b"
     assert listed([str(n) for n in range(25)]).endswith("18, 19 and 5 more")
+
+
+def test_what_a_library_says_stands_inside_a_sentence():
+    assert reason(ValueError("Bad header.\n  No 'data' chunk.")) == "Bad header; No 'data' chunk"
+    assert reason(MemoryError()) == "MemoryError"
+    assert len(reason("x" * 10_000)) < SHOWN + 50
+
+
+def test_a_name_cannot_steer_the_terminal():
+    assert printable("a\x1b[31m.wav\nnext \udce9") == "a\\x1b[31m.wav\nnext \\udce9"

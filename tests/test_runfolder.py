@@ -30,6 +30,14 @@ def test_a_run_folder_stands_for_its_models_own_network(tmp_path):
     assert find_checkpoint(tmp_path / "none.ckpt") == tmp_path / "none.ckpt"
 
 
+@pytest.mark.parametrize("content", ["[" * 50_000, "[1]", "{", "\xff"])
+def test_a_damaged_record_of_settings_is_said(tmp_path, content):
+    folder = make(tmp_path, "haptic", "fusion")
+    (folder / "settings.json").write_text(content, encoding="latin-1")
+    with pytest.raises(UserError, match=r"Record .*settings.json is (no JSON|damaged).*\.$"):
+        find_checkpoint(folder)
+
+
 def test_an_ambiguous_or_empty_folder_is_said(tmp_path):
     with pytest.raises(UserError, match="no finished checkpoint"):
         find_checkpoint(tmp_path)

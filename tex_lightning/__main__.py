@@ -15,7 +15,7 @@ try:
     from tex_lightning.config.job import Job, current_job
     from tex_lightning.config.search import use_config_dir, with_own_senses
     from tex_lightning.config.usage import answer, asks
-    from tex_lightning.errors import UserError
+    from tex_lightning.errors import UserError, printable
     from tex_lightning.launch import as_mistake
     from tex_lightning.progress import finishing
     from tex_lightning.ranks import is_rank_zero, join_quietly
@@ -62,7 +62,7 @@ def run_job(composed: DictConfig) -> float | None:
 def complain(error: Exception) -> int:
     """Print a user's mistake in one sentence and return the exit status for it."""
     if is_rank_zero():
-        say(f"Error: {error}")
+        say(f"Error: {printable(str(error))}")
     return USER_FAULT
 
 

@@ -17,7 +17,9 @@ from tex_lightning.decision.unknown import novelty_threshold
 from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.features.spectrogram import Axes, Normalisation, Scale
+from tex_lightning.networks.archives import check_archive
 from tex_lightning.networks.blocks import NORMS, Level
+from tex_lightning.quiet import quietly
 
 SUFFIX = ".ckpt"  # of checkpoints of this package
 
@@ -170,7 +172,9 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     if not path.is_file():
         raise UserError(f"Checkpoint {path} does not exist; check the path.")
     try:
-        content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        check_archive(path)
+        with quietly():
+            content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # damage shows in as many ways as there are formats
         raise damaged(path, error) from error
     return content
@@ -183,6 +187,13 @@ def damaged(path: Path, error: Exception) -> UserError:
         f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "
         f"({what}); give a file from a run's checkpoints folder, or train anew."
     )
+
+
+def named(path: Path, error: UserError) -> UserError:
+    """The same mistake, with the checkpoint that it is in."""
+    if str(path) in str(error):
+        return error
+    return UserError(f"Checkpoint {path} cannot be used: {error}")
 
 
 class CardError(ValueError):

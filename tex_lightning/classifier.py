@@ -18,10 +18,11 @@ from torch import Tensor, nn
 
 from tex_lightning.branches import Branch, make_branch
 from tex_lightning.branches.base import content
-from tex_lightning.card import Card, damaged, read_checkpoint
+from tex_lightning.card import Card, damaged, named, read_checkpoint
 from tex_lightning.config.model import FUSION
 from tex_lightning.decision.voting import RULES, Vote, random_tuples
 from tex_lightning.errors import UserError
+from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import Head, Level
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.statistics import FeatureStatistics
@@ -112,12 +113,14 @@ class SurfaceClassifier(nn.Module):
                     f"Checkpoint {path} holds {card.title}, and this needs one of this package's "
                     "networks; give another file."
                 )
-            classifier = cls(card)
+            with SizeLimit(path.stat().st_size):
+                classifier = cls(card)
             state = own_state(stored)
             classifier.expect_statistics(state)
+            check_numbers(state)
             classifier.load_state_dict(state)
-        except UserError:
-            raise
+        except UserError as error:
+            raise named(path, error) from error
         except Exception as error:  # damage shows in as many ways as there are formats
             raise damaged(path, error) from error
         if kind is not None and classifier.card.kind != kind:

@@ -24,11 +24,24 @@ class UserError(Exception):
 
 def shorten(value: object) -> str:
     """Text for a message, in one line: a long value keeps its beginning and end."""
-    text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in str(value))
+    text = printable(str(value)).replace("\n", "\\n")
     if len(text) <= SHOWN:
         return text
     half = SHOWN // 2
     return f"{text[:half]}[{len(text) - 2 * half} more characters]{text[-half:]}"
+
+
+def printable(text: str) -> str:
+    """Text whose lines are as they were and whose other signs cannot steer a terminal."""
+    return "".join(
+        each if each.isprintable() or each == "\n" else repr(each)[1:-1] for each in text
+    )
+
+
+def reason(error: object) -> str:
+    """What a library said, to stand inside a sentence: one line, shortened, without full stops."""
+    said = " ".join(str(error).split()) or type(error).__name__
+    return shorten(said).rstrip(". ").replace(". ", "; ")
 
 
 def listed(names: Sequence[str]) -> str:

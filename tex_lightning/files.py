@@ -3,6 +3,7 @@
 import csv
 import errno
 import fcntl
+import json
 import os
 import re
 import shutil
@@ -15,7 +16,7 @@ from glob import glob
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -24,12 +25,72 @@ if TYPE_CHECKING:
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 
 
+LONGEST_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
+LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
+
+
 def require_file(path: Path) -> None:
-    """Refuse a file that is missing or empty."""
-    if not path.is_file():
+    """Refuse a file that is missing or empty, and what is no file."""
+    if not is_file(path):
+        if os.path.lexists(path):
+            raise UserError(
+                f"File {path} is a folder, a device, a pipe or a broken link; give a file."
+            )
         raise UserError(f"File {path} does not exist; check the path.")
     if path.stat().st_size == 0:
         raise UserError(f"File {path} is empty; record or copy it again.")
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file; there is none of a name that is too long, or out of reach."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder; see :func:`is_file`."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
+
+
+def resolved(path: Path) -> Path:
+    """The path without links; as it stands if links go round in a circle or it is no path."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return path.absolute()
+
+
+def check_lines(path: Path) -> None:
+    """Refuse what has no lines before it is taken into memory as text.
+
+    Raises:
+        ValueError: If a line is longer than :data:`LONGEST_LINE`.
+    """
+    with path.open("rb") as stream:
+        while len(content := stream.read(LONGEST_LINE)) == LONGEST_LINE:
+            if b"\n" not in content and b"\r" not in content:
+                raise ValueError("it has a line of more than 1 MiB")
+
+
+def read_json(path: Path, what: str) -> Any:  # noqa: ANN401
+    """The content of a JSON file, which is called ``what`` in messages.
+
+    Raises:
+        UserError: If it is none.
+    """
+    try:
+        if not is_file(path):
+            raise ValueError("it is no file")
+        if path.stat().st_size > LARGEST_JSON:
+            raise ValueError("it is larger than 64 MiB")
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise UserError(f"{what} {path} is no JSON ({reason(error)}); correct it.") from error
 
 
 def matches(pattern: str) -> list[Path]:

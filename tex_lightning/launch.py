@@ -109,7 +109,8 @@ def as_mistake(error: Exception, arguments: Sequence[str], *, began: bool) -> Us
         if isinstance(error, OSError) and error.errno in UNWRITABLE:
             return unwritable(shorten(error.filename or "a file of this run"), error)
         return None
-    if isinstance(error, ValueError | OverflowError):  # also of a group set to null
+    # also of a group set to null
+    if isinstance(error, ValueError | OverflowError | RecursionError):
         return explain(error, arguments, CONF)
     if isinstance(error, OSError):
         if "conf" in Path(error.filename or "").parts:  # of an option that Hydra looks for

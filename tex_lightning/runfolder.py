@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config.job import Job
 from tex_lightning.config.model import kind_of
 from tex_lightning.errors import UserError
-from tex_lightning.files import unwritable, write_text
+from tex_lightning.files import read_json, unwritable, write_text
 
 log = logging.getLogger(__name__)
 
@@ -98,10 +98,9 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: Job) -> None
 
 
 def _read(note: Path) -> dict[str, Any]:
-    try:
-        settings: dict[str, Any] = json.loads(note.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise UserError(f"{note} is damaged; choose another folder.") from error
+    settings = read_json(note, "Record")
+    if not isinstance(settings, dict):
+        raise UserError(f"Record {note} is damaged; choose another folder.")
     return settings
 
 

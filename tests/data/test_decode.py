@@ -1,4 +1,5 @@
 import io
+import os
 
 import cv2
 import numpy as np
@@ -264,3 +265,102 @@ def test_bad_photos_are_refused_with_a_reason(tmp_path):
     Image.new("RGB", (1, 9)).save(tmp_path / "thin.png")
     with pytest.raises(UserError, match="too thin to be halved"):
         decode_image(tmp_path / "thin.png", PHOTO)
+
+
+class Harm:
+    """Makes a folder when it is unpickled."""
+
+    def __init__(self, mark):
+        self.mark = mark
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.mark),)
+
+
+def npy(header: str) -> bytes:
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(80)
+
+
+def one_sentence(path, decoder, capfd):
+    """What is said of a file, and nothing else."""
+    with pytest.raises(UserError) as caught:
+        decoder.decode(path)
+    text = str(caught.value)
+    assert path.name in text
+    assert text.isprintable()
+    assert text.endswith(".")
+    assert ". " not in text
+    assert len(text) < 600 + len(str(path))
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }\n",
+        "{'descr': '<U500000000', 'fortran_order': False, 'shape': (3,), }\n",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }\n",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (3L,), 'shape\n",
+        "{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (3,), }\n",
+    ],
+)
+def test_a_header_that_claims_the_impossible_is_refused(tmp_path, capfd, header):
+    (tmp_path / "a.npy").write_bytes(npy(header))
+    one_sentence(tmp_path / "a.npy", SIGNAL, capfd)
+
+
+def test_code_in_a_file_does_not_run(tmp_path, capfd):
+    np.save(tmp_path / "a.npy", np.array([Harm(tmp_path / "mark")], object), allow_pickle=True)
+    one_sentence(tmp_path / "a.npy", SIGNAL, capfd)
+    assert not (tmp_path / "mark").exists()
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path, capfd):
+    os.mkfifo(tmp_path / "pipe.wav")
+    (tmp_path / "loop.npy").symlink_to(tmp_path / "loop.npy")
+    (tmp_path / "zero.csv").symlink_to("/dev/zero")
+    (tmp_path / "folder.png").mkdir()
+    for path in tmp_path.iterdir():
+        one_sentence(path, PHOTO if path.suffix == ".png" else SIGNAL, capfd)
+    one_sentence(tmp_path / ("x" * 300 + ".wav"), SIGNAL, capfd)
+    with pytest.raises(UserError, match="is a folder, a device, a pipe or a broken link; give a"):
+        SIGNAL.decode(tmp_path / "pipe.wav")
+
+
+def test_text_without_lines_is_refused_before_it_is_taken_into_memory(tmp_path, capfd, monkeypatch):
+    with (tmp_path / "a.csv").open("wb") as stream:
+        stream.truncate(5 << 20)
+    monkeypatch.setattr("pathlib.Path.read_bytes", None)
+    one_sentence(tmp_path / "a.csv", SIGNAL, capfd)
+
+
+def test_more_than_anyone_records_is_refused(tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr("tex_lightning.data.trace_files.MOST_SAMPLES", 699)
+    monkeypatch.setattr("tex_lightning.data.trace_files.LARGEST_TEXT", 99)
+    monkeypatch.setattr("tex_lightning.data.decode.MOST_SAMPLES", 1400)
+    soundfile.write(tmp_path / "a.wav", AXES[0], 10_000)
+    np.savetxt(tmp_path / "a.csv", AXES[0])
+    np.save(tmp_path / "a.npy", AXES[0])
+    one_sentence(tmp_path / "a.wav", SIGNAL, capfd)
+    one_sentence(tmp_path / "a.csv", SIGNAL, capfd)
+    assert SIGNAL.decode(tmp_path / "a.npy", rate=5000)[0].shape == (1, 1400)
+    with pytest.raises(UserError, match="would become 3500 samples at 10000 Hz; correct that rate"):
+        SIGNAL.decode(tmp_path / "a.npy", rate=2000)
+    with pytest.raises(UserError, match="too far from 10000 Hz"):
+        SIGNAL.decode(tmp_path / "a.npy", rate=1e-310)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.xml", "<R><SampleRate>9</SampleRate><AccelX>" + "[" * 9999 + "</AccelX></R>"),
+        ("a.xml", "<a>" * 50_000),
+        ("a.csv", "time (" + "a " * 9999 + "),x\n" + "1,2\n" * 20),
+        ("a.wav", "RIFF\0\0\0\0WAVEfmt "),
+        ("a.flac", "fLaC" * 20),
+        ("a.txt", "1,2\n" + "x" * 9999),
+    ],
+)
+def test_a_sentence_repeats_little_of_a_damaged_file(tmp_path, capfd, name, content):
+    (tmp_path / name).write_text(content)
+    one_sentence(tmp_path / name, SIGNAL, capfd)

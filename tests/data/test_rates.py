@@ -9,6 +9,7 @@ import soundfile
 
 from tex_lightning.config import DataConfig
 from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.data.store import Store
@@ -176,3 +177,22 @@ def test_whoever_tells_the_rate_the_decoded_trace_is_that_of_the_wav(tmp_path):
     for name in ("b.csv", "c.npy", "d.txt"):
         trace = SETTINGS.decode(tmp_path / name)[0]
         np.testing.assert_allclose(trace, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.json", "[" * 50_000, "is no JSON .*recursion"),
+        ("a.json", '{"rate": 1' + "0" * 400 + "}", "is no positive number; give Hz"),
+        ("rates.csv", "path,rate\na\0b,1\n", r"file .*a.x00b does not exist"),
+        ("rates.csv", "path,rate\n" + "x" * 5000 + ",1\n", "more characters.* does not exist"),
+        ("rates.csv", "path,rate," + "x" * (3 << 20), "a line of more than 1 MiB"),
+    ],
+)
+def test_a_statement_that_is_damaged_is_told_in_a_sentence(tmp_path, name, content, message):
+    np.save(tmp_path / "a.npy", np.zeros(20))
+    (tmp_path / name).write_text(content)
+    with pytest.raises(UserError, match=message) as caught:
+        stated_rate(tmp_path / "a.npy")
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 700

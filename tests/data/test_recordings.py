@@ -147,3 +147,35 @@ def test_classes_are_distinct_and_in_natural_order():
     assert Recordings(tuple(rows)).classes == ["c2", "c10"]
     alike = [Recording(label, "image", Path(), 0) for label in ("wood", "Wood", "a01", "a1")]
     assert Recordings(tuple(alike)).classes == ["a01", "a1", "Wood", "wood"]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("oak,haptic,a.csv", "group is not a number"),
+        ("oak", "label or path is empty"),
+        (f"oak,haptic,{'x' * 5000},0", "more characters.*does not exist"),
+        ("oak,haptic,a\0b,0", r"a\\x00b does not exist"),
+        ("oak,haptic,loop,0", "loop does not exist"),
+        (f"oak,haptic,a.csv,{'9' * 5000}", "group is not a number"),
+        (f"oak,{'x,' * 9}", "group is not a number"),
+        (f"oak,{'-' * 5000},a.csv,0", "modality is .*more characters"),
+        (f"oak,haptic,a.csv,0,{'9' * 5000}", "rate is .*more characters"),
+        (f"oak,haptic,a.csv,0,,{'9' * 5000}", "part is .*more characters"),
+    ],
+)
+def test_a_damaged_line_is_told_in_a_sentence(tmp_path, line, message):
+    (tmp_path / "a.csv").write_text("1")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    table = tmp_path / "m.csv"
+    table.write_text(f"label,modality,path,group,rate,part\n{line}\n")
+    with pytest.raises(UserError, match=message) as caught:
+        read_manifest(table)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 700
+
+
+def test_a_short_line_of_other_columns_is_told_too(tmp_path):
+    (tmp_path / "m.csv").write_text("path,label,group,modality\nm.csv,oak\n")
+    with pytest.raises(UserError, match="modality is ''"):
+        read_manifest(tmp_path / "m.csv")

@@ -350,6 +350,13 @@ def test_missing_tensor(tmp_path):
     refused(visualnet("alexnet_caffe"), path, "has no conv4.bias", "alexnet_caffe")
 
 
+def test_numbers_must_not_overflow(tmp_path):
+    state = fabricate(ALEXNET_CAFFE)
+    state["conv2.weight"][:] = 3e38
+    path = save_npz(tmp_path / "alexnet.npz", state)
+    refused(visualnet("tcnn"), path, "is not finite, or huge")
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_numbers_must_be_finite(tmp_path, value):
     state = fabricate(ALEXNET_CAFFE)

@@ -13,7 +13,7 @@ from tex_lightning.branches import Branch
 from tex_lightning.branches.base import as_tensor
 from tex_lightning.branches.photo import PhotoBranch
 from tex_lightning.branches.signal import SignalBranch
-from tex_lightning.card import Card, damaged, read_checkpoint
+from tex_lightning.card import Card, damaged, named, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.data.datamodule import load_recording
@@ -180,8 +180,8 @@ def load_classifier(path: str | Path) -> SurfaceClassifier:
     try:
         classifier = BaselineClassifier(Card.from_dict(content["hyper_parameters"]["card"]))
         classifier.baseline.load_state(content["baseline"])
-    except UserError:
-        raise
+    except UserError as error:
+        raise named(Path(path), error) from error
     except Exception as error:  # damage shows in as many ways as there are formats
         raise damaged(Path(path), error) from error
     return classifier

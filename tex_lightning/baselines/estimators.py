@@ -4,12 +4,15 @@ skops stores what an estimator is made of and, unlike pickle, runs nothing when 
 outside scikit-learn, NumPy and SciPy are refused unless they are named here.
 """
 
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 import skops.io
 import torch
 from torch import Tensor
+
+from tex_lightning.networks.archives import check_archive
 
 TRUSTED = ("aeon.", "tex_lightning.baselines.", "sklearn.", "numpy.", "scipy.")
 
@@ -26,6 +29,7 @@ def load_estimator(stored: Tensor) -> Any:  # noqa: ANN401
         ValueError: If the bytes name types from elsewhere.
     """
     content = stored.numpy().tobytes()
+    check_archive(BytesIO(content))
     foreign = skops.io.get_untrusted_types(data=content)
     refused = [name for name in foreign if not name.startswith(TRUSTED)]
     if refused:

@@ -69,6 +69,10 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         return _unreadable(error.override)
     _, rest = split_config_dir(arguments)
     overrides = [argument for argument in rest if not argument.startswith("-")]
+    if isinstance(error, RecursionError):
+        return UserError(
+            "The command line or a configuration file is nested too deeply; take brackets out."
+        )
     if isinstance(error, OverflowError) or DIGITS in str(error):
         longest = shorten(max(overrides, key=len, default=""))
         return UserError(f"{longest} has too many digits; give a smaller number.")

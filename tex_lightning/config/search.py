@@ -19,6 +19,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from tex_lightning.config.model import PACKAGE_SENSES
 from tex_lightning.errors import UserError
+from tex_lightning.yaml_files import check_yaml
 
 ENTRY_POINTS = "tex_lightning.plugins"
 FLAGS = ("--config-dir", "-cd")  # of Hydra
@@ -117,7 +118,7 @@ def use_config_dir(arguments: Sequence[str]) -> None:
     command does not, so that classes beside the folder are found.
 
     Raises:
-        UserError: If there is no such folder.
+        UserError: If there is no such folder, or a file in it cannot be read.
     """
     _GIVEN.clear()
     named, _ = split_config_dir(arguments)
@@ -129,6 +130,9 @@ def use_config_dir(arguments: Sequence[str]) -> None:
             f"--config-dir={named} is no folder; give the one with your data/NAME.yaml, "
             "model/NAME.yaml and so on."
         )
+    for pattern in ("*.yaml", "*/*.yaml", "*/*/*.yaml"):
+        for file in folder.glob(pattern):
+            check_yaml(file)
     _GIVEN.append(folder)
     here = str(Path.cwd())
     if not {"", here} & {*sys.path}:

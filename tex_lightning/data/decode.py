@@ -17,9 +17,10 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.signal import resample_poly
 
 from tex_lightning.data.rates import SourceRate, source_rate
-from tex_lightning.data.trace_files import TRACE_SUFFIXES, read_axes
-from tex_lightning.errors import UserError
+from tex_lightning.data.trace_files import MOST_SAMPLES, TRACE_SUFFIXES, read_axes
+from tex_lightning.errors import UserError, reason
 from tex_lightning.files import require_file
+from tex_lightning.quiet import quietly, silence_libtiff
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 
@@ -161,6 +162,11 @@ def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name:
         UserError: If the rates are too far apart, beginning with ``name``.
     """
     ratio = rate_ratio(source, target, name)
+    if (count := trace.size * ratio) > MOST_SAMPLES:
+        raise UserError(
+            f"{name} has a sampling rate of {source:g} Hz, so that it would become "
+            f"{float(count):g} samples at {target:g} Hz; correct that rate, or divide the file."
+        )
     if ratio != 1:
         trace = resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
     return np.ascontiguousarray(trace, dtype=np.float32)
@@ -172,7 +178,8 @@ def rate_ratio(source: float, target: float, name: str) -> Fraction:
     Raises:
         UserError: If the rates are too far apart, beginning with ``name``.
     """
-    ratio = Fraction(target / source).limit_denominator(10_000)
+    near = 1e-4 < target / source < 1e4  # a fraction is made of no infinity
+    ratio = Fraction(target / source).limit_denominator(10_000) if near else Fraction(0)
     if not 0.001 < ratio < 1000:
         raise UserError(
             f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz; correct "
@@ -198,8 +205,9 @@ def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> P
         UserError: If the file is missing, empty, truncated, no image, or not 8 bits a channel.
     """
     require_file(path)
+    silence_libtiff()
     try:
-        with Image.open(path) as image:
+        with quietly(), Image.open(path) as image:
             if image.mode.startswith(("I", "F")):
                 raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
             halved = fast and settings.half_scale and _decodes_halved(image)
@@ -207,9 +215,11 @@ def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> P
     except UnidentifiedImageError as error:
         raise UserError(f"Image {path} is in no known image format; use JPEG or PNG.") from error
     except Image.DecompressionBombError as error:
-        raise UserError(f"Image {path} is too large ({error}); scale it down.") from error
-    except (OSError, SyntaxError, ValueError) as error:
-        raise UserError(f"Image {path} is damaged ({error}); replace the file.") from error
+        raise UserError(f"Image {path} is too large ({reason(error)}); scale it down.") from error
+    except UserError:
+        raise
+    except Exception as error:  # damage shows in as many ways as there are formats
+        raise UserError(f"Image {path} is damaged ({reason(error)}); replace the file.") from error
     return (
         photo if halved and settings.resize is None else to_size(photo, settings, f"Image {path}")
     )

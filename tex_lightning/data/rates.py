@@ -7,7 +7,6 @@ statements beside it: the manifest or the reader, a sidecar ``FILE.json`` with t
 assumption. Who speaks of the same file must agree.
 """
 
-import json
 import math
 import re
 from collections.abc import Iterator
@@ -19,7 +18,8 @@ from typing import Literal, get_args
 from tex_lightning.data.tables import read_table
 from tex_lightning.data.time_column import RawTrace
 from tex_lightning.data.trace_files import axis_paths, same_rate
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
+from tex_lightning.files import is_file, read_json, resolved
 
 RATES_TABLE = "rates.csv"
 LEVELS = 3  # ROOT/CLASS/haptic: a table may lie in each
@@ -98,7 +98,7 @@ def positive_number(value: object) -> float | None:
         return None
     try:
         number = float(value.replace(",", ".") if isinstance(value, str) else value)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
     return number if 0 < number < math.inf else None
 
@@ -111,34 +111,33 @@ def names_rate(name: str) -> bool:
 def _sidecars(file: Path) -> Iterator[tuple[str, float]]:
     """Statements of the JSON files beside a trace; other keys are none of ours."""
     for path in (file.with_name(f"{file.name}.json"), file.with_suffix(".json")):
-        if not path.is_file():
+        if not is_file(path):
             continue
-        try:
-            content = json.loads(path.read_text(encoding="utf-8-sig"))
-        except ValueError as error:
-            raise UserError(f"Sidecar {path} is no JSON ({error}); correct it.") from error
+        content = read_json(path, "Sidecar")
         if not isinstance(content, dict):
             continue
         if "rate" in content:
             rate = None if isinstance(content["rate"], str) else positive_number(content["rate"])
             if rate is None:
                 raise UserError(
-                    f"Sidecar {path} has rate={content['rate']!r}, which is no positive number; "
-                    "give Hz."
+                    f"Sidecar {path} has rate={shorten(repr(content['rate']))}, which is no "
+                    "positive number; give Hz."
                 )
             yield str(path), rate
         elif wrong := [key for key in content if names_rate(key)]:
-            raise UserError(f"Sidecar {path} has the key {wrong[0]}; rename it to rate (Hz).")
+            raise UserError(
+                f"Sidecar {path} has the key {shorten(wrong[0])}; rename it to rate (Hz)."
+            )
 
 
 def _table_entries(file: Path) -> Iterator[tuple[str, float]]:
     folder = file.absolute().parent
     for _ in range(LEVELS):
         path = folder / RATES_TABLE
-        if path.is_file():
+        if is_file(path):
             status = path.stat()
             rates = _read_rates(path, status.st_mtime_ns, status.st_size)
-            if (rate := rates.get(file.resolve())) is not None:
+            if (rate := rates.get(resolved(file))) is not None:
                 yield str(path), rate
         folder = folder.parent
 
@@ -149,12 +148,16 @@ def _read_rates(path: Path, changed: int, size: int) -> dict[Path, float]:
     rates: dict[Path, float] = {}
     for number, record in read_table(path, "Table", ("path", "rate")):
         where = f"Table {path}, line {number}"
-        target = (path.parent / (record["path"] or "").strip()).resolve()
-        if not target.is_file():
-            raise UserError(f"{where}: file {target} does not exist; correct or remove the line.")
+        target = resolved(path.parent / (record["path"] or "").strip())
+        if not is_file(target):
+            raise UserError(
+                f"{where}: file {shorten(target)} does not exist; correct or remove the line."
+            )
         rate = positive_number(record["rate"])
         if rate is None:
-            raise UserError(f"{where}: rate is {record['rate']!r}, no positive number; give Hz.")
+            raise UserError(
+                f"{where}: rate is {shorten(repr(record['rate']))}, no positive number; give Hz."
+            )
         if target in rates:
             raise UserError(f"{where}: {target.name} is listed twice; keep one line.")
         rates[target] = rate

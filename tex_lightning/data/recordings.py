@@ -12,7 +12,8 @@ from tex_lightning.config.check_ranges import nearest
 from tex_lightning.data.parts import Part, name_part, overlap, read_part, write_part
 from tex_lightning.data.rates import names_rate, positive_number
 from tex_lightning.data.tables import read_table
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning.files import is_file, resolved
 
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
@@ -183,7 +184,7 @@ def read_manifest(path: Path) -> Recordings:
         >>> tl.read_manifest(table).classes
         ['oak']
     """
-    if not path.is_file():
+    if not is_file(path):
         raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
     lines = read_table(path, "Manifest", COLUMNS)
     rows = [_read_line(path, number, line) for number, line in lines]
@@ -245,25 +246,27 @@ def _check_distinct(path: Path, rows: list[Recording]) -> None:
 
 def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
     where = f"Manifest {path}, line {number}"
-    label, modality, file = line["label"], line["modality"], line["path"]
+    label, modality, file = line["label"], line["modality"] or "", line["path"]
     if not label or not file:
         raise UserError(f"{where}: label or path is empty; fill both in.")
     near = difflib.get_close_matches(modality, MODALITIES, n=1)
     if not modality.isidentifier() or (near and modality not in MODALITIES):
         raise UserError(
-            f"{where}: modality is {modality!r}{nearest(modality, MODALITIES)}; write "
+            f"{where}: modality is {shorten(repr(modality))}{nearest(modality, MODALITIES)}; write "
             f"{', '.join(MODALITIES)} or one word of your own."
         )
     try:
         group = int(line["group"])
     except (TypeError, ValueError) as error:
-        raise UserError(f"{where}: group is not a number ({error}); write 0 or more.") from error
+        raise UserError(
+            f"{where}: group is not a number ({reason(error)}); write 0 or more."
+        ) from error
     if group < 0:
         raise UserError(f"{where}: group is {group}; write 0 or more.")
     rate = _read_rate(where, line)
-    target = (path.parent / file).resolve()
-    if not target.is_file():
-        raise UserError(f"{where}: file {target} does not exist; correct the path.")
+    target = resolved(path.parent / file)
+    if not is_file(target):
+        raise UserError(f"{where}: file {shorten(target)} does not exist; correct the path.")
     conditions = tuple(
         (name, value) for name, value in line.items() if name and value and name not in KNOWN
     )
@@ -277,7 +280,8 @@ def _read_part(where: str, line: dict[str, str]) -> Part | None:
         return read_part(line[PART])
     except ValueError as error:
         raise UserError(
-            f"{where}: part is {line[PART]!r} ({error}); write two fractions, such as 0-0.5."
+            f"{where}: part is {shorten(repr(line[PART]))} ({reason(error)}); write two fractions, "
+            "such as 0-0.5."
         ) from error
 
 
@@ -288,5 +292,7 @@ def _read_rate(where: str, line: dict[str, str]) -> float | None:
     rates = {positive_number(value) for value in given}
     rate = rates.pop()
     if rates or rate is None:
-        raise UserError(f"{where}: rate is {' and '.join(sorted(given))}; write one number of Hz.")
+        raise UserError(
+            f"{where}: rate is {shorten(' and '.join(sorted(given)))}; write one number of Hz."
+        )
     return rate

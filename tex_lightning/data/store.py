@@ -27,7 +27,7 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.trace_files import axis_files, axis_paths
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.errors import UserError
-from tex_lightning.files import write_atomically
+from tex_lightning.files import resolved, write_atomically
 from tex_lightning.progress import track
 
 FINGERPRINT_BYTES = 65_536
@@ -147,7 +147,7 @@ class Store:
         except OSError as error:
             raise UserError(f"File {recording.path} does not exist; check the path.") from error
         identity = {
-            "path": str(files[0].resolve()),
+            "path": str(resolved(files[0])),
             "size": [entry.st_size for entry in status],
             "changed": [entry.st_mtime_ns for entry in status],
             "modality": recording.modality,

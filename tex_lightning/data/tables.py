@@ -3,7 +3,8 @@
 import csv
 from pathlib import Path
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason
+from tex_lightning.files import check_lines
 
 Record = dict[str, str]
 
@@ -23,6 +24,7 @@ def read_table(path: Path, what: str, needed: tuple[str, ...]) -> list[tuple[int
         UserError: If it is no UTF-8 CSV, or a column is missing.
     """
     try:
+        check_lines(path)
         with path.open(newline="", encoding="utf-8-sig") as stream:
             first = stream.readline()
             stream.seek(0)
@@ -31,9 +33,9 @@ def read_table(path: Path, what: str, needed: tuple[str, ...]) -> list[tuple[int
             names = [name.strip() for name in reader.fieldnames or ()]
             reader.fieldnames = names
             records = [(reader.line_num, record) for record in reader]
-    except (UnicodeDecodeError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise UserError(
-            f"{what} {path} is not a UTF-8 CSV file ({error}); save it as CSV."
+            f"{what} {path} is not a UTF-8 CSV file ({reason(error)}); save it as CSV."
         ) from error
     missing = [column for column in needed if column not in names]
     if missing:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, listed, shorten
 
 NAMES = ("time", "t", "timestamp", "zeit")
 SECONDS = {
@@ -114,13 +114,14 @@ def _named_time(
                 found.append((index, SECONDS[unit[0]]))
             elif words[0] != "t":  # which may be a temperature
                 raise UserError(
-                    f"Trace {path} has a column {name!r} of unknown unit {' '.join(unit)!r}; call "
+                    f"Trace {path} has a column {shorten(repr(name))} of unknown unit "
+                    f"{shorten(repr(' '.join(unit)))}; call "
                     "it time_s, time_ms or time_us."
                 )
     if len(found) > 1:
         raise UserError(
             f"Trace {path} has {len(found)} columns of time "
-            f"({', '.join(names[index] for index, _ in found)}); keep one."
+            f"({listed([names[index] for index, _ in found])}); keep one."
         )
     return found[0] if found else None
 

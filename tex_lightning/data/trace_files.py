@@ -12,12 +12,16 @@ import soundfile
 from tex_lightning.data.text_traces import read_text_trace
 from tex_lightning.data.time_column import RawTrace, choose_channel
 from tex_lightning.data.xml_traces import read_xml_trace
-from tex_lightning.errors import UserError
-from tex_lightning.files import require_file
+from tex_lightning.errors import UserError, reason
+from tex_lightning.files import check_lines, is_file, require_file
+from tex_lightning.quiet import quietly
 
 SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
 TRACE_SUFFIXES = (*SOUND_SUFFIXES, ".npy", ".txt", ".csv", ".xml")
 RATE_TOLERANCE = 0.01
+MOST_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
+LARGEST_TEXT = 1 << 29  # bytes
+DAMAGE = (soundfile.SoundFileError, ValueError, EOFError, OSError, LookupError, MemoryError)
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
 
 
@@ -27,7 +31,7 @@ def axis_paths(path: Path) -> tuple[Path, ...]:
     Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
     last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all.
     """
-    found = tuple(file for file in _axis_names(path) if file.is_file())
+    found = tuple(file for file in _axis_names(path) if is_file(file))
     return found if len(found) > 1 else (path,)
 
 
@@ -91,6 +95,7 @@ def _read_file(path: Path, channel: int | None) -> RawTrace:
     try:
         if suffix in SOUND_SUFFIXES:
             _check_wav_length(path)
+            _check_samples(path)
             samples, rate = soundfile.read(path, dtype="float32", always_2d=True)
             samples = choose_channel(path, samples, channel)
             if samples.shape[1] == 2:
@@ -103,13 +108,17 @@ def _read_file(path: Path, channel: int | None) -> RawTrace:
             array = _read_array(path)
             return RawTrace(_as_axes(path, _chosen(path, array, channel)))
         if suffix in (".txt", ".csv"):
+            _check_text(path)
             text = read_text_trace(path, channel)
             return replace(text, samples=_as_axes(path, text.samples))
         if suffix == ".xml":
+            _check_text(path)
             trace = read_xml_trace(path)
             return replace(trace, samples=_chosen(path, trace.samples, channel))
-    except (soundfile.SoundFileError, ValueError, EOFError, OSError) as error:
-        raise UserError(f"Trace {path} cannot be read ({error}); replace the file.") from error
+    except DAMAGE as error:
+        raise UserError(
+            f"Trace {path} cannot be read ({reason(error)}); replace the file."
+        ) from error
     raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
 
 
@@ -124,8 +133,11 @@ def _chosen(
 
 def _read_array(path: Path) -> npt.NDArray[np.float64]:
     try:
-        array = np.load(path, allow_pickle=False)
-    except ValueError as error:  # whose own words propose to load it unsafely
+        with quietly():
+            array = np.load(path, allow_pickle=False)
+    except OSError:
+        raise
+    except Exception as error:  # of any kind; the words of some propose to load it unsafely
         raise ValueError("it is no whole array of numbers as np.save writes it") from error
     if not isinstance(array, np.ndarray):
         raise ValueError("it is an .npz archive; save one array with np.save")
@@ -149,6 +161,25 @@ def _check_wav_length(path: Path) -> None:
                     raise ValueError(f"truncated: {missing} of {length} bytes are missing")
                 return
             stream.seek(length + length % 2, 1)
+
+
+def _check_samples(path: Path) -> None:
+    """Refuse more samples than anyone records: a small FLAC file may hold hours of silence."""
+    with soundfile.SoundFile(path) as sound:
+        count = sound.frames * sound.channels
+    if count > MOST_SAMPLES:
+        raise ValueError(f"its header claims {count:,} samples, and {MOST_SAMPLES:,} are the most")
+
+
+def _check_text(path: Path) -> None:
+    """Refuse text that would not fit into memory as numbers."""
+    if (size := path.stat().st_size) > LARGEST_TEXT:
+        raise ValueError(
+            f"it is {size / 2**20:,.0f} MiB of text, and {LARGEST_TEXT >> 20} are the most: save "
+            "it as WAV or .npy, or in parts"
+        )
+    if path.suffix.lower() != ".xml":  # which may be a single line
+        check_lines(path)
 
 
 def _as_axes(path: Path, samples: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

@@ -9,7 +9,7 @@ from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError, listed
-from tex_lightning.files import matches
+from tex_lightning.files import is_file, is_folder, matches
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ def find_files(modality: str, value: object) -> Files:
 
 def _found(modality: str, value: str) -> Files:
     path = Path(value).expanduser()
-    if path.is_dir():
+    if is_folder(path):
         candidates = list(path.iterdir())
-    elif has_magic(value) and not path.is_file():
+    elif has_magic(value) and not is_file(path):
         candidates = matches(str(path))
     else:
         return Files((path,))
@@ -68,7 +68,7 @@ def _found(modality: str, value: str) -> Files:
 def _readable(path: Path, modality: str) -> bool:
     """Whether it is a file of that modality, of three with an axis each the first."""
     known = path.suffix.lower() in suffixes_of(modality) and not path.name.startswith(".")
-    return known and path.is_file() and path == axis_files(path)[0]
+    return known and is_file(path) and path == axis_files(path)[0]
 
 
 def match_files(given: Mapping[str, Files]) -> list[dict[str, Path]]:

@@ -12,15 +12,18 @@ from torch import Tensor
 
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
+from tex_lightning.networks.archives import check_archive
 from tex_lightning.networks.caffemodel import read_caffemodel
 from tex_lightning.networks.efficientnet_file import fold_statistics
 from tex_lightning.networks.matconvnet import read_matconvnet
 from tex_lightning.networks.official_weights import find_weights
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
+from tex_lightning.quiet import quietly
 
 log = logging.getLogger(__name__)
 
+LARGEST = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
 CAFFE_MEAN = (123.0, 117.0, 104.0)  # RGB, subtracted from values in 0-255
 
 LAYOUTS_OF_SUFFIX: dict[str, tuple[Layout, ...]] = {
@@ -134,6 +137,7 @@ def _check_trunk(trunk: Trunk) -> None:
 def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
     """Tensors by name, and the input they expect if they are of the Caffe layout."""
     try:
+        check_archive(path)
         if path.suffix == ".caffemodel":
             return _tensors(read_caffemodel(path)), PixelInput()
         if path.suffix == ".mat":
@@ -145,7 +149,8 @@ def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
                 named = {name: arrays[name] for name in arrays.files}
             return _tensors(named), PixelInput()
-        content: Any = torch.load(path, map_location="cpu", weights_only=True)
+        with quietly():
+            content: Any = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # zip, zlib, pickle and NumPy each raise their own kinds
         raise UserError(
             f"weights: {path} cannot be read, it may be truncated or not a weight file; replace it."
@@ -183,8 +188,10 @@ def _select(
                     " trunk=NAME."
                 )
             state[target] = content[name].float()
-            if not state[target].isfinite().all():
-                raise UserError(f"weights: {name} in {path} is not finite; replace the file.")
+            if not (state[target].abs() < LARGEST).all():  # false for NaN
+                raise UserError(
+                    f"weights: {name} in {path} is not finite, or huge; replace the file."
+                )
     return state
 
 

@@ -14,6 +14,7 @@ from omegaconf import OmegaConf
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations import lenses, pixels, strokes, traces
 from tex_lightning.perturbations.scene import Array, Scene
+from tex_lightning.yaml_files import check_yaml
 
 BOTH = "both"  # of what is wrong with how recordings are put together, and with none of them
 FEWER = "fewer_pairs"  # that one of them which hits no modality
@@ -115,6 +116,7 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
 
 
 def _read(path: Path) -> dict[str, Perturbation]:
+    check_yaml(path)
     table: Any = OmegaConf.to_object(OmegaConf.load(path))
     found: dict[str, Perturbation] = {}
     for modality, entries in table.items():

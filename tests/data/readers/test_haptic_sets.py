@@ -197,6 +197,16 @@ def sound(stroke: str, shape: tuple[int, ...], rate: int) -> Callable[[Path], No
     return lambda root: soundfile.write(root / file, np.ones(shape), rate)
 
 
+def in_place_of(file: str) -> Callable[[Path], None]:
+    """A folder of the name of a file."""
+
+    def act(root: Path) -> None:
+        (root / file).unlink()
+        (root / file).mkdir()
+
+    return act
+
+
 def without(folder: str) -> Callable[[Path], None]:
     return lambda root: shutil.rmtree(root / folder)
 
@@ -216,8 +226,9 @@ STRETCHES = {"stretch": 3, "recording": 2}
         (rename(TRACE, "0_0_20_500_0.csv"), "of surface 0 lies in the folder 7; move it"),
         (duplicate, "7_0_020_500_0.csv and .*7_0_20_500_0.csv are one stroke; keep one of them"),
         (change(TRACE, "X,Y,Z", "X,Y"), "begins with 'time,X,Y' where the columns time,X,Y,Z are"),
+        (in_place_of(TRACE), r"7_0_20_500_0.csv cannot be read \(.*directory.*\); replace it"),
         (rename("images/images_scan_area/img7.jpg", "7.jpg"), "is not called imgID.jpg, such as"),
-        (rename("images/images_scan_area/img7.jpg", ".7"), "has no photos of 7; is the name spelt"),
+        (rename("images/images_scan_area/img7.jpg", ".7"), "has no photos of 7; correct the name"),
         (rename("images/images_scan_area", "crop_images"), "overlap, so that folds would share"),
     ],
 )

@@ -65,7 +65,7 @@ def check_same_classes(root: Path, rows: Iterable[Recording]) -> None:
         if missing := sorted(every - names):
             other = sorted(names - common)
             raise UserError(
-                f"Folder {root} has no {plural(modality)} of {listed(missing)}; is the name spelt "
-                f"differently there ({', '.join(other) or 'no other name'})? Or leave them out by "
-                f"data.reader.folders.{modality}=null."
+                f"Folder {root} has no {plural(modality)} of {listed(missing)}; correct the name "
+                f"if it is spelt differently there ({listed(other) or 'no other name'}), or leave "
+                f"them out by data.reader.folders.{modality}=null."
             )

@@ -34,7 +34,7 @@ from tex_lightning.data.recordings import (
     natural_key,
 )
 from tex_lightning.data.trace_files import SOUND_SUFFIXES, TRACE_SUFFIXES
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason, shorten
 
 CONDITIONS = {
     "direction": tuple(range(0, 360, 45)),
@@ -155,12 +155,15 @@ def _check_header(path: Path, sensor: str) -> None:
     """Compare the columns of a table with those of the sensor; decoding refuses an empty one."""
     if path.suffix.lower() != ".csv" or sensor not in HEADERS:
         return
-    with path.open(encoding="utf-8-sig", errors="replace") as stream:
-        header = re.sub(r"[\s\"]", "", stream.readline(1000))
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as stream:
+            header = re.sub(r"[\s\"]", "", stream.readline(1000))
+    except OSError as error:
+        raise UserError(f"File {path} cannot be read ({reason(error)}); replace it.") from error
     if header and header != HEADERS[sensor]:
         raise UserError(
-            f"File {path} begins with {header!r} where the columns {HEADERS[sensor]} are needed; "
-            "copy it again."
+            f"File {path} begins with {shorten(repr(header))} where the columns {HEADERS[sensor]} "
+            "are needed; copy it again."
         )
 
 

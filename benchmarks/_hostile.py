@@ -1,0 +1,300 @@
+"""Files that claim, hold or are more than a reader should take, and the commands that read them."""
+
+import os
+import pickle
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import soundfile
+import torch
+from PIL import Image
+
+from benchmarks._classifiers import make_classifier
+from benchmarks._seeds import LONG, PIXELS, RATE, SMALL
+from tex_lightning.classifier import lightning_state
+
+Write = Callable[[Path], object]
+MARK = "harmed"  # file that would show that code of a file has run
+SPARSE = 1 << 30  # bytes that need no disk
+TEXT = 200 << 20  # bytes of one line
+SIDE = 40_000  # pixels
+LAUGHS = "".join(f'<!ENTITY l{n} "{f"&l{n - 1};" * 10}">' for n in range(1, 10))
+ALIASES = "a0: &a0 [x, x]\n" + "".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 10)
+)
+
+
+class Harm:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, (str(self.mark),)
+
+
+def sparse(path: Path) -> None:
+    with path.open("wb") as stream:
+        stream.truncate(SPARSE)
+
+
+def long_line(path: Path) -> None:
+    with path.open("wb") as stream:
+        for _ in range(TEXT >> 20):
+            stream.write(b"0.25,-1." * (1 << 17))
+
+
+def claiming_wav(size: int, rate: int = RATE, channels: int = 1) -> Write:
+    """A WAV file whose header claims so many bytes."""
+
+    def write(path: Path) -> None:
+        form = struct.pack("<IHHIIHH", 16, 1, channels, rate, rate * 2 % 2**32, 2, 16)
+        head = b"RIFF" + struct.pack("<I", 0xFFFFFFFF) + b"WAVEfmt " + form + b"data"
+        path.write_bytes(head + struct.pack("<I", size) + (LONG[0] * 3e4).astype("<i2").tobytes())
+
+    return write
+
+
+def claiming_flac(path: Path) -> None:
+    """2**36 - 1 samples by its header."""
+    soundfile.write(path, LONG[0], RATE)
+    content = bytearray(path.read_bytes())
+    content[21] |= 15
+    content[22:26] = b"\xff" * 4
+    path.write_bytes(content)
+
+
+def claiming_npy(shape: str, kind: str = "<f8") -> Write:
+    def write(path: Path) -> None:
+        head = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+        path.write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head + bytes(800))
+
+    return write
+
+
+def pickled_npy(path: Path) -> None:
+    np.save(path, np.array([Harm(path.with_name(MARK))], object), allow_pickle=True)
+
+
+def xml(entities: str, text: str) -> Write:
+    content = f'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY l0 "lol">{entities}]><r>{text}</r>'
+    return lambda path: path.write_text(content)
+
+
+def bomb_png(path: Path) -> None:
+    """Zeros, of which a thousand are a byte."""
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        body = name + content
+        return struct.pack(">I", len(content)) + body + struct.pack(">I", zlib.crc32(body))
+
+    packer = zlib.compressobj(9)
+    row = bytes(1 + SIDE // 8)
+    rows = b"".join(packer.compress(row) for _ in range(SIDE)) + packer.flush()
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", SIDE, SIDE, 1, 0, 0, 0, 0))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", rows) + chunk(b"IEND", b""))
+
+
+def claiming_photo(find: bytes, put: bytes, **options: Any) -> Write:  # noqa: ANN401
+    """A photo whose width and height as ``find`` are overwritten."""
+
+    def write(path: Path) -> None:
+        Image.fromarray(PIXELS).save(path, **options)
+        content = path.read_bytes()
+        assert find in content
+        path.write_bytes(content.replace(find, put, 1))
+
+    return write
+
+
+def large_photo(path: Path) -> None:
+    """170 megapixels, as much as is read."""
+    Image.new("L", (13_000, 13_000)).save(path)
+
+
+def pickled_checkpoint(path: Path) -> None:
+    path.write_bytes(pickle.dumps(Harm(path.with_name(MARK))))
+
+
+def pickled_in_archive(path: Path) -> None:
+    torch.save({"hyper_parameters": Harm(path.with_name(MARK))}, path)
+
+
+def foreign_class(path: Path) -> None:
+    """A card that names a class outside of the package."""
+    card = network("model=haptic", *SMALL)[0]
+    card["branches"]["haptic"]["network"] = {"_target_": "os.mkdir", "path": MARK}
+    torch.save({"hyper_parameters": {"card": card}, "state_dict": {}}, path)
+
+
+def wide_network(path: Path) -> None:
+    """A card that asks for a network of hundreds of GiB."""
+    card, state = network("model=haptic", *SMALL)
+    card["branches"]["haptic"]["width"] = 99.0
+    torch.save({"hyper_parameters": {"card": card}, "state_dict": state}, path)
+
+
+def network(*overrides: str) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    classifier = make_classifier(*overrides, classes=3)
+    return classifier.card.to_dict(), lightning_state(classifier)
+
+
+def zip_bomb(member: str, start: bytes = b"") -> Write:
+    """An archive of a few MiB that holds 4 GiB of zeros."""
+
+    def write(path: Path) -> None:
+        archive = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
+        with archive, archive.open(member, "w", force_zip64=True) as stream:
+            stream.write(start)
+            for _ in range(4096):
+                stream.write(bytes(1 << 20))
+
+    return write
+
+
+def text(content: str) -> Write:
+    return lambda path: path.write_text(content)
+
+
+def nobodys(path: Path) -> None:
+    np.save(path, LONG)
+    path.chmod(0)
+
+
+def nothing(path: Path) -> None:
+    """No file at all."""
+
+
+TRACES: dict[str, Write] = {
+    "sparse.csv": sparse,
+    "line.csv": long_line,
+    "2gb.wav": claiming_wav(0x7FFE0000),
+    "channels.wav": claiming_wav(100, channels=65_535),
+    "slow.wav": claiming_wav(0xFFFFFFF0, rate=1),
+    "fast.wav": claiming_wav(0xFFFFFFF0, rate=2**32 - 1),
+    "claims.flac": claiming_flac,
+    "claims.npy": claiming_npy("(1000000000000,)"),
+    "item.npy": claiming_npy("(3,)", "<U500000000"),
+    "negative.npy": claiming_npy("(-1,)"),
+    "pickled.npy": pickled_npy,
+    "laughs.xml": xml(LAUGHS, "<AccelX>&l9;</AccelX>"),
+    "entity.xml": xml('<!ENTITY e SYSTEM "file:///etc/passwd">', "<AccelX>&e;</AccelX>"),
+    "pipe.wav": os.mkfifo,
+    "zero.wav": lambda path: path.symlink_to("/dev/zero"),
+    "random.csv": lambda path: path.symlink_to("/dev/random"),
+    "loop.npy": lambda path: path.symlink_to(path),
+    "dangling.npy": lambda path: path.symlink_to(path.with_name("nothing")),
+    "x" * 300 + ".wav": nothing,
+}
+PHOTOS: dict[str, Write] = {
+    "bomb.png": bomb_png,
+    "claims.webp": claiming_photo(b"\x28\x00\x30\x00", b"\xff\x3f\xff\x3f", quality=50),
+    "claims.tif": claiming_photo(
+        struct.pack("<HHII", 256, 4, 1, 40), struct.pack("<HHII", 256, 4, 1, 10**9)
+    ),
+    "claims.bmp": claiming_photo(struct.pack("<ii", 40, 48), struct.pack("<ii", 10**6, 10**6)),
+    "claims.jpg": claiming_photo(struct.pack(">HH", 48, 40), b"\xff\xf0\xff\xf0"),
+    "pipe.png": os.mkfifo,
+}
+CHECKPOINTS: dict[str, Write] = {
+    "pickled.ckpt": pickled_checkpoint,
+    "archive.ckpt": pickled_in_archive,
+    "foreign.ckpt": foreign_class,
+    "wide.ckpt": wide_network,
+    "bomb.ckpt": zip_bomb("archive/data.pkl"),
+    "pipe.ckpt": os.mkfifo,
+    "zero.ckpt": lambda path: path.symlink_to("/dev/zero"),
+    "folder.ckpt/": lambda path: path.mkdir(),
+}
+WEIGHTS: dict[str, Write] = {
+    "bomb.npz": zip_bomb("conv1.weight.npy", b"\x93NUMPY\x01\x00"),
+    "pickled.pth": pickled_checkpoint,
+    "bomb.pth": zip_bomb("archive/data.pkl"),
+    "pipe.caffemodel": os.mkfifo,
+}
+MANIFESTS: dict[str, Write] = {
+    "sparse_manifest.csv": sparse,
+    "line_manifest.csv": long_line,
+    "pipe_manifest.csv": os.mkfifo,
+    "zero_manifest.csv": lambda path: path.symlink_to("/dev/zero"),
+}
+OBJECT = "!!python/object/apply:os.mkdir [harmed]\n"
+SEVERITIES: dict[str, Write] = {
+    "object.yaml": text(f"image: {OBJECT}"),
+    "aliases.yaml": text(ALIASES),
+    "zero.yaml": lambda path: path.symlink_to("/dev/zero"),
+}
+
+
+def commands(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Write the files and give each command by name; all have to end with status 2."""
+    for files in (TRACES, PHOTOS, CHECKPOINTS, WEIGHTS, MANIFESTS, SEVERITIES):
+        for name, write in files.items():
+            write(folder / name.rstrip("/"))
+    for kind, more in (("haptic", SMALL), ("visual", ())):
+        card, state = network(f"model={kind}", *more)
+        content = {"hyper_parameters": {"card": card}, "state_dict": state}
+        torch.save(content, folder / f"{kind}.ckpt")
+    np.save(folder / "a.npy", LONG)
+    (folder / "folder.wav").mkdir()
+    yield from _predictions(folder)
+    yield from _trainings(folder)
+    yield from _trees(folder)
+
+
+def _predictions(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Files, many at once, and checkpoints."""
+    own = ["task=predict", f"checkpoint={folder}/haptic.ckpt"]
+    for sense, kind, files in (("haptic", "haptic", TRACES), ("image", "visual", PHOTOS)):
+        given = ",".join(f'"{folder / name}"' for name in files)
+        whole = ["task=predict", f"checkpoint={folder / kind}.ckpt", f"{sense}=[{given}]"]
+        yield f"predict, {sense}", whole
+    yield "folder.wav", [*own, f"haptic={folder}/folder.wav"]
+    for name in (each.rstrip("/") for each in CHECKPOINTS):
+        yield name, ["task=predict", f"checkpoint={folder / name}", f"haptic={folder}/a.npy"]
+
+
+def _trainings(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Weights, manifests and tables of severities."""
+    for name in WEIGHTS:
+        kind = "visual_squeezenet" if name.endswith(".pth") else "visual"
+        yield name, [f"model={kind}", "model.visual.width=1", "model.visual.norm=none",
+                     f"weights={folder / name}", "data=synthetic"]  # fmt: skip
+    for name in MANIFESTS:
+        yield name, ["model=haptic", "data=manifest", f"data.manifest={folder / name}"]
+    for name in SEVERITIES:
+        yield name, ["task=stability", f"stability.systems=[{folder}/haptic.ckpt]",
+                     f"stability.severities=[{folder / name}]", "data=synthetic"]  # fmt: skip
+
+
+def _trees(folder: Path) -> Iterator[tuple[str, list[str]]]:
+    """Folders of data and of configuration."""
+    for label in ("oak", "felt"):
+        place = folder / "data" / label / "haptic"
+        place.mkdir(parents=True)
+        for name in ("pipe.wav", "loop.npy", "zero.wav", "random.csv"):
+            TRACES[name](place / name)
+    yield "folder of pipes", ["model=haptic", "data=folder", f"data.root={folder}/data"]
+    for name, content in (("object", f"root: {OBJECT}"), ("aliases", ALIASES), ("bytes", "\0")):
+        place = folder / name / "data"
+        place.mkdir(parents=True)
+        (place / "own.yaml").write_text(content)
+        yield (
+            f"configuration, {name}",
+            [f"--config-dir={folder / name}", "data=own", "model=haptic"],
+        )
+    place = folder / "run" / "checkpoints"
+    place.mkdir(parents=True)
+    for kind in ("haptic", "visual"):
+        (place / f"{kind}.ckpt").touch()
+    (folder / "run" / "settings.json").write_text("[" * 100_000)
+    yield "run folder", ["task=predict", f"checkpoint={folder}/run", f"haptic={folder}/a.npy"]
+    nobodys(folder / "nobodys.npy")
+    yield "nobody's file", ["task=predict", f"checkpoint={folder}/haptic.ckpt",
+                            f"haptic={folder}/nobodys.npy"]  # fmt: skip

@@ -1,0 +1,20 @@
+"""Bombs, claims, code, pipes and devices through the command line."""
+
+import pytest
+
+from benchmarks.hostile import run_all, sentence
+
+
+@pytest.mark.slow
+def test_each_ends_with_status_2_and_a_sentence_in_little_memory():
+    found = run_all()
+    assert "process" not in found  # nothing crashed, and no code of a file has run
+    assert {name: each["wrong"] for name, each in found.items() if each["wrong"]} == {}
+    assert len(found) > 25
+    assert max(each["mebibytes"] for each in found.values()) < 200
+
+
+def test_what_counts_as_a_sentence():
+    assert sentence("Error: File A does not exist; check the path.")
+    for line in ("Error: it broke", "Error: It broke. Try again.", "x" * 1000 + "."):
+        assert not sentence(line)

@@ -1,0 +1,35 @@
+"""Damaged files of every format: accepted with finite numbers, or refused in one sentence."""
+
+import pytest
+
+from benchmarks._mutate import mutated
+from benchmarks._trials import COUNT, NAMES, attempts, in_process
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_every_reader_accepts_or_refuses_every_damaged_file(name):
+    tally = in_process(name, COUNT)
+    assert tally.wrong == []
+    assert tally.tried == tally.accepted + tally.refused >= COUNT // 2
+    assert tally.worst_seconds < 10
+    assert tally.worst_mebibytes < 100
+
+
+def test_damage_is_the_same_each_time_and_different_each_time():
+    seed = b"RIFF" + bytes(range(200))
+    files = [content for _, content in mutated(seed, 60, text=False)]
+    assert files == [content for _, content in mutated(seed, 60, text=False)]
+    assert len({*files, seed}) > 55
+    assert files != [content for _, content in mutated(seed, 60, text=False, number=1)]
+
+
+def test_what_a_reader_does_wrong_is_told(tmp_path, monkeypatch):
+    def break_reading(*_: object) -> None:
+        print("library")
+        raise KeyError("inside")
+
+    monkeypatch.setattr("tex_lightning.data.trace_files.axes_first", break_reading)
+    monkeypatch.setattr("benchmarks._trials.limit_memory", lambda: None)
+    with pytest.raises(RuntimeError, match="npy is refused whole: "):
+        next(attempts("npy", 1, tmp_path))
