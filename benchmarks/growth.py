@@ -31,7 +31,7 @@ from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.folds import check_split, make_samples, split
 from tex_lightning.data.recordings import Recording, Recordings, read_manifest, write_manifest
 from tex_lightning.decision.voting import max_vote
-from tex_lightning.evaluation.calibration import calibration, calibration_figure
+from tex_lightning.evaluation.calibration import calibration
 from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts, vote_counts
 from tex_lightning.evaluation.mcnemar import mcnemar
@@ -44,7 +44,9 @@ from tex_lightning.evaluation.outcomes import (
 from tex_lightning.evaluation.pairing import difference
 from tex_lightning.learning.statistics import left_out_novelties
 from tex_lightning.networks.statistics import FeatureStatistics
-from tex_lightning.report.figures import class_accuracy_figure, confusion_figure, save_figure
+from tex_lightning.report.calibration_figure import calibration_figure
+from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
+from tex_lightning.report.figures import save_figure
 from tex_lightning.report.page.media import shown_samples
 from tex_lightning.report.page.writing import write_page
 from tex_lightning.runs.explained import telling
@@ -249,18 +251,20 @@ def _counts(given: Simulated) -> Any:  # noqa: ANN401
 
 
 def _confusion(given: Simulated) -> Callable[[], object]:
-    counts, path = _counts(given), given.folder / "confusion.png"
-    return lambda: save_figure(confusion_figure(counts, given.names, "votes"), path)
+    counts, path = _counts(given), given.folder / "confusion"
+    return lambda: save_figure(confusion_figure(counts, given.names, "votes"), path, ("png",))
 
 
 def _bars(given: Simulated) -> Callable[[], object]:
-    counts, path = _counts(given), given.folder / "bars.png"
-    return lambda: save_figure(class_accuracy_figure(counts, given.names, "votes"), path)
+    counts, path = _counts(given), given.folder / "bars"
+    return lambda: save_figure(
+        class_accuracy_figure(counts, given.names, "fusion", "votes"), path, ("png",)
+    )
 
 
 def _reliability(given: Simulated) -> Callable[[], object]:
-    outcomes, path = given.outcomes, given.folder / "calibration.png"
-    return lambda: save_figure(calibration_figure(outcomes, "votes"), path)
+    outcomes, path = given.outcomes, given.folder / "calibration"
+    return lambda: save_figure(calibration_figure(outcomes, "votes"), path, ("png",))
 
 
 def _paired(given: Simulated, outcomes: list[Outcome]) -> object:
