@@ -3,6 +3,8 @@
 import json
 import time
 import zlib
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 from tex_lightning_runtime.recordings import Array, Decoded, UserError, decode, read_trace, require
 
 FORMAT = 2  # of the file's metadata
+PROVIDER = "CPUExecutionProvider"
 FATAL = 4  # severity of what ONNX Runtime logs
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 ABSENT = {"signal": np.zeros((1, 0), np.float32), "photo": np.zeros((0, 0, 3), np.uint8)}
@@ -31,13 +34,14 @@ class Runtime:
         # threads that wait in a loop take the processor from whatever else the machine does
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
-            found = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+            with redirect_stdout(StringIO()):  # it prints what it then raises
+                found = onnxruntime.InferenceSession(path, options, providers=[PROVIDER])
             self.card = json.loads(found.get_modelmeta().custom_metadata_map["tex_lightning"])
         except Exception as error:  # they have no class in common
             raise UserError(f"Model {path} is missing, or no file of task=export.") from error
         require(self.card["format"] == FORMAT, f"Model {path} has another format; export it anew.")
         self.senses = {each["modality"]: each for each in self.card["senses"]}
-        self._session, self._top_k = found, top_k
+        self._session, self._top_k, self._path = found, top_k, path
 
     def predict(self, *, rate: float | None = None, **recordings: Any) -> dict[str, Any]:
         """Classify one sample: by modality a file, samples (axes, samples) or pixels (M, N, 3).
@@ -106,6 +110,9 @@ class Runtime:
                 raise
             return {}
         told = [each["name"] for each in self.card["senses"] if each["modality"] in inputs]
+        scores = [found[f"{name}_scores"] for name in told]
+        finite = all(bool(np.isfinite(each).all()) for each in scores)
+        require(finite, f"Model {self._path} computes NaN, so it is damaged; export it anew.")
         return found if all(found[f"{name}_scores"].size for name in told) else {}
 
 
