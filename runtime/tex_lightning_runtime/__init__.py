@@ -2,6 +2,5 @@
 
 from tex_lightning_runtime.recordings import UserError as UserError
 from tex_lightning_runtime.runtime import Runtime as Runtime
-from tex_lightning_runtime.runtime import Stream as Stream
 
 __version__ = "0.1.0"

@@ -10,7 +10,7 @@ from pathlib import Path
 from tex_lightning_runtime.recordings import UserError, require
 from tex_lightning_runtime.runtime import Runtime
 
-TRACES, PHOTOS = r"wav|flac|npy|txt|csv", r"jpe?g|png|bmp|tiff?|webp"
+KNOWN = r"\.(wav|flac|npy|txt|csv|jpe?g|png|bmp|tiff?|webp)$"
 
 
 def main() -> int:
@@ -55,7 +55,7 @@ def _files(value: str) -> list[str]:
     if path.is_file() or not (path.is_dir() or has_magic(value)):
         return [value]
     found = glob(f"{path}/*" if path.is_dir() else str(path), recursive=True)  # noqa: PTH207
-    known = [each for each in found if re.search(rf"\.({TRACES}|{PHOTOS})$", each.lower())]
+    known = [each for each in found if re.search(KNOWN, each.lower())]
     return sorted(known, key=lambda each: re.sub(r"\d+", lambda n: n[0].zfill(20), Path(each).stem))
 
 

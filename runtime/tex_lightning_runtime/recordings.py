@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-Array = npt.NDArray[Any]
+Array = np.ndarray[Any, np.dtype[Any]]
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 NUMBERS = re.compile(r"[-+.,;\s\deE]*\d[-+.,;\s\deE]*")
 TIME = re.compile(r"(^|[,;#%\s])(time\w*|t|zeit|m?secs?|m?seconds?)([\W_]|$)", re.IGNORECASE)
@@ -73,9 +72,9 @@ def _photo(given: Any, sense: dict[str, Any]) -> Decoded:
 
         box = 0, 0, photo.shape[1] // 2 * 2, photo.shape[0] // 2 * 2
         seen = np.asarray(Image.fromarray(photo).reduce(2, box))
-    said = f"The {what} has {seen.shape[1]}x{seen.shape[0]} pixels after decoding"
-    require(min(seen.shape[:2]) >= least, f"{said}; use one of at least {least} a side.")
-    step = max(1, min(seen.shape[:2]) // PHOTO_SIDE)
+    side, said = min(seen.shape[:2]), f"The {what} has {seen.shape[1]}x{seen.shape[0]} pixels"
+    require(side >= least, f"{said} after decoding; use one of at least {least} a side.")
+    step = max(1, side // PHOTO_SIDE)
     grey = seen[::step, ::step].mean(axis=2)
     found = _unlike(sense, brightness=grey.mean(), contrast=grey.std())
     if empty := bool(grey.std() < UNIFORM):
@@ -94,9 +93,7 @@ def _unlike(sense: dict[str, Any], **measures: float) -> list[str]:
 def resample(x: Array, source: float, target: float) -> Array:
     """Bring signals (axes, samples) to another rate in Hz; equal to SciPy's to the last bit."""
     ratio = Fraction(target / source if source > 0 else 0).limit_denominator(10_000)
-    require(
-        0.001 < ratio < 1000, f"A rate of {source:g} Hz is too far from {target:g}; correct it."
-    )
+    require(0.001 < ratio < 1000, f"A rate of {source:g} Hz is far from {target:g}; correct it.")
     (up, down), dtype = ratio.as_integer_ratio(), x.dtype.type
     if up == down:
         return np.ascontiguousarray(x, np.float32)

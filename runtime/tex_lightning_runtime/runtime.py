@@ -4,7 +4,6 @@ import json
 import time
 import zlib
 from contextlib import redirect_stdout
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,7 @@ import numpy as np
 
 from tex_lightning_runtime.recordings import Array, Decoded, UserError, decode, read_trace, require
 
-FORMAT = 2  # of the file's metadata
-PROVIDER = "CPUExecutionProvider"
-FATAL = 4  # severity of what ONNX Runtime logs
+FORMAT, FATAL = 2, 4  # of the file's metadata; severity of what ONNX Runtime logs
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 ABSENT = {"signal": np.zeros((1, 0), np.float32), "photo": np.zeros((0, 0, 3), np.uint8)}
 
@@ -27,19 +24,20 @@ class Runtime:
     """
 
     def __init__(self, path: str | Path, *, top_k: int = 3, threads: int = 0) -> None:
-        import onnxruntime
+        import onnxruntime as ort
 
-        options = onnxruntime.SessionOptions()
+        options = ort.SessionOptions()
         options.intra_op_num_threads, options.log_severity_level = threads, FATAL
         # threads that wait in a loop take the processor from whatever else the machine does
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
-            with redirect_stdout(StringIO()):  # it prints what it then raises
-                found = onnxruntime.InferenceSession(path, options, providers=[PROVIDER])
+            with redirect_stdout(None):  # it prints what it then raises
+                found = ort.InferenceSession(path, options, providers=["CPUExecutionProvider"])
             self.card = json.loads(found.get_modelmeta().custom_metadata_map["tex_lightning"])
+            fits = self.card["format"] == FORMAT
         except Exception as error:  # they have no class in common
             raise UserError(f"Model {path} is missing, or no file of task=export.") from error
-        require(self.card["format"] == FORMAT, f"Model {path} has another format; export it anew.")
+        require(fits, f"Model {path} has another format; export it anew.")
         self.senses = {each["modality"]: each for each in self.card["senses"]}
         self._session, self._top_k, self._path = found, top_k, path
 
@@ -109,11 +107,10 @@ class Runtime:
             if all("rate" not in self.senses[name] for name in inputs):
                 raise
             return {}
-        told = [each["name"] for each in self.card["senses"] if each["modality"] in inputs]
-        scores = [found[f"{name}_scores"] for name in told]
+        scores = [found[f"{self.senses[name]['name']}_scores"] for name in inputs]
         finite = all(bool(np.isfinite(each).all()) for each in scores)
         require(finite, f"Model {self._path} computes NaN, so it is damaged; export it anew.")
-        return found if all(found[f"{name}_scores"].size for name in told) else {}
+        return found if all(each.size for each in scores) else {}
 
 
 class Stream:
