@@ -24,7 +24,8 @@ QUIET = "logger.tensorboard=null"  # whose figures cost more than the rest
 # Times differ from run to run, and what follows from them. `loops` are Lightning's counters, which
 # know of an interrupted epoch.
 TIMED = re.compile(
-    r"seconds|_ms|^fit s$|^ratio$|^loops$|environment|on_frontier|chosen|command|procedure|^overrides$"
+    r"seconds|_ms|^fit s$|^ratio$|^loops$|environment|on_frontier|chosen|command|procedure|"
+    r"^overrides$"
 )
 
 
