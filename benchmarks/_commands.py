@@ -21,9 +21,11 @@ LOGS = {"metrics", "tensorboard"}
 TINY, FOLDS = ("debug=tiny", "data.folds=4"), "crossval.only=[0,1]"
 SMALL = "data.synthetic.recordings=4"
 QUIET = "logger.tensorboard=null"  # whose figures cost more than the rest
-# Times differ from run to run, and what follows from them.
+# Times differ from run to run, and what follows from them. `loops` are Lightning's counters, which
+# know of an interrupted epoch.
 TIMED = re.compile(
-    r"seconds|_ms|^fit s$|^ratio$|environment|on_frontier|chosen|command|procedure|^overrides$"
+    r"seconds|_ms|^fit s$|^ratio$|^loops$|environment|on_frontier|chosen|command|procedure|"
+    r"^overrides$"
 )
 
 

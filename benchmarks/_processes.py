@@ -77,8 +77,11 @@ class Running:
 
     def send(self, number: signal.Signals) -> None:
         """Send a signal to it and to all that it has started."""
-        with suppress(ProcessLookupError):
+        try:
             os.killpg(self.pid, number)
+        except ProcessLookupError:  # it does not lead a session yet
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
 
     def end(self) -> Ended:
         """Wait for the end."""

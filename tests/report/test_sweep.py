@@ -12,6 +12,8 @@ from omegaconf import OmegaConf
 from tex_lightning.evaluation.outcomes import RANDOM, Outcome, summarise, write_outcomes
 from tex_lightning.report.sweep import SweepSummary
 
+FIGURES = {"figures": {"format": "png"}}
+
 
 def job(folder: Path, task: str, results: dict | None) -> None:
     (folder / ".hydra").mkdir(parents=True)
@@ -25,7 +27,8 @@ def ended(monkeypatch):
     monkeypatch.setattr(SweepSummary, "failures", 0)
 
     def end(folder: Path) -> dict[str, str]:
-        SweepSummary().on_multirun_end(OmegaConf.create({"hydra": {"sweep": {"dir": str(folder)}}}))
+        config = {"hydra": {"sweep": {"dir": str(folder)}}, **FIGURES}
+        SweepSummary().on_multirun_end(OmegaConf.create(config))
         with (folder / "sweep.csv").open() as stream:
             return {row["job"]: row["status"] for row in csv.DictReader(stream)}
 
@@ -52,7 +55,7 @@ def test_overrides_that_only_a_job_can_resolve_are_kept_as_they_are(tmp_path):
     asked = ["hydra.sweep.subdir=${hydra.job.num}", "data.root=${oc.env:NOWHERE_SET}"]
     OmegaConf.save(asked[1:], tmp_path / "0" / ".hydra" / "overrides.yaml")
     config = {"sweep": {"dir": str(tmp_path)}, "overrides": {"hydra": asked[:1], "task": asked[1:]}}
-    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config}))
+    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config, **FIGURES}))
     with (tmp_path / "sweep.csv").open() as stream:
         assert [row["overrides"] for row in csv.DictReader(stream)] == asked[1:]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -79,7 +82,7 @@ def finish(folder: Path, seed: int, correct: int, fold: int = 0) -> None:
 
 def swept(folder: Path) -> list[dict[str, str]]:
     config = {"sweep": {"dir": str(folder)}, "overrides": {"task": ["seed=0,1,2", "debug=tiny"]}}
-    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config}))
+    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config, **FIGURES}))
     with (folder / "sweep.csv").open() as stream:
         return list(csv.DictReader(stream))
 
@@ -119,7 +122,8 @@ def test_folds_are_pooled_before_seeds_and_fit_seconds_are_one_sum(tmp_path, cap
 
 def test_a_second_sweep_in_the_folder_is_refused_until_the_first_has_ended(tmp_path, capsys):
     trainer = {"devices": 1, "num_nodes": 1}
-    config = OmegaConf.create({"hydra": {"sweep": {"dir": str(tmp_path)}}, "trainer": trainer})
+    hydra = {"sweep": {"dir": str(tmp_path)}}
+    config = OmegaConf.create({"hydra": hydra, "trainer": trainer, **FIGURES})
     first, second = SweepSummary(), SweepSummary()
     first.on_multirun_start(config)
     pickle.loads(pickle.dumps(first))  # as launchers send it to their processes
