@@ -2,7 +2,6 @@
 
 import csv
 import errno
-import fcntl
 import json
 import os
 import re
@@ -18,13 +17,16 @@ from typing import TYPE_CHECKING, Any
 
 from tex_lightning.errors import UserError, reason
 
+try:
+    import fcntl
+except ImportError:  # Windows, where what a killed process leaves is not told from work in progress
+    fcntl = None  # type: ignore[assignment]
+
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 # A folder or disk that cannot be written; anything else is a fault of the program.
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
-
-
 LONGEST_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
 LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
 
@@ -168,29 +170,37 @@ def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
     not, and goes first.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
-    _remove_abandoned(target)
+    if fcntl is not None:
+        _remove_abandoned(target)
     partial, handle = _make_partial(target, folder=folder)
     try:
         yield partial
     finally:
         _remove(partial)
-        os.close(handle)
+        if handle is not None:
+            os.close(handle)
 
 
-def _make_partial(target: Path, *, folder: bool) -> tuple[Path, int]:
-    """Make it and lock it; gives it and the open file that holds the lock."""
+def _make_partial(target: Path, *, folder: bool) -> tuple[Path, int | None]:
+    """Make it and lock it; gives it and the open file that holds the lock, if there are locks."""
     prefix = f".{target.name}."
     while True:
         if folder:
             name = tempfile.mkdtemp(dir=target.parent, prefix=prefix)
-            handle = os.open(name, os.O_RDONLY)
         else:
             handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix)
+            os.close(handle)
+        if fcntl is None:
+            return Path(name), None
+        try:
+            handle = os.open(name, os.O_RDONLY)
+        except FileNotFoundError:
+            continue  # another process took it for abandoned before it was locked
         with suppress(OSError):  # a file system without locks
             fcntl.flock(handle, fcntl.LOCK_EX)
         if Path(name).exists():
             return Path(name), handle
-        os.close(handle)  # another process took it for abandoned before it was locked
+        os.close(handle)  # likewise
 
 
 def _remove_abandoned(target: Path) -> None:
