@@ -17,6 +17,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.files import (
     partial_path,
     quiet_threads,
+    read_record,
     write_atomically,
     write_rows,
     write_text,
@@ -117,3 +118,11 @@ def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
             thread.start()
             thread.join()
     assert [type(error) for error in said] == [OSError, ValueError]
+
+
+@pytest.mark.parametrize("content", ['{"networks": ', "[1, 2]", "\0", "\u00e9"])
+def test_a_damaged_record_is_one_sentence(tmp_path, content):
+    path = tmp_path / "results.json"
+    path.write_text(content, encoding="latin-1")
+    with pytest.raises(UserError, match=rf"^Record {path} is [^\n]*\.$"):
+        read_record(path)

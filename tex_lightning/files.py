@@ -95,6 +95,18 @@ def read_json(path: Path, what: str) -> Any:  # noqa: ANN401
         raise UserError(f"{what} {path} is no JSON ({reason(error)}); correct it.") from error
 
 
+def read_record(path: Path) -> dict[str, Any]:
+    """What a run has written of itself, such as ``results.json``.
+
+    Raises:
+        UserError: If it is damaged.
+    """
+    content = read_json(path, "Record")
+    if not isinstance(content, dict):
+        raise UserError(f"Record {path} is damaged; delete it and run its command again.")
+    return content
+
+
 def matches(pattern: str) -> list[Path]:
     """Paths that match a pattern such as ``DIR/*.wav``; ``**`` stands for any folders."""
     return [Path(name) for name in glob(pattern, recursive=True)]  # noqa: PTH207  (may be absolute)

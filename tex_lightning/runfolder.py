@@ -13,7 +13,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config.job import Job
 from tex_lightning.config.model import kind_of
 from tex_lightning.errors import UserError
-from tex_lightning.files import read_json, unwritable, write_text
+from tex_lightning.files import read_record, unwritable, write_text
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: Job) -> None
     note = directory / SETTINGS
     wanted = {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
     if note.is_file() and holds_work(directory):
-        found = _read(note)
+        found = read_record(note)
         differing = sorted(key for key in {*wanted, *found} if wanted.get(key) != found.get(key))
         if differing:
             raise UserError(
@@ -95,13 +95,6 @@ def claim_folder(composed: DictConfig, values: dict[str, Any], job: Job) -> None
         ("overrides", OmegaConf.create(list(job.overrides))),
     ):
         write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
-
-
-def _read(note: Path) -> dict[str, Any]:
-    settings = read_json(note, "Record")
-    if not isinstance(settings, dict):
-        raise UserError(f"Record {note} is damaged; choose another folder.")
-    return settings
 
 
 def find_checkpoint(given: str | Path) -> Path:
@@ -125,7 +118,7 @@ def find_checkpoint(given: str | Path) -> Path:
             "the folder of a finished run."
         )
     note = path / SETTINGS
-    settings = _read(note) if note.is_file() else {}
+    settings = read_record(note) if note.is_file() else {}
     # task=enroll has another model's senses among its settings, and a single network
     senses = None if settings.get("task") == "enroll" else settings.get("model.senses")
     own = kind_of(senses) if senses else None

@@ -16,6 +16,7 @@ from tex_lightning import __version__
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError, listed
+from tex_lightning.files import read_record
 
 RESULTS = "results.json"
 BREAKS = "breaking_points.csv"
@@ -54,8 +55,7 @@ def _results(checkpoint: Path) -> dict[str, Any]:
     run = checkpoint.resolve().parent.parent
     for folder in ([run.parent.parent] if run.parent.name == "folds" else []) + [run]:
         if (folder / RESULTS).is_file():
-            found: dict[str, Any] = json.loads((folder / RESULTS).read_text(encoding="utf-8"))
-            return found
+            return read_record(folder / RESULTS)
     return {}
 
 

@@ -1,6 +1,5 @@
 """``report.md``: tables, confusion matrices and telling pairs of one run or of a whole sweep."""
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +9,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.conditions import describe
 from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
-from tex_lightning.files import write_text
+from tex_lightning.files import read_record, write_text
 from tex_lightning.report.confused_pairs import pairs_figure
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
 from tex_lightning.report.figures import picture, save_figure
@@ -136,7 +135,7 @@ def _profiles(runs: Sequence[Path]) -> dict[str, dict[str, Any]]:
     for run in runs:
         file = run / "profile" / "results.json"
         if file.is_file():
-            results = json.loads(file.read_text(encoding="utf-8"))
+            results = read_record(file)
             for kind, network in results["networks"].items():
                 found[results["model"]] = {**network, "kind": kind}
     return found

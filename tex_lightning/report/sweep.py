@@ -19,7 +19,7 @@ from tex_lightning.config.job import Job
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
-from tex_lightning.files import write_rows, write_text
+from tex_lightning.files import read_record, write_rows, write_text
 from tex_lightning.progress import Stage, begin
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import (
@@ -169,7 +169,7 @@ def rerun_command(config: DictConfig, directory: Path) -> str:
 def _rows(job: Path, root: Path) -> list[Row]:
     start: Row = {"job": str(job.relative_to(root))}
     if (job / FAILURE).is_file():
-        failure = json.loads((job / FAILURE).read_text(encoding="utf-8"))
+        failure = read_record(job / FAILURE)
         return [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
     start["overrides"] = run_overrides(job)
     results = job / "results.json"
@@ -178,7 +178,7 @@ def _rows(job: Path, root: Path) -> list[Row]:
         return [{**start, "status": "done" if silent else "not finished"}]
     start["status"] = "done"
     # a frontier and a test of stability have tables of their own
-    networks = json.loads(results.read_text(encoding="utf-8")).get("networks", {})
+    networks = read_record(results).get("networks", {})
     return [{**start, **_row(name, network)} for name, network in networks.items()] or [start]
 
 

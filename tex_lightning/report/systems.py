@@ -1,6 +1,5 @@
 """Tested systems, read back from the run folders that they were tested in."""
 
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,6 +10,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.card import SUFFIX
 from tex_lightning.evaluation.outcomes import RANDOM, Outcome, read_outcomes
+from tex_lightning.files import read_record
 from tex_lightning.report.table import run_overrides
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")
@@ -101,7 +101,7 @@ def read_systems(runs: Iterable[Path]) -> list[System]:
     shared = set.intersection(*map(set, asked.values())) if asked else set()
     for run in asked:
         file = run / "results.json"
-        results = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+        results = read_record(file) if file.is_file() else {}
         networks = results.get("networks", {})
         for kind, entry in networks.items():
             if "vote_accuracy" in entry:

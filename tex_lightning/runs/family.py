@@ -1,6 +1,5 @@
 """The systems of a family: what each composes to, trained and tested on the same folds."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.choice import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
+from tex_lightning.files import read_record
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.progress import stage
 from tex_lightning.runs.fold import fit_fold
@@ -202,10 +202,8 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
 
 def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measured:
     kind = member.recipe.model.kind
-    entries = [
-        json.loads((_place(directory, pair) / DONE).read_text(encoding="utf-8"))
-        for pair in dict.fromkeys(pairs.values())
-    ]
+    places = [_place(directory, pair) for pair in dict.fromkeys(pairs.values())]
+    entries = [read_record(place / DONE) for place in places]
     tests, partners = {}, {}
     for fold, pair in pairs.items():
         other = pair[1] if fold == pair[0] else pair[0]

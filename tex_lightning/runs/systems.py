@@ -1,6 +1,5 @@
 """What ``task=stability`` tests: systems from run folders and checkpoints."""
 
-import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
+from tex_lightning.files import read_record
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.runfolder import SETTINGS
 from tex_lightning.runs.opening import Opening
@@ -149,7 +149,7 @@ def _name(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
     """The model of a run; the kind of a network that only accompanies it, or of a bare file."""
     note = path / SETTINGS
     if path.is_dir() and note.is_file():
-        settings = json.loads(note.read_text(encoding="utf-8"))
+        settings = read_record(note)
         senses = settings.get("model.senses")
         if senses and kind_of(senses) == kind:
             return str(settings["model.name"])

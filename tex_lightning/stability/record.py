@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
 
+from tex_lightning.errors import UserError
 from tex_lightning.files import write_text
 from tex_lightning.stability.evaluator import Decision
 
@@ -18,6 +19,9 @@ class Record:
 
     Args:
         path: The file; what it holds already is read. A last line that is cut off is left out.
+
+    Raises:
+        UserError: If another line is damaged.
     """
 
     def __init__(self, path: Path) -> None:
@@ -28,9 +32,16 @@ class Record:
             whole = [line for line in lines if line.endswith("\n")]
             if len(whole) < len(lines):
                 write_text(path, "".join(whole))
-            for line in whole:
-                system, perturbation, severity, made = json.loads(line)
-                self.trials[system, perturbation, severity] = [Decision(*each) for each in made]
+            for number, line in enumerate(whole, start=1):
+                try:
+                    *key, made = json.loads(line)
+                    system, perturbation, severity = key
+                    self.trials[system, perturbation, severity] = [Decision(*one) for one in made]
+                except (TypeError, ValueError) as error:
+                    raise UserError(
+                        f"Line {number} of {path} is damaged; delete that line and run the same "
+                        "command again."
+                    ) from error
 
     def add(self, key: Key, decisions: Sequence[Decision]) -> None:
         """Keep the decisions of one trial."""

@@ -4,7 +4,6 @@ A fold that is finished is never repeated: the same command with the same ``hydr
 where the last one stopped, in the middle of a fold if need be.
 """
 
-import json
 import logging
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +27,7 @@ from tex_lightning.evaluation.outcomes import (
     write_outcomes,
     write_results,
 )
+from tex_lightning.files import read_record
 from tex_lightning.loggers import log_test
 from tex_lightning.progress import steps
 from tex_lightning.ranks import is_rank_zero
@@ -136,8 +136,7 @@ def _finished_fold(workspace: Workspace, fold: int) -> dict[str, Any] | None:
     if not done.is_file():
         return None
     log.info("Fold %d is done already.", fold)
-    results: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
-    return results
+    return read_record(done)
 
 
 def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:

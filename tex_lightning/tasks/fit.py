@@ -1,6 +1,5 @@
 """Train a network and test it on the held-out fold; FusionNet trains its two parts first."""
 
-import json
 import logging
 import time
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.evaluation.outcomes import write_results
+from tex_lightning.files import read_record
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
@@ -42,6 +42,6 @@ def _finished(directory: Path) -> dict[str, Any] | None:
     if not done.is_file():
         return None
     log.info("This run is finished already.")
-    results: dict[str, Any] = json.loads(done.read_text(encoding="utf-8"))
+    results = read_record(done)
     print_results(results, directory)
     return results

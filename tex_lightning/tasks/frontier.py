@@ -4,7 +4,6 @@ Each tested fold has a partner that is left out of training with it. The system 
 all votes; how well such a choice does is measured on each fold by the choice on its partner.
 """
 
-import json
 import shlex
 import time
 from collections.abc import Mapping, Sequence
@@ -25,6 +24,7 @@ from tex_lightning.evaluation.choice import (
 )
 from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
 from tex_lightning.evaluation.pairing import correct_shares
+from tex_lightning.files import read_record
 from tex_lightning.report.added_senses import print_added_senses, write_added_senses
 from tex_lightning.report.frontier_chart import (
     PROCEDURE,
@@ -122,7 +122,7 @@ def _earlier(directory: Path) -> tuple[list[str], list[int]]:
     path = directory / "results.json"
     if not path.is_file():
         return [], []
-    results = json.loads(path.read_text(encoding="utf-8"))
+    results = read_record(path)
     return list(results["systems"]), list(results["folds"])
 
 

@@ -1,7 +1,6 @@
 """Write ``report.html`` from what a run folder holds."""
 
 import csv
-import json
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 from markdown_it import MarkdownIt
 
-from tex_lightning.files import write_text
+from tex_lightning.files import read_record, write_text
 from tex_lightning.report.figures import SHOWN
 from tex_lightning.report.page.curves import Curve, read_curves
 from tex_lightning.report.page.media import embedded, is_broad, shown_samples
@@ -38,8 +37,8 @@ def write_page(directory: Path, command: str | None = None) -> None:
         directory: A run folder, or that of a sweep.
         command: What repeats it; None takes what the run folder says.
     """
-    results = _read_json(directory / "results.json")
-    settings = _read_json(directory / "settings.json")
+    results = _read(directory / "results.json")
+    settings = _read(directory / "settings.json")
     given = run_overrides(directory)
     report = directory / REPORT
     shown = _rendered(report, directory) if report.is_file() else ""
@@ -71,9 +70,8 @@ def write_page(directory: Path, command: str | None = None) -> None:
     write_text(directory / PAGE, page)
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    return found
+def _read(path: Path) -> dict[str, Any]:
+    return read_record(path) if path.is_file() else {}
 
 
 def _rendered(report: Path, directory: Path) -> str:
