@@ -134,7 +134,8 @@ def test_breaking_points_in_the_card(cli, untrained, tmp_path):
 def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path, monkeypatch):
     wrong = {"scores": np.zeros((3, 50)), "label": -1, "probabilities": np.zeros(3)}
     monkeypatch.setattr(export, "trace", lambda classifier: None)
-    monkeypatch.setattr(export, "make_onnx", lambda classifier, traced: None)
+    monkeypatch.setattr(export, "plain_onnx", lambda classifier, traced: None)
+    monkeypatch.setattr(export, "completed", lambda classifier, model: None)
     monkeypatch.setattr(export, "onnx_runner", lambda model: lambda inputs: wrong)
     outcome = cli("task=export", f"checkpoint={untrained}", f"export.out={tmp_path}/out")
     assert outcome.status == 2

@@ -20,7 +20,7 @@ def quantised(model: Any, samples: Sequence[Given]) -> Any:  # noqa: ANN401
     Sums of squares of response normalisation stay float: they span too many powers of ten.
 
     Args:
-        model: ``onnx.ModelProto`` as :func:`~tex_lightning.export.onnx_file.make_onnx` gives it.
+        model: ``onnx.ModelProto`` as :func:`~tex_lightning.export.onnx_file.plain_onnx` gives it.
         samples: By which the ranges of activations are measured.
 
     Raises:

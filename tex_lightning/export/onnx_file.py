@@ -94,10 +94,16 @@ def write_onnx(model: Any, path: Path) -> None:  # noqa: ANN401
 
     They tell where in the code, and in which folder of this machine, a node comes from.
     """
-    for node in model.graph.node:
+    _clear(model.graph)
+    path.write_bytes(model.SerializeToString())
+
+
+def _clear(graph: Any) -> None:  # noqa: ANN401
+    for node in graph.node:
         node.ClearField("metadata_props")
         node.ClearField("doc_string")
-    for value in (*model.graph.value_info, *model.graph.input, *model.graph.output):
+        for branch in (each.g for each in node.attribute if each.HasField("g")):
+            _clear(branch)
+    for value in (*graph.value_info, *graph.input, *graph.output):
         value.ClearField("metadata_props")
-    model.graph.ClearField("metadata_props")
-    path.write_bytes(model.SerializeToString())
+    graph.ClearField("metadata_props")

@@ -17,7 +17,13 @@ from tex_lightning.export.check import Agreement, Runner, compare, refuse, toler
 from tex_lightning.export.int8 import CALIBRATION, quantised
 from tex_lightning.export.metadata import metadata
 from tex_lightning.export.model_card import model_card
-from tex_lightning.export.onnx_file import make_onnx, without_defaults, write_onnx
+from tex_lightning.export.onnx_file import (
+    completed,
+    make_onnx,
+    plain_onnx,
+    without_defaults,
+    write_onnx,
+)
 from tex_lightning.export.onnx_run import onnx_runner
 from tex_lightning.export.program import program_runner, write_program
 from tex_lightning.export.recordings import recordings
@@ -71,12 +77,14 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 def _onnx(order: Order) -> dict[str, Any]:
     """``KIND.onnx``, and with ``export.int8`` ``KIND_int8.onnx``, run by onnxruntime."""
     classifier, config = order.classifier, order.config
-    model = make_onnx(classifier, trace(classifier))
+    plain = plain_onnx(classifier, trace(classifier))
+    model = completed(classifier, plain)
     path = order.out / f"{classifier.card.kind}.onnx"
     entry = _checked(order, onnx_runner(model), path, lambda partial: write_onnx(model, partial))
     if not config.export.int8:
         return entry
-    small = quantised(model, recordings(config.data, classifier, CALIBRATION, train=True))
+    seen = recordings(config.data, classifier, CALIBRATION, train=True)
+    small = completed(classifier, quantised(plain, seen))
     path = path.with_stem(f"{path.stem}_int8")
     write_atomically(path, lambda partial: write_onnx(small, partial))
     samples = recordings(config.data, classifier, config.export.check)
