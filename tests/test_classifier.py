@@ -156,7 +156,9 @@ def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):
     model = classifier("haptic")
     for changes in ({"state_dict": {}}, {"hyper_parameters": {"lr": 1}}, {"hyper_parameters": 3}):
         save(model, path, **changes)
-        with pytest.raises(UserError, match="damaged or was not written by tex_lightning"):
+        with pytest.raises(
+            UserError, match=r"damaged or was not written|more weights than the file"
+        ):
             SurfaceClassifier.from_checkpoint(path)
     save(model, path)
     with pytest.raises(UserError, match="holds a haptic network where a visual network"):

@@ -84,6 +84,8 @@ def test_no_known_bad_release_is_pinned_or_the_oldest_allowed(project):
     lowest = [(name, version) for name, version in bounds if version is not None]
     assert len(lowest) > 3
     for release in BAD:
+        if project in release.get("harmless_in", ()):
+            continue
         assert release["source"]
         assert release["month"]
         for versions in release["versions"]:

@@ -61,7 +61,13 @@ def without_times(results) -> str:
 
 
 def test_python_trains_what_the_command_line_does(cli, given, tmp_path, monkeypatch):
-    arguments = ["model=haptic", "debug=tiny", "model.haptic.width=0.1", *given]
+    arguments = [
+        "model=haptic",
+        "debug=tiny",
+        "model.haptic.width=0.1",
+        "figures.format=png",
+        *given,
+    ]
     monkeypatch.setattr(VersionBase.instance(), "version_base", Version("1.2"))
     before, threads = hydra_state(), torch.get_num_threads()
     results = tl.train(*arguments, f"hydra.run.dir={tmp_path / 'python'}")

@@ -73,10 +73,10 @@ def textured(trunk: str, norm: str) -> SurfaceClassifier:
     return model.eval().requires_grad_(False)
 
 
-def inputs() -> dict[str, torch.Tensor]:
+def inputs(times: int = 1) -> dict[str, torch.Tensor]:
     rng = np.random.default_rng(0)
-    trace = rng.standard_normal((1, 60_000)).astype(np.float32)
-    photo = rng.integers(0, 256, (300, 420, 3)).astype(np.uint8)
+    trace = rng.standard_normal((1, times * 60_000)).astype(np.float32)
+    photo = rng.integers(0, 256, (times * 300, times * 420, 3)).astype(np.uint8)
     sound = rng.standard_normal((1, 100_000)).astype(np.float32)
     arrays = {"haptic": trace, "image": photo, "sound": sound}
     return {name: torch.from_numpy(array) for name, array in arrays.items()}
@@ -112,15 +112,15 @@ def test_every_switch_keeps_class_scores_and_fragments(kind, norm, config):
 
 @pytest.mark.parametrize("kind", SENSES)
 def test_large_inputs_in_pieces_keep_class_scores_and_fragments(kind):
-    model = classifier(kind)
-    expected = model.logits(**inputs())
+    model, large = classifier(kind), inputs(times=3)  # pieces are twice the receptive field
+    expected = model.logits(**large)
     engine = accelerate(model, replace(DEFAULT, tile=25_000 if kind == "haptic" else 60_000))
     sizes = []
     sense = "haptic" if kind == "haptic" else "visual"
     engine.branch(sense).network.trunk.register_forward_pre_hook(
         lambda _, given: sizes.append(given[0].shape[2:])
     )
-    found = engine.logits(**inputs())
+    found = engine.logits(**large)
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
     assert torch.equal(found.argmax(0), expected.argmax(0))
     assert len(sizes) > 1

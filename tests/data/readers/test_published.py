@@ -128,7 +128,7 @@ def test_lmt108_names_what_is_missing_or_misspelt(copy):
     double.unlink()
     for photo in photos.glob("G2Brick*"):
         photo.rename(photo.with_name(photo.name.replace("Brick", "Brik")))
-    with pytest.raises(UserError, match=r"no photos of G2Brick; is the name .* \(G2Brik\)"):
+    with pytest.raises(UserError, match=r"no photos of G2Brick; correct the name .* \(G2Brik\)"):
         read(*testing)
     shutil.rmtree(root / "ImageScans")
     assert len(read(*testing)) == 20
