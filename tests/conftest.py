@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import soundfile
 import torch
+from hydra._internal.hydra import Hydra
 from hypothesis import settings
 from PIL import Image
 from second_device import chosen
@@ -122,11 +123,20 @@ def write_forces(surfaces: Path, manifest: Path) -> Path:
     return manifest
 
 
-def command_line(*arguments: object) -> list[str]:
-    """A command with PNG alone where it asks for no figures: a PDF takes as long again."""
+def run_main(patch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """The exit status of a command, without two things that take time and are tested elsewhere.
+
+    It draws PNG alone where it asks for no figures: a PDF takes as long again. And Hydra does not
+    compose once more to learn a mode that nothing but ``experiment=table/*`` and ``-m`` asks for.
+    """
     given = ["tex_lightning", *map(str, arguments)]
-    asked = any(item.startswith("figures.format=") for item in given)
-    return given if asked else [*given, "figures.format=png"]
+    if not any(item.startswith("figures.format=") for item in given):
+        given.append("figures.format=png")
+    patch.setattr(sys, "argv", given)
+    with patch.context() as alone:
+        if not any(item == "-m" or "table/" in item for item in given):
+            alone.setattr(Hydra, "get_mode", lambda *_, **__: None)
+        return main()
 
 
 @pytest.fixture
@@ -135,10 +145,9 @@ def cli(cache, monkeypatch, capfd) -> Callable[..., Outcome]:
 
     def run(*arguments: object) -> Outcome:
         common = [f"data.cache_dir={cache}"]
-        monkeypatch.setattr(sys, "argv", command_line(*arguments, *common))
         capfd.readouterr()
         try:
-            status = main()
+            status = run_main(monkeypatch, *arguments, *common)
         except SystemExit as stop:
             status = int(stop.code or 0)
         captured = capfd.readouterr()
@@ -155,8 +164,7 @@ def run_once(cache, tmp_path_factory) -> Callable[..., Path]:
         directory = tmp_path_factory.mktemp("shared") / "run"
         common = [f"data.cache_dir={cache}", f"hydra.run.dir={directory}"]
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(sys, "argv", command_line(*arguments, *common))
-            assert main() == 0
+            assert run_main(patch, *arguments, *common) == 0
         return directory
 
     return run
