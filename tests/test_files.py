@@ -124,5 +124,7 @@ def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
 def test_a_damaged_record_is_one_sentence(tmp_path, content):
     path = tmp_path / "results.json"
     path.write_text(content, encoding="latin-1")
-    with pytest.raises(UserError, match=rf"^Record {path} is [^\n]*\.$"):
+    with pytest.raises(
+        UserError, match=rf"^Record {path} is [^\n]*; delete it and run its command again\.$"
+    ):
         read_record(path)

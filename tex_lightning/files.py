@@ -79,11 +79,11 @@ def check_lines(path: Path) -> None:
                 raise ValueError("it has a line of more than 1 MiB")
 
 
-def read_json(path: Path, what: str) -> Any:  # noqa: ANN401
+def read_json(path: Path, what: str, remedy: str = "correct it") -> Any:  # noqa: ANN401
     """The content of a JSON file, which is called ``what`` in messages.
 
     Raises:
-        UserError: If it is none.
+        UserError: If it is none, with the remedy.
     """
     try:
         if not is_file(path):
@@ -92,7 +92,7 @@ def read_json(path: Path, what: str) -> Any:  # noqa: ANN401
             raise ValueError("it is larger than 64 MiB")
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as error:
-        raise UserError(f"{what} {path} is no JSON ({reason(error)}); correct it.") from error
+        raise UserError(f"{what} {path} is no JSON ({reason(error)}); {remedy}.") from error
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -101,9 +101,10 @@ def read_record(path: Path) -> dict[str, Any]:
     Raises:
         UserError: If it is damaged.
     """
-    content = read_json(path, "Record")
+    remedy = "delete it and run its command again"
+    content = read_json(path, "Record", remedy)
     if not isinstance(content, dict):
-        raise UserError(f"Record {path} is damaged; delete it and run its command again.")
+        raise UserError(f"Record {path} is damaged; {remedy}.")
     return content
 
 
