@@ -16,6 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import SILENT
 from tex_lightning.config.job import Job
+from tex_lightning.config.tasks import FiguresConfig
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
@@ -134,9 +135,8 @@ class SweepSummary(Callback):
         from tex_lightning.report.page.writing import write_page
 
         command = rerun_command(config, directory)
-        given = OmegaConf.select(config, "figures.format")
-        formats = [given] if isinstance(given, str) else list(given)
-        write_report(directory, jobs, command, formats)
+        chosen: Any = OmegaConf.to_container(OmegaConf.select(config, "figures"))
+        write_report(directory, jobs, command, FiguresConfig(**chosen).formats)
         write_page(directory, command)
 
 
