@@ -11,9 +11,8 @@ from pathlib import Path
 from PIL import _imaging
 
 _LOCK = threading.Lock()
-_FILTERS: list[
-    "warnings.catch_warnings[None]"
-] = []  # those before, once for each thread that reads
+# Those before, once for each thread that reads.
+_FILTERS: list["warnings.catch_warnings[None]"] = []
 
 
 @contextmanager

@@ -14,11 +14,8 @@ from rich.text import Text
 from tex_lightning.ranks import is_rank_zero
 
 QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
-OWN = (
-    "tex_lightning",
-    "hydra",
-    "hydra_plugins",
-)  # whose messages concern the user; others' only from warnings on
+# Whose messages concern the user; others' only from warnings on.
+OWN = ("tex_lightning", "hydra", "hydra_plugins")
 STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
 
 console = Console(stderr=True, quiet=not is_rank_zero())

@@ -1,10 +1,7 @@
-import base64
-import hashlib
-import io
-import tarfile
 from pathlib import Path
 
 import pytest
+from docs_world import write_web_runtime
 
 from tex_lightning.errors import UserError
 from tex_lightning.export import web_runtime
@@ -16,19 +13,10 @@ from .browser import served
 @pytest.fixture
 def package(tmp_path, monkeypatch) -> Path:
     """A package of the npm registry with small files, trusted for this test, and no npm."""
-    packed = io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w:gz") as archive:
-        for name in FILES:
-            entry = tarfile.TarInfo(f"package/dist/{name}")
-            entry.size = len(name)
-            archive.addfile(entry, io.BytesIO(name.encode()))
-    content = packed.getvalue()
-    digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
-    monkeypatch.setattr(web_runtime, "INTEGRITY", f"sha512-{digest}")
-    monkeypatch.setattr("shutil.which", lambda name: None)
     path = tmp_path / "onnxruntime-web" / "-" / f"onnxruntime-web-{web_runtime.VERSION}.tgz"
     path.parent.mkdir(parents=True)
-    path.write_bytes(content)
+    monkeypatch.setattr(web_runtime, "INTEGRITY", write_web_runtime(path))
+    monkeypatch.setattr("shutil.which", lambda name: None)
     return path
 
 

@@ -4,12 +4,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.report.labels import brief, spread
+from tex_lightning.report.labels import brief, spaced
 
 
 @given(st.lists(st.floats(-100, 100), min_size=1, max_size=12), st.floats(0.1, 10))
 def test_places_are_apart_in_their_order_and_no_further_than_needed(places, gap):
-    found = np.array(spread(places, gap))
+    found = np.array(spaced(places, gap))
     order = np.argsort(places, kind="stable")
     assert (np.diff(found[order]) >= gap - 1e-9).all()
     assert np.abs(found.mean() - np.mean(places)) < 1e-6

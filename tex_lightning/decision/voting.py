@@ -85,7 +85,8 @@ def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     The probabilities are those of the mean score: with fragments that say the same, each of them
     unsure, they grow as sure as the whole recording is.
     """
-    vote, mean = max_vote(logits, temperature), logits.cpu().double().mean(dim=1)
+    logits = logits.cpu()
+    vote, mean = max_vote(logits, temperature), logits.double().mean(dim=1)
     return replace(vote, probabilities=(mean / temperature).softmax(dim=0)).by_mean()
 
 

@@ -99,7 +99,6 @@ class ProportionsGraph(nn.Module):
         found: Any = count.item()
         promise(found >= 1)
         return found
-        return found
 
     def _proportions(self, responses: Tensor, index: int, fragments: Any) -> Tensor:  # noqa: ANN401
         """(channels * thresholds, fragments)."""

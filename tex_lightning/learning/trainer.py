@@ -116,9 +116,8 @@ def make_trainer(
     ]
     _settle_progress_bar(callbacks, training.recipe.trainer.flags)
     if Screen.verbose >= DEBUG:
-        callbacks.append(
-            ModelSummary(SUMMARISED)
-        )  # Lightning's own choice prints on standard output
+        # Lightning's own choice prints on standard output
+        callbacks.append(ModelSummary(SUMMARISED))
     if kind == FUSION:
         start = training.recipe.model.fusion.head_start
         callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))

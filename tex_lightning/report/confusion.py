@@ -12,7 +12,7 @@ from matplotlib.ticker import PercentFormatter
 from tex_lightning.evaluation.fragments import Counts, Shares
 from tex_lightning.report.categories import categories
 from tex_lightning.report.figures import draw_shares
-from tex_lightning.report.labels import brief, spread
+from tex_lightning.report.labels import brief, spaced
 from tex_lightning.report.style import colour_of, styled
 
 NAMED = 30  # classes up to which a matrix names both of its sides, and bars show every class
@@ -90,7 +90,7 @@ def _mark_categories(
     for edge in edges[1:-1]:
         axes.axhline(edge, color="white", linewidth=0.4)
         axes.axvline(edge, color="white", linewidth=0.4)
-    places = spread(((edges[1:] + edges[:-1]) / 2).tolist(), 1.3 * size / 72 / ROW)
+    places = spaced(((edges[1:] + edges[:-1]) / 2).tolist(), 1.3 * size / 72 / ROW)
     axes.set_xticks(places, names, fontsize=size, rotation=90)
     beside = axes.secondary_yaxis("right")
     beside.set_yticks(places, names, fontsize=size)

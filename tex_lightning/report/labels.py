@@ -16,7 +16,7 @@ def brief(name: str, longest: int) -> str:
     return name if len(name) <= longest else f"{name[:half]}…{name[-half:]}"
 
 
-def spread(places: Sequence[float], gap: float) -> list[float]:
+def spaced(places: Sequence[float], gap: float) -> list[float]:
     """Places at least ``gap`` apart, in the same order, each group of close ones about its mean.
 
     Args:
@@ -49,7 +49,7 @@ def name_lines(axes: Axes, ends: Sequence[tuple[str, float, Look]], height: floa
     low, high = axes.get_ylim()
     gap = 1.5 * SIZE / 72 / height * (high - low)
     for (name, end, look), place in zip(
-        ends, spread([end for _, end, _ in ends], gap), strict=True
+        ends, spaced([end for _, end, _ in ends], gap), strict=True
     ):
         axes.annotate(
             brief(name, LONGEST), (1, end), (1.04, place), xycoords=("axes fraction", "data"),

@@ -19,7 +19,7 @@ FAMILIES = {"haptic": "#0072b2", "visual": "#009e73", "sound": "#56b4e9", "fusio
 OTHERS = ("#e69f00", "#d55e00", "#332288", "#661100")
 DARKER = 0.5  # of a family's colour, for every other variant
 MARKERS = "osD^vPX<"
-BAR, GUIDE = "#0072b2", "#999999"  # of what belongs to no system
+GUIDE = "#999999"  # of lines that belong to no system
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with Matplotlib, so that every machine draws alike
     "font.size": 8,
