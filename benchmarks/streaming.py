@@ -16,6 +16,7 @@ from benchmarks.engine import DEFAULT
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.threads import computing_threads
 
 RATE = 10_000
 SECONDS = 60
@@ -25,17 +26,13 @@ WAITS = (0, 1)
 
 def measure() -> dict[str, Any]:
     """By normalisation and seconds of a chunk and to wait: load in % of a core, delay in ms."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    with computing_threads(1):
         return {
             f"{norm}, chunks of {chunk:g} s, wait {wait}": _replay(_classifier(norm), chunk, wait)
             for norm in ("batch", "lrn")
             for chunk in CHUNKS
             for wait in WAITS
         }
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _classifier(norm: str) -> SurfaceClassifier:

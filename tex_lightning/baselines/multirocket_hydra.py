@@ -16,7 +16,8 @@ from sklearn.pipeline import make_pipeline, make_union
 from sklearn.preprocessing import StandardScaler
 
 from tex_lightning.baselines.base import Array
-from tex_lightning.baselines.rocket import ALPHAS, MIN_KERNELS, Rocket, same_threads
+from tex_lightning.baselines.rocket import ALPHAS, MIN_KERNELS, Rocket
+from tex_lightning.threads import computing_threads
 
 
 @dataclass
@@ -87,7 +88,7 @@ class Hydra(TransformerMixin, BaseEstimator):  # type: ignore[misc]
     def _aeon(self) -> Any:  # noqa: ANN401
         """A transformer fitted to the length, leaving PyTorch's generator and threads alone."""
         counter = HydraTransformer(self.kernels, self.groups, random_state=self.seed)
-        with torch.random.fork_rng(devices=[]), same_threads():
+        with torch.random.fork_rng(devices=[]), computing_threads():
             counter.fit(np.zeros((2, 1, self.samples_), dtype=np.float32))
         return counter
 

@@ -3,8 +3,7 @@
 Dempster, Schmidt and Webb (2021), as aeon has it; the strongest quick classifier of time series.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -18,19 +17,10 @@ from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from tex_lightning.baselines.base import Array, EstimatorBaseline, State
+from tex_lightning.threads import computing_threads
 
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
 ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
-
-
-@contextmanager
-def same_threads() -> Iterator[None]:
-    """Leave PyTorch its number of threads, which aeon sets, and Numba by their common OpenMP."""
-    threads = torch.get_num_threads()
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 @dataclass
@@ -55,12 +45,12 @@ class Rocket(EstimatorBaseline):
         traces = list(recordings)
         self.length = max(map(len, traces))
         self.scale = float(np.mean([np.var(trace) for trace in traces]) ** 0.5) or 1.0
-        with same_threads():
+        with computing_threads():  # aeon sets them, and Numba by their common OpenMP
             super().fit(traces, labels, seed)
 
     def logits(self, recording: Array) -> Tensor:
         """Distances from the ridge classifier's planes, one fragment."""
-        with same_threads():
+        with computing_threads():  # aeon sets them, and Numba by their common OpenMP
             scores = self.estimator.decision_function(self.features(recording)[None])
         if scores.ndim == 1:  # two classes share one plane
             scores = np.stack([-scores, scores], axis=1)

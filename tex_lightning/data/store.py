@@ -29,6 +29,7 @@ from tex_lightning.data.unusable import Unusable
 from tex_lightning.errors import UserError
 from tex_lightning.files import resolved, write_atomically
 from tex_lightning.progress import track
+from tex_lightning.threads import computing_threads
 
 FINGERPRINT_BYTES = 65_536
 LAYOUT = 3  # of an entry: what an earlier version decoded otherwise is decoded anew
@@ -121,7 +122,8 @@ class Store:
             The files that cannot be decoded, and why.
         """
         rows = list(recordings)
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
+        # a core for each file
+        with computing_threads(1), ThreadPoolExecutor(os.cpu_count()) as pool:
             jobs = [pool.submit(self._try, row) for row in rows]
             try:
                 return [found for job in track(jobs, "Decoding") if (found := job.result())]

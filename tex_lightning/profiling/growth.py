@@ -19,6 +19,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.windows import scores
 from tex_lightning.profiling.subject import Subject, like_weights, only_branch
 from tex_lightning.profiling.timing import interleaved, waiting
+from tex_lightning.threads import computing_threads
 
 SIZES = {  # by the medium of a branch: seconds and megapixels
     "signal": (2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0),
@@ -193,12 +194,8 @@ def _decision(classifier: SurfaceClassifier, recording: Tensor) -> Callable[[], 
 
 def _on_threads(function: Callable[[], object], count: int) -> Callable[[], object]:
     def run() -> None:
-        before = torch.get_num_threads()
-        torch.set_num_threads(count)
-        try:
+        with computing_threads(count):
             function()
-        finally:
-            torch.set_num_threads(before)
 
     return run
 
