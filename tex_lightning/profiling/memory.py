@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, get_start_method, set_start_method
 from pathlib import Path
 
 import torch
@@ -48,8 +48,20 @@ def forward_peak_mib(
         return _cuda_peak(card, engine, shape, device)
     if device.type != "cpu" or not RESET.exists():
         return None
-    with _environment(RETURNED), ProcessPoolExecutor(1, get_context("spawn")) as pool:
+    spawn = get_context("spawn")
+    with _environment(RETURNED), _by_default("spawn"), ProcessPoolExecutor(1, spawn) as pool:
         return pool.submit(_resident_peak, card, engine, shape, torch.get_num_threads()).result()
+
+
+@contextmanager
+def _by_default(method: str) -> Iterator[None]:
+    """Tell new processes of this start method: that of a job of joblib's is known to it alone."""
+    before = get_start_method(allow_none=True)
+    set_start_method(method, force=True)
+    try:
+        yield
+    finally:
+        set_start_method(before, force=True)
 
 
 @contextmanager
