@@ -26,8 +26,8 @@ from tex_lightning import __main__ as command
 from tex_lightning import runfolder
 from tex_lightning.config import CONF
 from tex_lightning.config.job import Job
-from tex_lightning.dispatch import TASKS
 from tex_lightning.launch import as_mistake
+from tex_lightning.tasks import fit
 
 QUICK = ["model=mfcc_nb", "debug=tiny"]
 
@@ -168,7 +168,7 @@ def test_what_a_job_composes_further_is_looked_for_in_the_users_folders(
 ):
     monkeypatch.chdir(tmp_path)
     seen = []
-    monkeypatch.setitem(TASKS, "fit", lambda _, job: seen.append(job.compose(["experiment=own"])))
+    monkeypatch.setattr(fit, "run", lambda _, job: seen.append(job.compose(["experiment=own"])))
     outcome = cli(how.format(own_folder), "seed=1")
     assert outcome.status == 0, outcome.err
     assert seen[0].seed == 5

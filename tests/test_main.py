@@ -5,12 +5,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 import torch
 from omegaconf import OmegaConf
 
 import tex_lightning
+from tex_lightning import tasks
 from tex_lightning.config import CONF, READS, flatten
 from tex_lightning.config.check import missing_keys
 from tex_lightning.config.composition import compose_config
@@ -18,7 +20,6 @@ from tex_lightning.config.keys import Key
 from tex_lightning.config.mistakes import config_groups
 from tex_lightning.config.model import kind_of
 from tex_lightning.config.reading import keys_read
-from tex_lightning.dispatch import TASKS
 from tex_lightning.perturbations.augment import trainable
 
 REPOSITORY = CONF.parent
@@ -44,7 +45,7 @@ def test_help_fits_a_screen_and_works_from_anywhere(tmp_path):
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 80
     assert "  python -m tex_lightning model=fusion" in lines
-    for task in TASKS:
+    for task in READS:
         (line,) = [line for line in lines if line.startswith(f"  {task} ")]
         assert len(line) > 25
     assert not list(tmp_path.iterdir())
@@ -78,7 +79,7 @@ def test_help_of_a_task_lists_the_keys_that_it_reads_with_the_values_now(cli, as
 
 
 def test_every_key_has_a_meaning_and_a_task_that_reads_it():
-    assert set(READS) == set(TASKS)
+    assert set(READS) == {module.name for module in iter_modules(tasks.__path__)}
     config = compose_config(CONF, ["model=fusion"])
     listed: dict[str, Key] = {}
     for task in READS:
@@ -333,3 +334,13 @@ def test_a_held_out_perturbation_is_not_trained_on(cli, tmp_path):
     outcome = cli(f"{key}=[mains_hum]", f"hydra.run.dir={tmp_path}")
     assert outcome.status == 2
     assert f"{key} is mains_hum" in outcome.err
+
+
+def test_a_prediction_does_without_what_is_slow_to_import():
+    slow = {"lightning", "matplotlib", "torch._dynamo"}
+    finished = subprocess.run(
+        [sys.executable, "-c", "import tex_lightning.dispatch, tex_lightning.tasks.predict, sys;"
+         f"print(sorted({slow} & sys.modules.keys()))"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert finished.stdout.strip() == "[]"

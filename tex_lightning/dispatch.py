@@ -1,16 +1,14 @@
 """From a composed configuration to the task it names."""
 
 import os
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import Any
+from importlib import import_module
 
 import torch
 from omegaconf import DictConfig
 
-from tex_lightning.auto import resolve_auto
-from tex_lightning.config import SILENT, Config, flatten, plain_values
+from tex_lightning.config import SILENT, flatten, plain_values
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import trust, trusting
@@ -23,39 +21,9 @@ from tex_lightning.files import quiet_threads
 from tex_lightning.memory import kept_memory
 from tex_lightning.progress import finishing
 from tex_lightning.ranks import is_rank_zero, started_processes
-from tex_lightning.report.page.writing import write_page
 from tex_lightning.report.sweep import NO_SWEEP, runs_side_by_side
 from tex_lightning.runfolder import claim_folder, find_checkpoint, locked_folder
 from tex_lightning.screen import Screen, verbosity
-from tex_lightning.tasks import (
-    crossval,
-    enroll,
-    evaluate,
-    export,
-    fit,
-    frontier,
-    generate,
-    predict,
-    profile,
-    record,
-    stability,
-    stream,
-)
-
-TASKS: dict[str, Callable[[Config, Job], Any]] = {
-    "fit": fit.run,
-    "crossval": crossval.run,
-    "evaluate": evaluate.run,
-    "enroll": enroll.run,
-    "predict": predict.run,
-    "stream": stream.run,
-    "record": record.run,
-    "generate": generate.run,
-    "export": export.run,
-    "profile": profile.run,
-    "frontier": frontier.run,
-    "stability": stability.run,
-}
 
 
 def run_task(composed: DictConfig, job: Job) -> float | None:
@@ -108,9 +76,14 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)
         if config.model.name == AUTO:
+            from tex_lightning.auto import resolve_auto  # Lightning, which predictions do without
+
             config = resolve_auto(config.frontier.run, config.data.test_fold, job)
-        results = TASKS[config.task](config, job)
+        # a task is imported when it runs: most take Lightning, which predictions do without
+        results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job)
     if results and config.task not in SILENT:  # other ranks have none
+        from tex_lightning.report.page.writing import write_page
+
         write_page(job.directory)
     if config.task in TRAINING and results:
         return optimized_value(results, config.optimized_metric)

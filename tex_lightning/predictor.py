@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from torch import Tensor
@@ -29,8 +29,10 @@ from tex_lightning.inference.gathering import gather, refuse_baseline
 from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.prediction import Prediction, describe
-from tex_lightning.report.explanation import Explanation
 from tex_lightning.runfolder import find_checkpoint
+
+if TYPE_CHECKING:
+    from tex_lightning.report.explanation import Explanation
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"
@@ -122,7 +124,7 @@ class Predictor:
 
     def explain(
         self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
-    ) -> Explanation:
+    ) -> "Explanation":
         """Classify one sample, and keep what every position said and where it looked.
 
         Takes what :meth:`predict` takes, and gives the same prediction, but for
@@ -132,6 +134,10 @@ class Predictor:
         Raises:
             UserError: As :meth:`predict`, and of a baseline, which has no positions.
         """
+        from tex_lightning.report.explanation import (
+            Explanation,  # Matplotlib, which is slow to import
+        )
+
         refuse_baseline(self.classifier)
         found: dict[str, Evidence] = {}
 

@@ -12,13 +12,12 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
-from tex_lightning.config import CONF, flatten
+from tex_lightning.config import CONF, READS, flatten
 from tex_lightning.config.check import check_config, check_known, check_missing
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import MISTAKES
 from tex_lightning.config.reading import keys_read
 from tex_lightning.config.weights import read_config
-from tex_lightning.dispatch import TASKS
 from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake
 
@@ -110,7 +109,7 @@ def commands(untrained, bands, surfaces, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", READS)
 def test_what_is_accepted_runs_or_is_refused(task, commands, cli, tmp_path):
     given = commands[task]
     composed = compose_config(CONF, given)

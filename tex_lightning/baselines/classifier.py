@@ -16,7 +16,7 @@ from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.card import Card, damaged, named, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import find_class
-from tex_lightning.data.datamodule import load_recording
+from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError

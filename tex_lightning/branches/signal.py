@@ -12,8 +12,8 @@ from torch import Tensor
 from tex_lightning.branches.base import Branch, as_tensor
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.banks import InputBank
-from tex_lightning.data.datamodule import load_recording
 from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
+from tex_lightning.data.loading import load_recording
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_measures
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store

@@ -2,9 +2,10 @@
 
 import inspect
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any
 
-from tex_lightning.config import DataConfig, ModelConfig
+from tex_lightning.config import DataConfig, ModelConfig, TrainerConfig
 from tex_lightning.config.check_ranges import choice, least, nearest
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.errors import shorten
@@ -94,10 +95,13 @@ def check_model(model: ModelConfig) -> Iterator[str]:
 
 def check_flags(flags: dict[str, Any]) -> Iterator[str]:
     """Flags that Lightning does not have, or that this package sets by itself."""
-    from lightning import Trainer  # takes seconds, and only a run needs it
+    added = flags.keys() - {entry.name for entry in fields(TrainerConfig)}
+    if not added:
+        return
+    from lightning import Trainer  # takes seconds, and a prediction does without
 
     known = [name for name in inspect.signature(Trainer.__init__).parameters if name != "self"]
-    for name in flags:
+    for name in sorted(added):
         if name in OWN_FLAGS:
             yield f"trainer.{name} is set by this package: use {OWN_FLAGS[name]}"
         elif name not in known:

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import torch
 from lightning import LightningDataModule
-from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 from tex_lightning.data.banks import WHOLE, Bank, Indices
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.recordings import Recording, class_indices
+from tex_lightning.data.loading import load_sample
+from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store
 
 Batch = dict[str, Any]  # tensors, and mappings of them
@@ -103,16 +103,6 @@ class SampleSet(Dataset[Batch]):
 
     def __len__(self) -> int:
         return len(self.samples)
-
-
-def load_recording(row: Recording, store: Store) -> Tensor:
-    """A decoded recording, copied to memory."""
-    return torch.from_numpy(np.array(store.load(row)))
-
-
-def load_sample(sample: Sample, store: Store) -> dict[str, Tensor]:
-    """Decoded recordings of a sample by modality, copied to memory."""
-    return {name: load_recording(row, store) for name, row in sample.recordings.items()}
 
 
 class SurfaceData(LightningDataModule):

@@ -12,8 +12,8 @@ from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
 from tex_lightning.config.recipe import Running
-from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.loading import load_sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store
 from tex_lightning.decision.temperature import fit_temperature

@@ -9,8 +9,8 @@ import torch
 
 from tex_lightning.card import LEFT_OUT, NOVELTIES, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample, Split, make_samples
+from tex_lightning.data.loading import load_sample
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.calibrate import keep_card
 

@@ -6,8 +6,8 @@ import time
 from collections.abc import Sequence
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.loading import load_sample
 from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import synchronise

@@ -10,9 +10,9 @@ from torch import Tensor
 from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig
-from tex_lightning.data.datamodule import load_recording
 from tex_lightning.data.decode import Decoder, PhotoDecoder, to_size
 from tex_lightning.data.folds import Sample, make_samples, split
+from tex_lightning.data.loading import load_recording
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.errors import UserError

@@ -14,6 +14,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.inference.response_norm import FastResponseNorm
 from tex_lightning.inference.rewrite import fold_batch_norm, speed_up_response_norm
 
 log = logging.getLogger(__name__)
@@ -81,6 +82,9 @@ def _compile(branches: Iterable[Branch]) -> None:
     begin = time.perf_counter()
     try:
         for branch in branches:
+            for layer in branch.network.modules():
+                if isinstance(layer, FastResponseNorm):
+                    layer.stay_uncompiled()
             for part in [*branch.network.children()] or [branch.network]:
                 part.compile(dynamic=True)
             if branch.declares_geometry:

@@ -1,5 +1,7 @@
 """Local response normalisation in pieces that stay in the processor's cache."""
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -26,7 +28,14 @@ class FastResponseNorm(nn.Module):
         self.k = layer.k
         self.part = layer.k / layer.size
 
-    @torch.compiler.disable  # type: ignore[untyped-decorator]
+    def stay_uncompiled(self) -> None:
+        """Keep torch.compile from what is done piece by piece, which makes no graph.
+
+        Not a decorator: PyTorch's compiler, which that imports, takes a second to import.
+        """
+        uncompiled: Any = torch.compiler.disable(self.forward)  # type: ignore[no-untyped-call]
+        self.forward = uncompiled  # type: ignore[method-assign]
+
     def forward(self, x: Tensor) -> Tensor:
         """Normalise (B, C, H, W) across C, in place where the channels are innermost."""
         pixels = x.permute(0, 2, 3, 1).contiguous()

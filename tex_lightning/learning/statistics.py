@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.datamodule import load_recording
+from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store
 from tex_lightning.networks.statistics import FeatureStatistics

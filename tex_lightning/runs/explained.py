@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.recipe import Running
-from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.loading import load_sample
 from tex_lightning.data.quality import Quality
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.outcomes import Outcome, worst_first

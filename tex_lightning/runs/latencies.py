@@ -13,9 +13,9 @@ from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
+from tex_lightning.data.loading import load_sample
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.devices import pick_device
 from tex_lightning.inference.early_stopping import prepare

@@ -8,8 +8,8 @@ import torch
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.recipe import Running
-from tex_lightning.data.datamodule import load_sample
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.loading import load_sample
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.calibration import calibration, selective
 from tex_lightning.evaluation.conditions import by_condition
