@@ -115,7 +115,7 @@ def test_a_strip_lies_below_the_same_time_of_the_spectrogram(tmp_path, seconds, 
 
 def test_a_recording_that_two_senses_look_at_has_a_map_of_each(tmp_path):
     photo = tmp_path / "a.png"
-    Image.new("RGB", (30, 20)).save(photo)
+    Image.new("RGB", (90, 20)).save(photo)  # the networks read it at another aspect ratio
     write_outcomes([outcome(photo)], tmp_path / "predictions" / "fusion.csv")
     parts = equal_parts(1, 0, 30)
     black = np.zeros((20, 30, 3), np.uint8)
@@ -128,4 +128,5 @@ def test_a_recording_that_two_senses_look_at_has_a_map_of_each(tmp_path):
     names = [medium.name for medium in shown.media]
     assert names == ["a.png", "label map of one", "label map of two"]
     for medium, colour in zip(shown.media[1:], (BLUE, RED), strict=True):
+        assert opened(medium.content).shape == (20, 90, 3)
         np.testing.assert_allclose(opened(medium.content) - colour / 2, 0, atol=4)

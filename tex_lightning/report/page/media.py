@@ -116,10 +116,12 @@ def _media(path: Path, maps: Sequence[Path]) -> Iterator[Medium]:
     """What can be shown of a file; nothing of one that is gone, or of a part of one."""
     try:
         if path.suffix.lower() in IMAGE_SUFFIXES:
-            yield Medium("image", path.name, _thumbnail(path))
+            small = _thumbnail(path)
+            yield Medium("image", path.name, _jpeg(small))
             for each in maps:
-                with Image.open(each) as image:
-                    yield Medium("image", f"label map of {each.stem}", _jpeg(image))
+                with Image.open(each) as image:  # perhaps of a photo brought to a square
+                    own = image.resize(small.size)
+                yield Medium("image", f"label map of {each.stem}", _jpeg(own))
         elif path.is_file():
             samples, source = read_trace(path, SignalDecoder())
             heard = samples[:, : int(SECONDS * source.hz)]
@@ -131,12 +133,12 @@ def _media(path: Path, maps: Sequence[Path]) -> Iterator[Medium]:
         return
 
 
-def _thumbnail(path: Path) -> str:
+def _thumbnail(path: Path) -> Image.Image:
     with Image.open(path) as image:
         image.draft("RGB", (2 * SIDE, 2 * SIDE))  # let the JPEG decoder leave out what is not seen
         small = ImageOps.exif_transpose(image).convert("RGB")
     small.thumbnail((SIDE, SIDE))
-    return _jpeg(small)
+    return small
 
 
 def _jpeg(image: Image.Image) -> str:
