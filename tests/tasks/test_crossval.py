@@ -5,11 +5,16 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
 from scipy.stats import binomtest
 
+import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.learning import train
+from tex_lightning.report.page.label_maps import LEGEND
 
 
 def tiny(surfaces: Path) -> list[str]:
@@ -63,10 +68,28 @@ def test_a_stopped_run_repeats_no_finished_fold(cli, surfaces, directory, monkey
         lambda training: trained.append(training.parts.test.rows[0].group) or original(training),
     )
     arguments = ["task=crossval", *tiny(surfaces), f"hydra.run.dir={directory}"]
-    assert cli(*arguments, "crossval.only=[0,2,3]").status == 0
+    assert cli(*arguments, "explained_samples=1", "crossval.only=[0,2,3]").status == 0
     assert trained == [2, 3]
     haptic = json.loads((directory / "results.json").read_text())["networks"]["haptic"]
     assert haptic["test_samples"] == 9
+
+
+def test_each_label_map_is_of_the_sample_and_by_the_network_that_tested_it(directory):
+    """Also of those that the first run drew under another number, of other networks."""
+    folds = directory / "folds"
+    networks = {fold: tl.load(folds / fold / "checkpoints" / "haptic.ckpt") for fold in "023"}
+    for row, outcome in enumerate(read_outcomes(directory / "predictions" / "haptic.csv")):
+        file = Path(outcome.files["haptic"])
+        found = networks[file.stem.rpartition("_")[2]].explain(haptic=file)
+        evidence = found.senses["haptic"]
+        with Image.open(directory / f"label_maps/haptic/{row}/haptic/haptic.png") as image:
+            strip = np.asarray(image)[0]
+        centres = evidence.columns.mean(axis=1) / evidence.seconds * len(strip)
+        own, taken, other = (to_rgb(colour) for colour in LEGEND.values())
+        for centre, label in zip(centres, evidence.labels[0], strict=True):
+            name = found.classes[label]
+            colour = own if name == outcome.label else taken if name == outcome.predicted else other
+            np.testing.assert_allclose(strip[int(centre), :3] / 255, colour, atol=0.01)
 
 
 def test_folds_that_cannot_be_tested_are_said_before_the_first(cli, surfaces, tmp_path):

@@ -10,7 +10,8 @@ from PIL import Image
 
 import tex_lightning as tl
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import read_outcomes
+from tex_lightning.evaluation.outcomes import read_outcomes, worst_first
+from tex_lightning.report.page.media import MOST_SAMPLES
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +116,9 @@ def test_a_run_draws_its_wrong_samples_or_the_least_sure(cli, bands, surfaces, t
     wrong = sum(each.label != each.predicted for each in outcomes)
     figures = sorted(path.name for path in (bands / "figures").glob("*why*.png"))
     assert figures == [f"haptic_why_{number}.png" for number in range(1, (wrong or 1) + 1)]
+    shown = worst_first(outcomes)[:MOST_SAMPLES]
+    mapped = {int(path.parts[-3]) for path in bands.glob("label_maps/haptic/*/haptic/haptic.png")}
+    assert mapped == {*shown}
     events = [path.read_bytes() for path in (bands / "tensorboard").rglob("events*")]
     assert any(b"test/why_1" in each for each in events)
     given = ["task=evaluate", f"checkpoint={bands}", "data=folder", f"data.root={surfaces}"]
@@ -126,5 +130,6 @@ def test_a_run_draws_its_wrong_samples_or_the_least_sure(cli, bands, surfaces, t
         figures = list((run / "figures").iterdir())
         assert {path.suffix for path in figures} == {f".{suffix}"}
         assert sum("why" in path.name for path in figures) == count
+        assert (run / "label_maps").exists() == (count > 0)
         shown = {"svg": 'src="data:image/svg+xml;base64,', "pdf": 'href="figures/haptic_why_1.pdf"'}
         assert shown[suffix] in (run / "report.html").read_text()

@@ -66,7 +66,7 @@ def draw_photo(figure: SubFigure, evidence: PhotoEvidence, key: Key) -> None:
     small = np.asarray(Image.fromarray(evidence.pixels).reduce(step))
     extent = (0, small.shape[1] * step, small.shape[0] * step, 0)
     _show_pixels(photo, small, extent)
-    _show_pixels(mapped, _overlaid(evidence, step, key), extent)
+    _show_pixels(mapped, overlaid(evidence, step, key), extent)
     photo.set_title("photo, in pixels", fontsize=SMALL + 1)
     mapped.set_title("class of every position", fontsize=SMALL + 1)
     for axes in (photo, mapped):
@@ -91,7 +91,7 @@ def _show_pixels(
         axis.set_major_locator(MaxNLocator(4))
 
 
-def _overlaid(evidence: PhotoEvidence, step: int, key: Key) -> Floats:
+def overlaid(evidence: PhotoEvidence, step: int, key: Key) -> Floats:
     """A grey photo under the colours of its classes (height, width, 3), 0 to 1."""
     grey = np.asarray(Image.fromarray(evidence.pixels).convert("L").reduce(step)) / 255
     labels = evidence.label_map(step)

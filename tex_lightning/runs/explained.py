@@ -1,6 +1,7 @@
 """Pictures of what the network said of the test samples that it took for something else."""
 
-from collections.abc import Iterable, Sequence
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -17,10 +18,13 @@ from tex_lightning.inference.gathering import gather
 from tex_lightning.prediction import describe
 from tex_lightning.report.explanation import Explanation
 from tex_lightning.report.figures import save_figure
+from tex_lightning.report.page.label_maps import map_folder, write_map
+from tex_lightning.report.page.media import MOST_SAMPLES
 
 CANDIDATES = 3  # classes whose votes are shown
 
-Drawn = tuple[SurfaceClassifier, Sample]  # what is drawn, and the network that tested it
+# a network, and what it tested by row of the predictions
+Tested = tuple[SurfaceClassifier, Mapping[int, Sample]]
 
 
 def telling(outcomes: Sequence[Outcome], count: int) -> list[int]:
@@ -28,6 +32,14 @@ def telling(outcomes: Sequence[Outcome], count: int) -> list[int]:
     worst = worst_first(outcomes)
     wrong = [index for index in worst if outcomes[index].label != outcomes[index].predicted]
     return wrong[:count] or worst[: min(count, 1)]
+
+
+def drawn_rows(outcomes: Sequence[Outcome], count: int) -> list[int]:
+    """Indices of the samples that label maps are drawn of, the worst first.
+
+    They are those that ``report.html`` shows, and the ``count`` telling ones are the first of them.
+    """
+    return worst_first(outcomes)[: max(count, MOST_SAMPLES)] if count else []
 
 
 def draw_telling(
@@ -40,47 +52,67 @@ def draw_telling(
     directory: Path,
     formats: Sequence[str],
 ) -> dict[str, Figure]:
-    """Draw up to ``count`` telling test samples of one network; none of a baseline."""
-    if classifier.card.baseline:
-        return {}
-    drawn = ((classifier, samples[index]) for index in telling(outcomes, count))
-    return draw_explanations(drawn, store, running, classifier.card.kind, directory, formats)
+    """As :func:`draw_explanations`, where one network tested all samples."""
+    tested = {row: samples[row] for row in drawn_rows(outcomes, count)}
+    name = classifier.card.kind
+    return draw_explanations(
+        [(classifier, tested)], outcomes, store, running, name, count, directory, formats
+    )
 
 
 def draw_explanations(
-    samples: Iterable[Drawn],
+    tested: Iterable[Tested],
+    outcomes: Sequence[Outcome],
     store: Store,
     running: Running,
     name: str,
+    count: int,
     directory: Path,
     formats: Sequence[str],
 ) -> dict[str, Figure]:
-    """Save a picture of each sample into the run folder; return them for other uses."""
-    figures = {}
-    for number, (classifier, sample) in enumerate(samples, start=1):
-        files = ", ".join(Path(row.source).name for row in sample.recordings.values())
-        figure = explain_sample(classifier, sample, store, running).figure(
-            f"{name}: test sample of {sample.label} ({files})"
-        )
-        save_figure(figure, directory / "figures" / f"{name}_why_{number}", formats)
-        figures[f"why_{number}"] = figure
+    """Draw label maps of the samples, and pictures of up to ``count`` telling ones of them.
+
+    Both are of one pass by the full decision. What an earlier run drew in their place goes.
+
+    Returns:
+        The pictures, for other uses; nothing is drawn of a baseline.
+    """
+    shutil.rmtree(map_folder(directory, name), ignore_errors=True)
+    figures, chosen = {}, telling(outcomes, count)
+    for classifier, samples in tested:
+        if classifier.card.baseline:
+            break
+        fast = accelerate(classifier, running.engine)
+        fast.card = fast.card.deciding(running.decision)
+        for row, sample in samples.items():
+            found = explain_sample(fast, sample, store)
+            _write_maps(fast, found, outcomes[row], map_folder(directory, name) / str(row))
+            if row in chosen:
+                title = f"why_{chosen.index(row) + 1}"
+                files = ", ".join(Path(each.source).name for each in sample.recordings.values())
+                figure = found.figure(f"{name}: test sample of {sample.label} ({files})")
+                save_figure(figure, directory / "figures" / f"{name}_{title}", formats)
+                figures[title] = figure
     return figures
 
 
-def explain_sample(
-    classifier: SurfaceClassifier, sample: Sample, store: Store, running: Running
-) -> Explanation:
+def explain_sample(fast: SurfaceClassifier, sample: Sample, store: Store) -> Explanation:
     """Of one test sample, by the full decision.
 
     Args:
-        classifier: A network, as loaded.
+        fast: A network as it tests, with the card that decides.
         sample: With all its recordings.
         store: Where they are decoded.
-        running: How it runs and decides.
     """
-    fast = accelerate(classifier, running.engine)
-    fast.card = fast.card.deciding(running.decision)
     vote, senses = gather(fast, load_sample(sample, store))
     said = fast.card.modalities if fast.fusion is not None else ()
     prediction = describe(vote, fast.card, Quality(), CANDIDATES, 0.0, said)
     return Explanation.of(prediction, fast.card.classes, vote.label, senses)
+
+
+def _write_maps(
+    classifier: SurfaceClassifier, found: Explanation, outcome: Outcome, folder: Path
+) -> None:
+    for name, evidence in found.senses.items():
+        path = folder / classifier.branches[name].modality / f"{name}.png"
+        write_map(path, evidence, found.classes, outcome.label, outcome.predicted)

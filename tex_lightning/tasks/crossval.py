@@ -34,7 +34,7 @@ from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.document import write_report
 from tex_lightning.report.table import print_results, python_command, run_overrides
-from tex_lightning.runs.explained import Drawn, draw_explanations, telling
+from tex_lightning.runs.explained import Tested, draw_explanations, drawn_rows
 from tex_lightning.runs.fold import fit_fold, results_frame
 from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.sequential import pool_sequential
@@ -84,27 +84,30 @@ def _explain(
     entries: Mapping[int, dict[str, Any]],
     by_fold: Mapping[int, Sequence[Outcome]],
 ) -> dict[str, Figure]:
-    """Draw the telling samples of all folds, each by the network that tested it."""
+    """Draw the worst samples of all folds, each by the network that tested it."""
     recipe = workspace.recipe
     places = [(fold, index) for fold, own in by_fold.items() for index in range(len(own))]
-    chosen = telling([by_fold[fold][index] for fold, index in places], recipe.explained_samples)
+    outcomes = [by_fold[fold][index] for fold, index in places]
+    rows = drawn_rows(outcomes, recipe.explained_samples)
 
-    def samples() -> Iterator[Drawn]:
-        for fold, index in (places[number] for number in chosen):
-            checkpoint = Path(entries[fold]["checkpoint"])
-            if not checkpoint.is_file():  # the run folder was moved
+    def tested() -> Iterator[Tested]:
+        for fold, entry in entries.items():
+            own = {row: places[row][1] for row in rows if places[row][0] == fold}
+            checkpoint = Path(entry["checkpoint"])
+            if not own or not checkpoint.is_file():  # the run folder was moved
                 continue
             classifier = load_classifier(checkpoint)
-            if classifier.card.baseline:
-                return
             test = workspace.on_fold(fold, _fold_directory(workspace, fold)).parts().test
-            yield classifier, make_samples(test, classifier.card.modalities)[index]
+            samples = make_samples(test, classifier.card.modalities)
+            yield classifier, {row: samples[index] for row, index in own.items()}
 
     return draw_explanations(
-        samples(),
+        tested(),
+        outcomes,
         workspace.store,
         recipe.running,
         workspace.kind,
+        recipe.explained_samples,
         workspace.directory,
         recipe.formats,
     )

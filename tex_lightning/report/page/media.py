@@ -16,12 +16,14 @@ from scipy.signal import spectrogram
 from tex_lightning.data.decode import IMAGE_SUFFIXES, SignalDecoder, read_trace, to_rate
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, worst_first
+from tex_lightning.report.page.label_maps import SIDE, find_maps
 
 MOST_SAMPLES = 10
 BROAD = 1300  # pixels of a figure
-SIDE = 280  # pixels of a photo
 SECONDS = 5.0  # of a signal
 IMAGE_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}  # of figures that a page shows
+STRIP = 14  # pixels that the label map of a signal is high
+GAP = 2  # pixels between it and what is above
 AUDIBLE = 8_000.0  # Hz; browsers refuse much lower rates
 RANGE_DB = 60.0  # of a spectrogram
 
@@ -88,11 +90,13 @@ def shown_samples(directory: Path, networks: Sequence[str]) -> list[Shown]:
     if not file.is_file():
         return []
     outcomes = read_outcomes(file)
-    worst = worst_first(outcomes)[:MOST_SAMPLES]
-    return [_shown(outcomes[index], networks[-1]) for index in worst]
+    return [
+        _shown(outcomes[row], networks[-1], row, directory)
+        for row in worst_first(outcomes)[:MOST_SAMPLES]
+    ]
 
 
-def _shown(outcome: Outcome, network: str) -> Shown:
+def _shown(outcome: Outcome, network: str, row: int, directory: Path) -> Shown:
     known = outcome.class_probabilities
     return Shown(
         network,
@@ -100,30 +104,41 @@ def _shown(outcome: Outcome, network: str) -> Shown:
         outcome.predicted,
         known.get(outcome.predicted, outcome.share),
         known.get(outcome.label, 0.0),
-        [medium for file in outcome.files.values() for medium in _media(Path(file))],
+        [
+            medium
+            for modality, file in outcome.files.items()
+            for medium in _media(Path(file), find_maps(directory, network, row, modality))
+        ],
     )
 
 
-def _media(path: Path) -> Iterator[Medium]:
+def _media(path: Path, maps: Sequence[Path]) -> Iterator[Medium]:
     """What can be shown of a file; nothing of one that is gone, or of a part of one."""
     try:
         if path.suffix.lower() in IMAGE_SUFFIXES:
-            yield Medium("image", path.name, _thumbnail(path))
+            small = _thumbnail(path)
+            yield Medium("image", path.name, _jpeg(small))
+            for each in maps:
+                with Image.open(each) as image:  # perhaps of a photo brought to a square
+                    own = image.resize(small.size)
+                yield Medium("image", f"label map of {each.stem}", _jpeg(own))
         elif path.is_file():
             samples, source = read_trace(path, SignalDecoder())
             heard = samples[:, : int(SECONDS * source.hz)]
-            yield Medium("image", "spectrogram", _spectrogram(heard))
+            name = ", ".join(["spectrogram", *(f"label map of {each.stem}" for each in maps)])
+            strips = [_strip(each, heard.shape[1] / samples.shape[1]) for each in maps]
+            yield Medium("image", name, _jpeg(_stacked([_spectrogram(heard), *strips])))
             yield Medium("audio", path.name, _sound(heard, source.hz))
     except (UserError, OSError):
         return
 
 
-def _thumbnail(path: Path) -> str:
+def _thumbnail(path: Path) -> Image.Image:
     with Image.open(path) as image:
         image.draft("RGB", (2 * SIDE, 2 * SIDE))  # let the JPEG decoder leave out what is not seen
         small = ImageOps.exif_transpose(image).convert("RGB")
     small.thumbnail((SIDE, SIDE))
-    return _jpeg(small)
+    return small
 
 
 def _jpeg(image: Image.Image) -> str:
@@ -132,14 +147,37 @@ def _jpeg(image: Image.Image) -> str:
     return _data_uri("image/jpeg", stream.getvalue())
 
 
-def _spectrogram(samples: Samples) -> str:
+def _spectrogram(samples: Samples) -> Image.Image:
     """Power of all axes over time, low frequencies below, 60 dB from dark to bright."""
-    length = min(512, samples.shape[1])
-    _, _, power = spectrogram(samples, nperseg=length, axis=-1)
+    count = samples.shape[1]
+    length = min(512, count)
+    step = length - length // 8
+    _, _, power = spectrogram(samples, nperseg=length, noverlap=length // 8, axis=-1)
     decibels = 10 * np.log10(power.sum(axis=0) + 1e-30)
     shares = np.clip(1 + (decibels - decibels.max()) / RANGE_DB, 0, 1)
     pixels = (255 * colormaps["magma"](shares[::-1])[..., :3]).astype(np.uint8)
-    return _jpeg(Image.fromarray(pixels).resize((SIDE, SIDE // 3)))
+    # from the first sample to the last one, which lie beyond the middles of the outer windows
+    padded = np.pad(pixels, ((0, 0), (2, 2), (0, 0)), mode="edge")
+    begin, end = ((place - length / 2) / step + 2.5 for place in (0, count))
+    size, box = (SIDE, SIDE // 3), (begin, 0, end, len(padded))
+    return Image.fromarray(padded).resize(size, box=box)
+
+
+def _strip(path: Path, share: float) -> Image.Image:
+    """The first ``share`` of the label map of a signal."""
+    with Image.open(path) as image:
+        box = (0, 0, share * image.width, image.height)
+        return image.resize((SIDE, STRIP), Image.Resampling.NEAREST, box)
+
+
+def _stacked(images: Sequence[Image.Image]) -> Image.Image:
+    """All of them below one another, on black."""
+    canvas = Image.new("RGB", (SIDE, sum(image.height + GAP for image in images) - GAP))
+    top = 0
+    for image in images:
+        canvas.paste(image, (0, top), image if image.mode == "RGBA" else None)
+        top += image.height + GAP
+    return canvas
 
 
 def _sound(samples: Samples, source: float) -> str:

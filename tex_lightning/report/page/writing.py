@@ -11,6 +11,7 @@ from markdown_it import MarkdownIt
 from tex_lightning.files import read_record, write_text
 from tex_lightning.report.figures import SHOWN
 from tex_lightning.report.page.curves import Curve, read_curves
+from tex_lightning.report.page.label_maps import LEGEND, map_folder
 from tex_lightning.report.page.media import embedded, is_broad, shown_samples
 from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
@@ -62,6 +63,7 @@ def write_page(directory: Path, command: str | None = None) -> None:
         tables={name: _table(directory / name) for name in TABLES if (directory / name).is_file()},
         figures=_figures(directory, shown),
         samples=shown_samples(directory, list(networks)),
+        legend=LEGEND if networks and map_folder(directory, [*networks][-1]).is_dir() else {},
         settings=settings,
         environment=results.get("environment", {}),
         seconds=results.get("wall_seconds"),
