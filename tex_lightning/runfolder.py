@@ -1,4 +1,4 @@
-"""The run folder: whose it is, and what was asked for in it."""
+"""The run folder: its owner, settings and overrides."""
 
 import json
 import logging

@@ -1,4 +1,4 @@
-"""What a branch is, whatever it senses with."""
+"""The base class of branches, for any sensor."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
@@ -76,7 +76,7 @@ class Branch(ABC):
 
     @abstractmethod
     def dense_input(self, recording: Tensor) -> Tensor:
-        """What :meth:`dense` takes of a decoded recording."""
+        """Input of :meth:`dense` for a decoded recording."""
 
     @abstractmethod
     def input_size(self, recording: Tensor) -> tuple[int, int]:
@@ -97,7 +97,7 @@ class Branch(ABC):
         seed: int,
         learn: bool,
     ) -> Bank:
-        """What training batches are cut from.
+        """Make the bank from which training batches are cut.
 
         Args:
             rows: The training recordings.
@@ -232,12 +232,12 @@ class Branch(ABC):
 
     @property
     def device(self) -> torch.device:
-        """Where it computes."""
+        """Device of its parameters."""
         return next(self._tensors()).device
 
     @property
     def what(self) -> str:
-        """What one of its recordings is called."""
+        """Name of one of its recordings."""
         return name_one(self.modality)
 
     def _tensors(self) -> Iterator[Tensor]:

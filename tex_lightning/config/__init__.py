@@ -1,6 +1,6 @@
-"""The configuration, typed: a wrong key or type fails while it is composed.
+"""The typed configuration: a wrong key or type fails while it is composed.
 
-Values live in ``conf/``; here stand types, meanings, choices and ranges. ``???`` (``MISSING``)
+``conf/`` has the values, this package types, meanings, choices and ranges. ``???`` (``MISSING``)
 marks what a configuration file or the user has to fill in.
 """
 
@@ -156,12 +156,12 @@ class Config:
 
     @property
     def files(self) -> dict[str, Any]:
-        """What was given to predict from, by modality."""
+        """Files to predict from, by modality."""
         given = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
         return {modality: value for modality, value in given.items() if value is not None}
 
     def weights_of(self, sense: str) -> str | None:
-        """Where the trunk of one sense starts; None is at random.
+        """Source of the first weights of one sense's trunk; None is random.
 
         A mapping names several, see :func:`~tex_lightning.config.weights.pick_weights`; anything
         else is meant for the photos' trunk, or for that of the only sense.
@@ -201,7 +201,7 @@ def register() -> None:
 
 @cache  # Hydra copies it; made anew it would be a sixth of every composition
 def _schema() -> DictConfig:
-    """The dataclasses as Hydra composes them: closed, but for what others know the keys of."""
+    """The dataclasses as Hydra composes them: closed, except sections with keys of others."""
     node: DictConfig = OmegaConf.structured(Config)
     sections = [node.model[name] for name in (*PACKAGE_SENSES, FUSION)]
     nodes = [each.fit[part] for each in sections for part in ("optimizer", "schedule")]

@@ -1,4 +1,4 @@
-"""Where recordings come from."""
+"""The data set: where recordings are, and how they are decoded and divided into folds."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -45,7 +45,7 @@ class Folding:
 
 @dataclass
 class DataConfig(Folding):
-    """Where recordings come from, how they are decoded and divided into folds."""
+    """The data set: where recordings are, and how they are decoded and divided into folds."""
 
     name: str = key("data set, set by data=NAME")
     root: str | None = key("folder of the recordings")

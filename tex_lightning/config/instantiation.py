@@ -1,4 +1,4 @@
-"""From a ``_target_`` of the configuration to the object that it names: the only place for it."""
+"""Build the object that a ``_target_`` of the configuration names; no other module does."""
 
 import importlib
 import inspect

@@ -1,4 +1,4 @@
-"""At which rate a trace was sampled, and who says so.
+"""The sampling rate of a trace, and its source.
 
 The file itself decides first: the header of a WAV file, or a column of time. Then come the
 statements beside it: the manifest or the reader, a sidecar ``FILE.json`` with the key ``rate``
@@ -71,7 +71,7 @@ def source_rate(path: Path, raw: RawTrace, given: float | None, assumed: float) 
 
 
 def stated_rate(path: Path, given: float | None = None) -> float | None:
-    """What is said of a trace outside its file, in Hz; None if nothing is.
+    """The rate in Hz that other files state of a trace; None if none does.
 
     Args:
         path: The trace, or any of its axes if they lie apart.

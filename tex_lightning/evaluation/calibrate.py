@@ -1,4 +1,4 @@
-"""Set what a checkpoint says of its own certainty, on the validation fold."""
+"""Calibrate a checkpoint's probabilities and thresholds on the validation fold."""
 
 import logging
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Which system is enough: the one-standard-error rule, the Pareto line, and budgets."""
+"""Choice of a system: the one-standard-error rule, the Pareto front, and budgets."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

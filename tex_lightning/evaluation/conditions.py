@@ -1,4 +1,4 @@
-"""Accuracy by the conditions that the test samples were recorded under."""
+"""Accuracy by the conditions under which the test samples were recorded."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any

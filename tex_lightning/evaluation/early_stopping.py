@@ -1,4 +1,4 @@
-"""Decisions that stop early beside the full ones, over their thresholds."""
+"""Comparison of decisions that stop early with the full ones, over their thresholds."""
 
 import csv
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ from tex_lightning.progress import track
 
 @dataclass(frozen=True)
 class Setting:
-    """What one threshold gave on the test samples.
+    """Results of one threshold on the test samples.
 
     Attributes:
         network: Its sense, or ``fusion``.

@@ -1,4 +1,4 @@
-"""How unlike the training known recordings are that nothing was fitted on."""
+"""Novelties of known recordings on which nothing was fitted."""
 
 import math
 from collections.abc import Mapping, Sequence

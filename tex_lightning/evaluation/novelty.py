@@ -22,7 +22,7 @@ from tex_lightning.evaluation.samples import run_test
 
 @dataclass(frozen=True)
 class Tested:
-    """What one checkpoint was tested on.
+    """The test samples of one checkpoint.
 
     Attributes:
         known: Samples of its classes.

@@ -1,4 +1,4 @@
-"""Systems that look at different senses, compared on the samples of all these senses together."""
+"""Comparison of systems of different senses on the samples of all these senses together."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -74,7 +74,7 @@ def correct_shares(outcomes: Sequence[Outcome], joint: Sequence[Outcome]) -> dic
 
 
 def difference(before: Sequence[Outcome], after: Sequence[Outcome]) -> Difference | None:
-    """What a system gains and loses by the senses that it looks at beyond those of another.
+    """What a system gains and loses by its senses beyond those of another.
 
     Args:
         before: Outcomes of the system with fewer senses.

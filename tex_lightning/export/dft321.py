@@ -56,7 +56,7 @@ def _reduced(trace: Tensor) -> Tensor:
 
 @cache
 def quick_lengths() -> list[int]:
-    """All that :func:`quick_length` gives, up to the longest."""
+    """All results of :func:`quick_length`, up to the longest."""
     found, length = [], LONGEST
     while length >= 1:
         found.append(quick_length(length))

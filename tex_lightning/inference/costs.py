@@ -1,4 +1,4 @@
-"""What a decision costs before it is made: multiply-accumulates by the size of the recordings."""
+"""Multiply-accumulates of a decision, from the sizes of the recordings, before it is made."""
 
 from functools import lru_cache
 

@@ -1,4 +1,4 @@
-"""Which files ``haptic=``, ``image=`` and so on name, and which of them belong together."""
+"""Find the files that ``haptic=``, ``image=`` and so on name, and match those of one sample."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Runs side by side train a network that several of them need only once."""
+"""Train a network that several parallel runs need only once."""
 
 import hashlib
 import json
@@ -50,7 +50,7 @@ def train_shared(training: Training, folder: Path) -> Path:
 
 
 def _digest(checkpoint: Path) -> str:
-    """Of the weights alone: a calibration that is run otherwise changes the rest."""
+    """Digest of the weights alone, since another calibration changes the rest."""
     digest = hashlib.sha256()
     for name, value in read_checkpoint(checkpoint)["state_dict"].items():
         digest.update(name.encode())

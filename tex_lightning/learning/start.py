@@ -87,21 +87,21 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
 
 
 def _shape(card: Card) -> dict[str, Any]:
-    """What the trunk's weights are for."""
+    """The settings that the trunk's weights depend on."""
     node = card.branches[card.kind]
     rate = {key: value for key, value in node["decode"].items() if key == "sampling_rate"}
     return {**rate, **{key: value for key, value in node.items() if key not in HEADS}}
 
 
 def _said(value: Any) -> str:  # noqa: ANN401
-    """A value as one types it."""
+    """A value as typed on the command line."""
     if not isinstance(value, dict):
         return str(value)
     return "{" + ",".join(f"{key}:{_said(each)}" for key, each in value.items()) + "}"
 
 
 def name_source(source: str) -> str:
-    """A source of weights, and of a checkpoint of this package also what that was trained on."""
+    """Name a source of weights, and for a checkpoint of this package also its training data."""
     if Path(source).suffix != SUFFIX:
         return source
     stored = read_checkpoint(source)["hyper_parameters"]["card"]

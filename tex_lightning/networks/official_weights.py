@@ -1,4 +1,4 @@
-"""Where ImageNet weights are: a file of the user's, an official address, a package of Python."""
+"""Find ImageNet weights: a file of the user, an official address or a Python package."""
 
 import hashlib
 import re

@@ -85,7 +85,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
 
 
 def warn_of_random_weights(trunk: Trunk) -> None:
-    """Say that features which nothing trains are those of a trunk drawn at random."""
+    """Warn that features without training come from a trunk with random weights."""
     log.warning(
         "The %s trunk has random weights, so that its features are much weaker than published; "
         "give pretrained ones as weights=FILE.",

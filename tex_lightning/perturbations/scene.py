@@ -1,4 +1,4 @@
-"""What a perturbation may use besides the recording itself."""
+"""Further inputs of a perturbation besides the recording."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

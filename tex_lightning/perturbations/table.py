@@ -28,7 +28,7 @@ Function = Callable[[Array, float, Scene], Array]
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One way in which recordings go wrong.
+    """One perturbation of recordings, with its scale.
 
     Attributes:
         name: In ``severities.yaml``, unlike all others.
@@ -52,7 +52,7 @@ class Perturbation:
 
     @property
     def effect(self) -> tuple[str, str]:
-        """Of one of :data:`BOTH`, the modality that it hits and what becomes of that."""
+        """Modality and effect of one of :data:`BOTH`."""
         modality, _, becomes = self.name.rpartition("_")
         return modality, becomes
 

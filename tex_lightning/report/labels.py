@@ -1,4 +1,4 @@
-"""Labels that stand where there is room for them."""
+"""Place labels where there is room for them."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""The systems of a family: what each composes to, trained and tested on the same folds."""
+"""Compose the systems of a family, and train and test them on the same folds."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ Pair = tuple[int, int]  # folds that networks are trained without
 
 @dataclass(frozen=True)
 class Member:
-    """One system of the family: its name, its overrides and what they compose to."""
+    """One system of the family: its name, its overrides and its composed configuration."""
 
     name: str
     overrides: tuple[str, ...]
@@ -48,7 +48,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Measured:
-    """What training and testing a member gave.
+    """Results of training and testing a member.
 
     Attributes:
         member: The system.
@@ -231,5 +231,5 @@ def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[s
 
 
 def given_overrides(job: Job) -> list[str]:
-    """What the user asked for beside the family."""
+    """The user's overrides beside the family."""
     return [item for item in job.overrides if not item.startswith(OWN_KEYS)]

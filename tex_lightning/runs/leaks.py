@@ -1,4 +1,4 @@
-"""What weights have seen, which their checkpoint remembers so that it is not tested on."""
+"""Record the training recordings in a checkpoint, and refuse to test on them."""
 
 import json
 from collections import defaultdict
@@ -20,7 +20,7 @@ WHERE = "test_where"
 
 
 def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -> dict[str, Any]:
-    """What the weights of one network will have seen, and the fold that they will not.
+    """Digests of the recordings that one network is trained on, and the fold that is left out.
 
     Args:
         card: Of the network to train.
@@ -62,13 +62,13 @@ def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) ->
 
 
 def digests(rows: Iterable[Recording]) -> list[str]:
-    """Of each recording that of the content of its file, and which part of that it is."""
+    """Digest of each recording: that of its file's content, and its part of the file."""
     found = ((fingerprint(row.path), row.part) for row in rows)
     return [digest if part is None else f"{digest}#{write_part(part)}" for digest, part in found]
 
 
 def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
-    """Refuse weights that were trained, or chosen, on what is to be tested.
+    """Refuse weights that were trained, or chosen, on test recordings.
 
     Recordings are compared by content, so that neither another reader nor other folds hide one; two
     parts of one file are the same as far as they overlap.

@@ -1,4 +1,4 @@
-"""What a task is about to work on, said once before it begins: a dozen lines on standard error."""
+"""Print the data and settings of a task before it begins: a dozen lines on standard error."""
 
 import logging
 import textwrap

@@ -1,4 +1,4 @@
-"""What ``task=stability`` tests: systems from run folders and checkpoints."""
+"""The systems that ``task=stability`` tests, from run folders and checkpoints."""
 
 from collections import Counter
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Which recordings can be used at all: found out before time is spent on training."""
+"""Find unusable recordings before time is spent on training."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""What many trials say of each system."""
+"""Summaries of the trials of each system."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -87,7 +87,7 @@ def corruption_error(errors: Errors, reference: Errors) -> dict[str, Any] | None
 
 
 def conflict_summary(system: System, bench: Bench) -> dict[str, Any]:
-    """How well a FusionNet tells recordings of two classes in one sample from those of one.
+    """How well a FusionNet separates samples with recordings of two classes from those of one.
 
     The area under the ROC curve of three scores, each high for a conflict: 1 - agreement of the
     beliefs of its parts, 1 - share of the votes, and 1 - mean probability of the label. Every

@@ -24,7 +24,7 @@ from tex_lightning.inference.streaming.convolutions import (
 
 
 class StreamingLayer(Protocol):
-    """What every layer of a stream can do.
+    """The interface of every layer of a stream.
 
     Attributes:
         macs: Multiply-accumulates since the restart.

@@ -155,7 +155,7 @@ class LiveStream:
 
 @torch.inference_mode()
 def _senses(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Sensed]:
-    """What is said of the photos, once for all."""
+    """Compute the scores of the photos, once for all."""
     return {
         name: classifier.sense(name, photos[branch.modality])
         for name, branch in classifier.branches.items()

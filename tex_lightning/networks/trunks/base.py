@@ -1,4 +1,4 @@
-"""What every trunk of VisualNet declares, and the geometry that follows from it."""
+"""The declarations of every trunk of VisualNet, and the geometry that follows from them."""
 
 from collections.abc import Iterable, Mapping
 from itertools import count

@@ -86,7 +86,7 @@ class InvertedResidual(nn.Module):
 
 
 def _pooling(patch: int) -> Window:
-    """Of stage 7's positions, those of a fragment; the next fragment is one of them further."""
+    """Pooling over the positions of a fragment in stage 7; the next fragment is one further."""
     return Window(fragment_positions(TO_STAGE7, patch, "efficientnet_lite"))
 
 

@@ -94,7 +94,7 @@ class TextureFeatures(nn.Module):
 
 
 class RootFeatures(TextureFeatures):
-    """The same of the roots of maps that are not negative.
+    """Mean of the square roots of non-negative maps, over the same windows.
 
     The root, taken first, keeps a few strong responses from outweighing all others (Perronnin et
     al. 2010, for Fisher vectors).
