@@ -90,7 +90,7 @@ class Card:
         return card
 
     def deciding(self, given: DecisionConfig) -> Self:
-        """The same card with those parts of the decision that are given; None leaves the card's."""
+        """Return the card with the given parts of the decision; None keeps the card's."""
         values = {key: getattr(given, key) for key in DECISION}
         changed = {key: value for key, value in values.items() if value is not None}
         return replace(self, decision={**self.decision, **changed})
@@ -190,7 +190,7 @@ def damaged(path: Path, error: Exception) -> UserError:
 
 
 def named(path: Path, error: UserError) -> UserError:
-    """The same mistake, with the checkpoint that it is in."""
+    """Return the error with the path of its checkpoint."""
     if str(path) in str(error):
         return error
     return UserError(f"Checkpoint {path} cannot be used: {error}")

@@ -1,4 +1,4 @@
-"""What the command line and Python share: one job from its overrides to its results."""
+"""Run one job from its overrides to its results, for the command line and Python."""
 
 import errno
 import json

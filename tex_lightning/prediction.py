@@ -1,4 +1,4 @@
-"""What a person is told of a classified sample."""
+"""The printed result of a classified sample."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -53,7 +53,7 @@ class Baseline(ABC):
 
     @abstractmethod
     def state(self) -> State:
-        """What was fitted, as tensors."""
+        """The fitted values as tensors."""
 
     @abstractmethod
     def load_state(self, state: State) -> None:
@@ -80,7 +80,7 @@ class Baseline(ABC):
         )
 
     def with_budget(self, budget: float) -> Self:
-        """The same with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""
+        """Return it with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""
         return self
 
 

@@ -165,7 +165,7 @@ class Branch(ABC):
         return self.position_grid(recording, level).flatten(1)
 
     def position_grid(self, recording: Tensor, level: Level) -> Tensor:
-        """The same features as they lie (D, rows, columns); a signal's have one row.
+        """Features on their grid (D, rows, columns); a signal's have one row.
 
         Raises:
             UserError: As :meth:`positions`.

@@ -214,7 +214,7 @@ class StreamConfig:
 
 @dataclass
 class GenerateConfig:
-    """Where synthetic surfaces are written out."""
+    """Folder, layout and content of written synthetic surfaces."""
 
     out: str = key("folder to write to, new or empty")
     layout: str = key("layout of the files", choices=("folder", "tum"))

@@ -32,7 +32,7 @@ def comparable(value: object) -> float | str:
 
 
 def shown(value: str) -> str:
-    """The same text for values that are compared as one."""
+    """One text for all values that are equal in comparison."""
     known = comparable(value)
     return str(known).removesuffix(".0")
 

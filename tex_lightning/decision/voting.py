@@ -38,11 +38,11 @@ class Vote:
         return float(self.probabilities[self.label])
 
     def by_mean(self) -> "Vote":
-        """The same fragments, decided by the largest probability."""
+        """Decide the same fragments by the largest mean probability."""
         return replace(self, label=int(self.probabilities.argmax()))
 
     def doubted(self, share: float) -> "Vote":
-        """The same label, with a ``share`` of votes and probabilities spread over all classes."""
+        """Keep the label, and spread a ``share`` of votes and probabilities over all classes."""
         even = share / len(self.shares)
         return replace(
             self,

@@ -99,7 +99,7 @@ def choose_confidence_threshold(
 
 
 def independent(samples: Sequence[Sample]) -> list[str]:
-    """For each sample its recording of the modality that has fewest of them."""
+    """Return each sample's recording of the modality with the fewest recordings."""
     return scarcest(
         [{name: str(row.path) for name, row in each.recordings.items()} for each in samples]
     )

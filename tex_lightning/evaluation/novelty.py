@@ -69,7 +69,7 @@ def pool_unknown(
     directory: Path,
     rate: float | None,
 ) -> dict[str, Any]:
-    """The same of several folds, the samples of held-out classes from their files.
+    """Pool :func:`report_unknown` of several folds, whose files have the held-out samples.
 
     A fold whose own checkpoint has nothing to set a threshold by has that of what the other folds
     were tested on: their networks had not seen it either.

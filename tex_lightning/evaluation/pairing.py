@@ -10,7 +10,7 @@ from tex_lightning.evaluation.outcomes import Outcome
 
 
 class Difference(NamedTuple):
-    """What one system gets right and another does not.
+    """Samples that one system classifies correctly and another does not.
 
     Attributes:
         test_samples: That both classify.
@@ -27,7 +27,7 @@ class Difference(NamedTuple):
 
 
 def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
-    """For each sample, its files by modality, that of the modality which has fewest of them."""
+    """Return, of each sample's files by modality, that of the modality with the fewest files."""
     recorded = [[each[modality] for each in files] for modality in files[0]]
     return min(recorded, key=lambda names: len(set(names)))
 
@@ -35,9 +35,9 @@ def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
 def pair(
     outcomes: Sequence[Outcome], joint: Sequence[Outcome]
 ) -> list[tuple[str, bool, bool]] | None:
-    """For each joint sample the independent recording in it, and whether each system is correct.
+    """Return each joint sample's independent recording, and whether each system is correct.
 
-    The recording is that of the modality with the fewest of them, of which others repeat it.
+    That recording is of the modality with the fewest recordings, which several samples share.
 
     Args:
         outcomes: Of a system that looks at some of the modalities.

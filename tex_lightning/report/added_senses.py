@@ -1,4 +1,4 @@
-"""What each further sense costs and repairs: ``senses.csv``, and the marks of the chart."""
+"""Cost and repaired samples of each added sense: ``senses.csv``, and the marks of the chart."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class AddedSense:
 
     @property
     def label(self) -> str:
-        """What the chart says of it."""
+        """Its text in the chart."""
         return (
             f"+{self.sense}: {self.repaired} repaired, {self.broken} broken, "
             f"{self.added_ms:+.1f} ms (p = {self.p_value:.2g})"

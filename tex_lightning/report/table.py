@@ -91,7 +91,7 @@ def print_tables(directory: Path, *tables: Table) -> None:
 
 
 def run_overrides(directory: Path) -> list[str]:
-    """What was asked for in a run folder, as it was written; nothing if it does not say."""
+    """Overrides of a run folder, as they were written; empty if it has none on record."""
     path = directory / ".hydra" / "overrides.yaml"
     return written(OmegaConf.load(path)) if path.is_file() else []
 

@@ -215,10 +215,10 @@ def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measure
 
 
 def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[str]:
-    """What trains a system with what else the user asked for.
+    """The overrides that train a system, the user's others included.
 
-    One source of weights is meant for the published trunks: a system without goes without it, and
-    without those that a preset names.
+    A single source of weights is meant for published trunks: a system without such a trunk gets
+    neither it nor the weights of a preset.
     """
     without = [item for item in given if not item.startswith("weights=")]
     preset = [item for item in given if item.startswith("experiment=")]

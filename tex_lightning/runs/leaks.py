@@ -42,7 +42,7 @@ def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -
 
 
 def trained_on_parts(card: Card, parts: Split, data: DataConfig, *starts: Card) -> dict[str, Any]:
-    """The same of a FusionNet that starts from networks with the cards ``starts``."""
+    """Digests for a FusionNet that starts from networks with the cards ``starts``."""
     begun = [start.trained_on for start in starts]
     trunks = {kind: name for each in begun for kind, name in each.get("trunks", {}).items()}
     return {**_seen(card, parts, data, *begun), **({"trunks": trunks} if trunks else {})}

@@ -56,7 +56,7 @@ class Workspace:
         return self.recipe.model.kind
 
     def on_fold(self, fold: int, directory: Path) -> "Workspace":
-        """The same with another test fold and run folder."""
+        """Copy it with another test fold and run folder."""
         return replace(self, data=replace(self.data, test_fold=fold), directory=directory)
 
     def parts(self) -> Split:

@@ -88,7 +88,7 @@ class Pointwise:
 
     @property
     def macs(self) -> int:
-        """Of a linear function; others multiply nothing."""
+        """Multiply-accumulates of a linear function; other functions have none."""
         return self.function.macs if isinstance(self.function, Linear) else 0
 
     def push(self, columns: Columns, settled: int) -> tuple[Columns, int]:
