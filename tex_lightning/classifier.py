@@ -246,7 +246,7 @@ class SurfaceClassifier(nn.Module):
         """Compute what one sense adds to the class scores: (classes, positions).
 
         Args:
-            name: Of the sense.
+            name: Name of the sense.
             recording: Decoded.
         """
         return self._summand_of(name, self.described(name, recording))
@@ -267,7 +267,7 @@ class SurfaceClassifier(nn.Module):
         FC2's, whatever is fused; of a network without a ``score_layer`` its class scores.
 
         Args:
-            name: Of the sense.
+            name: Name of the sense.
             recording: Decoded.
         """
         return self.branch(name).positions(recording, self.described_level(name))
@@ -295,7 +295,7 @@ class SurfaceClassifier(nn.Module):
 
         Args:
             summands: Those of all senses, in order; of a single one they are the scores.
-            seed: Of the tuples; see :func:`content_seed`.
+            seed: Seed of the tuples; see :func:`content_seed`.
             count: Number of tuples; None takes the card's.
         """
         if self.fusion is None:

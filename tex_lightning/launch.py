@@ -95,7 +95,7 @@ def as_mistake(error: Exception, arguments: Sequence[str], *, began: bool) -> Us
     """What of an error is the user's to mend; None if it is a fault of the program.
 
     Args:
-        error: That ended the job.
+        error: Error that ended the job.
         arguments: The overrides.
         began: Whether the job had a run folder; before, only its configuration can be wrong.
     """

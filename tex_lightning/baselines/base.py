@@ -30,7 +30,7 @@ class Baseline(ABC):
     Attributes:
         kind: What it reads: ``haptic`` any signals, ``visual`` any photos.
         min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
-        sampling_rate: Of the traces in Hz; set by whoever makes it.
+        sampling_rate: Sampling rate of the traces in Hz; set by whoever makes it.
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]
@@ -44,7 +44,7 @@ class Baseline(ABC):
         Args:
             recordings: Traces or photos, loaded as they are asked for.
             labels: Their class indices.
-            seed: Of everything random.
+            seed: Seed of everything random.
         """
 
     @abstractmethod

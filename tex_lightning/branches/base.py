@@ -35,9 +35,9 @@ class Branch(ABC):
     recordings in pieces.
 
     Attributes:
-        name: Of the sense.
-        modality: Of its recordings in the table.
-        decoder: Of its files.
+        name: Name of the sense.
+        modality: Modality of its recordings in the table.
+        decoder: Decoder of its files.
         features: See above.
         network: See above.
         tile: Most elements of an input that go through the network at once, or twice its receptive
@@ -104,7 +104,7 @@ class Branch(ABC):
             store: Where they are decoded.
             fit: The recipe.
             size: Length or side of a piece.
-            seed: Of everything random.
+            seed: Seed of everything random.
             learn: Whether the features learn from the recordings what they have to, such as their
                 normalisation; else they have.
         """
@@ -124,7 +124,7 @@ class Branch(ABC):
 
         Args:
             given: A path, or samples or pixels.
-            ranges: Of the measures of the training recordings.
+            ranges: Ranges of the measures of the training recordings.
             **how: ``rate`` in Hz, ``colour`` order, ``fast`` decoding, as far as they apply.
 
         Raises:

@@ -16,7 +16,7 @@ class Key:
 
     Attributes:
         meaning: One phrase, with what null does where null is allowed.
-        unit: Of a number.
+        unit: Unit of a number.
         choices: All values that are allowed; empty where they are not listed here.
         least: Smallest number allowed.
         most: Largest number allowed.

@@ -168,7 +168,7 @@ def unknown_key(
         key: Its dotted name.
         config: As composed without it.
         keys: All that are in there.
-        groups: Of the configuration.
+        groups: Groups of the configuration.
     """
     if (now := renamed(key)) is not None:
         return UserError(f"The key {shorten(key)} is {shorten(now)} now; give it by that name.")

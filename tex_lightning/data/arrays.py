@@ -47,7 +47,7 @@ def as_photo(
 
     Args:
         given: (height, width, 3) or, of greys, (height, width); uint8.
-        settings: Of the checkpoint.
+        settings: Settings of the checkpoint.
         colour: ``rgb``, or ``bgr`` as OpenCV gives them.
         key: What they were given as.
 

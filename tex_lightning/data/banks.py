@@ -39,7 +39,7 @@ class InputBank(Bank):
     """Network inputs (..., frames) of unequal length in one tensor, cut in one indexing step.
 
     Args:
-        inputs: Of all recordings in their first version, then of all in their second, and so on.
+        inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples.
         versions: How many there are of every recording; which one is cut is drawn.
         folder: Where a file holds them; None keeps them in memory.
@@ -90,9 +90,9 @@ class PhotoBank(Bank):
     size that was faster than one indexing step over all of them, which needs an index per pixel.
 
     Attributes:
-        recordings: Of photos.
+        recordings: Recordings of photos.
         store: Decoded files.
-        side: Of a crop in pixels.
+        side: Side of a crop in pixels.
         rotation: Largest angle in degrees that a crop is to be turned by.
         augmentation: What becomes of a crop after it is cut; None leaves it.
     """

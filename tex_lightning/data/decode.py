@@ -36,8 +36,8 @@ class Decoder(ABC):
     """How the files of one sense become arrays; its fields decide their content.
 
     Attributes:
-        suffixes: Of the files that it reads, in lower case.
-        unit: Of :meth:`extent`.
+        suffixes: Suffixes of the files that it reads, in lower case.
+        unit: Unit of :meth:`extent`.
         precision: How that is written.
     """
 
@@ -51,7 +51,7 @@ class Decoder(ABC):
 
         Args:
             path: The file.
-            rate: In Hz, if the manifest or the reader knows it.
+            rate: Rate in Hz, if the manifest or the reader knows it.
 
         Raises:
             UserError: If the file cannot be used.

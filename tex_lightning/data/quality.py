@@ -92,7 +92,7 @@ class TraceMonitor:
         """Say what is wrong with the trace so far.
 
         Args:
-            ranges: Of the training; what they lack is not compared.
+            ranges: Ranges of the training; what they lack is not compared.
             **measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
         """
         constant = self.low == self.high
@@ -119,8 +119,8 @@ def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str,
 
     Args:
         trace: (axes, samples), decoded.
-        rate: That it was recorded at, in Hz.
-        sampling_rate: That it was brought to: a higher rate adds nothing.
+        rate: Rate of the recording in Hz.
+        sampling_rate: Rate in Hz to which it was resampled: a higher rate adds nothing.
     """
     monitor = TraceMonitor("trace")
     monitor.update(trace)

@@ -119,7 +119,7 @@ def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
     Args:
         positions: How many there are of each sense: L of a trace, M * N of a photo.
         count: K of the paper, 1000 there.
-        seed: Of this sample; the caller derives it from the sample's content.
+        seed: Seed of this sample; the caller derives it from the sample's content.
 
     Returns:
         Long tensor (count, senses).

@@ -38,7 +38,7 @@ def calibrate(
     Args:
         classifier: As loaded from ``checkpoint``; its card is replaced.
         checkpoint: The file, which is rewritten.
-        samples: Of the validation fold; without any nothing happens.
+        samples: Samples of the validation fold; without any nothing happens.
         store: Their recordings.
         running: How it runs and decides.
     """

@@ -30,7 +30,7 @@ def keep_novelties(
     Args:
         classifier: As loaded from ``checkpoint``; its card is replaced.
         checkpoint: The file, which is rewritten.
-        parts: Of the recordings.
+        parts: Parts of the recordings.
         store: Their recordings decoded.
     """
     card = classifier.card

@@ -46,7 +46,7 @@ def report_unknown(
 
     Args:
         classifier: As it decides.
-        samples: Of the held-out classes.
+        samples: Samples of the held-out classes.
         store: Their recordings.
         directory: The run folder.
         known: What became of the others.
@@ -77,7 +77,7 @@ def pool_unknown(
     Args:
         folds: By folder the network's entry of ``results.json``.
         known: What became of the others in each fold.
-        name: Of the network.
+        name: Name of the network.
         directory: The run folder.
         rate: ``decision.unknown``.
     """

@@ -115,7 +115,7 @@ def optimized_value(results: dict[str, Any], metric: str | None) -> float:
     """Choose the value that a search minimises.
 
     Args:
-        results: Of a training; its last network is the one that was asked for.
+        results: Results of a training; its last network is the one that was asked for.
         metric: ``val_loss``, the lowest loss on the validation fold; ``vote_error``, the share of
             wrong votes in the test; None takes the first where there is one.
     """

@@ -13,10 +13,10 @@ class Difference(NamedTuple):
     """Samples that one system classifies correctly and another does not.
 
     Attributes:
-        test_samples: That both classify.
+        test_samples: Test samples that both classify.
         repaired: Samples that only the second gets right.
         broken: Samples that only the first gets right.
-        p_value: Of the exact McNemar test, two-sided. Samples that share a recording count once,
+        p_value: p of the exact McNemar test, two-sided. Samples that share a recording count once,
             by their majority, since a recording that misleads does so in all of them.
     """
 
@@ -40,8 +40,8 @@ def pair(
     That recording is of the modality with the fewest recordings, which several samples share.
 
     Args:
-        outcomes: Of a system that looks at some of the modalities.
-        joint: Of a system that looks at all of them.
+        outcomes: Outcomes of a system that uses some of the modalities.
+        joint: Outcomes of a system that uses all of them.
 
     Returns:
         None if no joint sample holds what the first system has classified.

@@ -41,7 +41,7 @@ class Agreement:
         latency_ms: Median from decoded recordings to the label, of the file; None if none was
             compared.
         classifier_ms: The same of the accelerated classifier, interleaved in one process.
-        ratio: Of the first to the second.
+        ratio: Ratio of the first to the second.
     """
 
     recordings: int

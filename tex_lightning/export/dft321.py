@@ -19,7 +19,7 @@ def joined_axes(trace: Tensor, least: int) -> Tensor:
 
     Args:
         trace: (axes, samples), without means.
-        least: That :func:`quick_length` of these samples is promised to be, at least.
+        least: Smallest promised value of :func:`quick_length` of these samples.
 
     Returns:
         (1, samples); of three axes as many as :func:`quick_length` says.

@@ -50,7 +50,7 @@ def joined(parts: list[Part], draws: Tensor) -> tuple[Tensor, Tensor]:
     are there: sums at random tuples of positions, or of a single sense those of its positions.
 
     Args:
-        parts: Of all senses, in order.
+        parts: Parts of all senses, in order.
         draws: int64 (K, senses); modulo the number of positions each word is a position. The first
             column is for the first sense that is there, the next for the next.
     """

@@ -24,7 +24,7 @@ def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
 
     Args:
         trace: (axes, samples).
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
 
     Returns:
         int64 ().

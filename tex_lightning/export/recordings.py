@@ -42,7 +42,7 @@ def recordings(
 
     Args:
         data: ``synthetic`` gives noise; anything else is read.
-        classifier: That decodes.
+        classifier: Classifier that decodes.
         count: How many at most.
         train: Take those that are not in the tested fold.
 

@@ -154,7 +154,7 @@ def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tenso
     of the transform, so that every band has one; none has the constant part.
 
     Args:
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
         samples: Length of the transform.
         per_octave: Bands in an octave.
 

@@ -248,7 +248,7 @@ def movement_start(trace: Tensor, sampling_rate: float) -> int:
 
     Args:
         trace: (axes, samples).
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
     """
     quiet, settling, search, known = (
         int(seconds * sampling_rate)

@@ -35,7 +35,7 @@ def beginnings(trace: Tensor, stream: StreamingClassifier, costs: Costs) -> Iter
     Args:
         trace: (axes, samples), decoded.
         stream: Computes; it is restarted.
-        costs: Of the full pass.
+        costs: Costs of the full pass.
 
     Raises:
         UserError: If there is not one fragment.

@@ -13,7 +13,7 @@ class Costs:
     Convolutions and matrix products are counted; features, pooling and normalisation are not.
 
     Args:
-        card: Of one of this package's networks.
+        card: Card of one of this package's networks.
 
     Attributes:
         of: Multiply-accumulates of one sense with its part of a fusion layer, by its name and the

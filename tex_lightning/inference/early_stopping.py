@@ -242,7 +242,7 @@ class SequentialClassifier(SurfaceClassifier):
         """Vote over fragments one after another, computing the windows that they need.
 
         Args:
-            branch: Of the photo.
+            branch: Branch of the photo.
             photo: Decoded.
             others: (classes, fragments) what is added to the photo's score of each fragment.
             order: (fragments,) position of each in the photo, row by row.

@@ -22,7 +22,7 @@ class Evidence:
     """Dense scores of one sense, and the extents of their positions.
 
     Attributes:
-        name: Of the sense.
+        name: Name of the sense.
         what: What its recordings are called.
         scores: (classes, rows, columns) float32, before softmax: a network's class scores, or what
             the sense adds to those of a FusionNet. Signals have one row.
@@ -115,7 +115,7 @@ class SignalEvidence(Evidence):
 
     Attributes:
         samples: (axes, samples) float32 in the unit of the recording.
-        rate: Of the samples in Hz.
+        rate: Rate of the samples in Hz.
         start: Seconds of the recording before steady movement, which the network does not read.
         input: (bands, frames) the spectrogram that the network reads, normalised; where it reads
             something else, logarithmic magnitudes of the recording. None of one too short.

@@ -35,7 +35,7 @@ class SurfaceModule(LightningModule):
     Args:
         card: :class:`Card` as a dictionary.
         fit: The training recipe as a dictionary of plain values.
-        seed: Of dropout; batches have their own.
+        seed: Seed of dropout; batches have their own.
         pieces: By sense the length or side of the pieces.
     """
 

@@ -27,7 +27,7 @@ def add_classes(
 
     Args:
         classifier: Trained, on the CPU, with :attr:`~SurfaceClassifier.statistics`.
-        names: Of the new classes.
+        names: Names of the new classes.
         features: By sense what :meth:`~SurfaceClassifier.described` gives for the recordings of
             each new class, at least one of each.
 

@@ -37,7 +37,7 @@ def fit_linear_head(module: SurfaceModule, photos: PhotoBank, labels: Labels) ->
 
     Args:
         module: With pretrained weights in the trunk, on the device that computes the features.
-        photos: Of the training set, perturbed if that has an augmentation.
+        photos: Photos of the training set, perturbed if that has an augmentation.
         labels: Class index of each; every class occurs.
     """
     recipe = module.fit_config["probe"]

@@ -33,7 +33,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     """Load weights into the trunk of HapticNet or VisualNet; its head stays as it is.
 
     Args:
-        classifier: Of a haptic or visual network.
+        classifier: Classifier of a haptic or visual network.
         source: A checkpoint (.ckpt) of the same kind, of which the trunk is taken and nothing
             else; for VisualNet also what
             :func:`~tex_lightning.networks.weights.load_trunk_weights` takes.
@@ -65,7 +65,7 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
 
     Args:
         source: As for :func:`start_trunk`.
-        card: Of the classifier that is to start from it.
+        card: Card of the classifier that is to start from it.
 
     Returns:
         None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
@@ -123,7 +123,7 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
 
     Args:
         training: Says what to start from.
-        module: Of the network, on the CPU, where it is left.
+        module: Module of the network, on the CPU, where it is left.
         batches: Of which a head learns.
 
     Raises:

@@ -76,7 +76,7 @@ def position_features(
 
     Args:
         classifier: In evaluation mode.
-        name: Of the sense.
+        name: Name of the sense.
         rows: Recordings of its modality.
         store: Where they are decoded.
     """

@@ -15,7 +15,7 @@ class Training:
     """The networks, data and settings of one training.
 
     Attributes:
-        card: Of the classifier to train.
+        card: Card of the classifier to train.
         parts: Recordings by part.
         store: Decoded files.
         directory: The run folder.

@@ -17,7 +17,7 @@ def find_weights(trunk: Trunk, source: str) -> Path:
     """Return the file that ``source`` names, after fetching it where it is an official one.
 
     Args:
-        trunk: That it is for.
+        trunk: Trunk that it is for.
         source: A path, an address, or "imagenet".
 
     Raises:

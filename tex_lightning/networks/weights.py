@@ -53,7 +53,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
     noise is 1: far from it, a freshly drawn head does not train. Texture features stay as they are.
 
     Args:
-        trunk: Of width 1 without batch normalisation.
+        trunk: Trunk of width 1 without batch normalisation.
         source: A .caffemodel file, a .mat file of MatConvNet or a .npz file with Caffe's names
             (their input convention, BGR or RGB in 0-255 less the mean, is folded into the first
             convolution, so that the network keeps the input it documents; of a mean image the

@@ -33,7 +33,7 @@ class Perturbation:
     Attributes:
         name: In ``severities.yaml``, unlike all others.
         modality: What it changes, or :data:`BOTH`.
-        unit: Of its values.
+        unit: Unit of its values.
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
         axes: Number of axes that a signal must have; None for any.

@@ -51,7 +51,7 @@ def write_report(
         directory: Where they go.
         runs: Finished run folders.
         command: What repeats them.
-        formats: Of figures.
+        formats: Formats of figures.
     """
     systems = read_systems(runs)
     if not systems:

@@ -76,7 +76,7 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
     is taken twice only when all are; then the markers differ.
 
     Args:
-        names: Of systems or networks, in any order, which is kept.
+        names: Names of systems or networks, in any order, which is kept.
     """
     names = list(names)
     found: dict[str, Look] = {}

@@ -34,7 +34,7 @@ class System:
         variant: What else was asked for, where one model was run in several ways.
         classes: Class names in order.
         entries: Its entries of ``results.json``, one for each run.
-        outcomes: Of all runs together.
+        outcomes: Outcomes of all runs together.
         directories: Run folders.
     """
 

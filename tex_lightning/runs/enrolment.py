@@ -56,7 +56,7 @@ def recordings_to_add(
     Args:
         recordings: All that were read, of modalities that the network looks at.
         data: Says what is tested, and how many of a class are used.
-        card: Of the network.
+        card: Card of the network.
         only: Classes that are added; None adds all.
 
     Raises:
@@ -101,7 +101,7 @@ def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> Sur
 
     Args:
         classifier: On the device that computes the features; it ends on the CPU.
-        rows: Of the new classes.
+        rows: Rows of the new classes.
         store: Where they are decoded.
 
     Raises:
@@ -136,7 +136,7 @@ def write_checkpoint(
         classifier: On the CPU.
         source: Checkpoint that it came from.
         target: The new file.
-        seconds: That the change took, which are added to those of the training.
+        seconds: Seconds that the change took, which are added to those of the training.
     """
     content = read_checkpoint(source)
     content["hyper_parameters"]["card"] = classifier.card.to_dict()

@@ -135,7 +135,7 @@ def measure_family(
 
     Args:
         members: The systems.
-        folds: That are tested.
+        folds: Folds that are tested.
         directory: Holds a folder for each system.
         opening: Says what was found.
     """

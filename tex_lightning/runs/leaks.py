@@ -23,7 +23,7 @@ def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -
     """Digests of the recordings that one network is trained on, and the fold that is left out.
 
     Args:
-        card: Of the network to train.
+        card: Card of the network to train.
         parts: Recordings by part.
         data: How they were divided.
         source: Where the trunk starts; None is at random.
@@ -75,7 +75,7 @@ def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
 
     Args:
         test: What is to be tested.
-        card: Of the checkpoint.
+        card: Card of the checkpoint.
         who: Its name in the message.
         data: How this run was told what to test.
 

@@ -40,7 +40,7 @@ def load_systems(
         wanted: Names the systems.
         data: What they are tested on.
         running: How they run.
-        seed: Of the perturbations.
+        seed: Seed of the perturbations.
 
     Raises:
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on

@@ -45,7 +45,7 @@ def report_network(
         store: Their recordings.
         directory: The run folder.
         running: How it runs and decides.
-        formats: Of figures.
+        formats: Formats of figures.
         unknown: Samples of classes that were held out.
 
     Returns:

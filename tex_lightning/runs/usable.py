@@ -17,7 +17,7 @@ def find_unusable(
     Args:
         recordings: All that a task will need.
         store: Filled with them.
-        branches: That look at them.
+        branches: Branches that look at them.
         skip_bad: Whether the task goes on without them (``data.skip_bad``).
 
     Raises:

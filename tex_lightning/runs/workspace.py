@@ -77,7 +77,7 @@ def open_workspace(
 
     Args:
         data: Where recordings come from.
-        recipe: Of the networks to train on them.
+        recipe: Recipe of the networks to train on them.
         directory: The run folder.
         opening: Says what was found.
 

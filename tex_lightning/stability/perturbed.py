@@ -24,7 +24,7 @@ class PerturbedDataset:
 
     Attributes:
         store: Decoded files.
-        seed: Of everything random.
+        seed: Seed of everything random.
         folds: Into how many the recordings are divided; a partner is looked for in the same one.
     """
 

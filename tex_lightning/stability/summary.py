@@ -20,7 +20,7 @@ def summarise_system(system: System, trials: Sequence[Trial], reference: Errors)
 
     Args:
         system: The system.
-        trials: Of all systems, severities 0 to 5.
+        trials: Trials of all systems, severities 0 to 5.
         reference: :func:`mean_errors` of the reference system.
     """
     own = [trial for trial in trials if trial.system is system and trial.severity > 0]

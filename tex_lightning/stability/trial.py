@@ -101,7 +101,7 @@ class Bench:
 
     Args:
         systems: Those under test.
-        record: Of the trials that are done.
+        record: Record of the trials that are done.
     """
 
     def __init__(self, systems: Sequence[System], record: Record) -> None:

@@ -89,8 +89,8 @@ class _Recorder:
     Args:
         config: The whole configuration.
         folder: Where they are written.
-        tracks: Of the signals, the first of which is followed.
-        camera: Of the photos.
+        tracks: Tracks of the signals, the first of which is followed.
+        camera: Camera of the photos.
         label: The running label.
     """
 

@@ -79,7 +79,7 @@ class Signal:
     """The signal that is replayed or read.
 
     Attributes:
-        rate: In Hz.
+        rate: Rate in Hz.
         trace: (axes, samples) of a file; None for standard input.
     """
 

@@ -18,12 +18,12 @@ class LiveSignal:
     """Check, measure and resample the incoming samples.
 
     Args:
-        branch: Of the sense.
-        rate: Of the samples in Hz; None is the checkpoint's.
-        ranges: Of the training recordings, that warnings compare with.
+        branch: Branch of the sense.
+        rate: Rate of the samples in Hz; None is the checkpoint's.
+        ranges: Ranges of the training recordings, with which warnings compare.
 
     Attributes:
-        rate: In Hz, that samples must have.
+        rate: Rate in Hz that samples must have.
         samples: How many came.
 
     Raises:
@@ -83,7 +83,7 @@ class LiveSignal:
         """Faults of the signal.
 
         Args:
-            level: That is compared with the training; None compares none.
+            level: Level that is compared with the training; None compares none.
         """
         if not self.monitor.count:
             return Quality()

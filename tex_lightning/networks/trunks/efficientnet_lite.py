@@ -21,7 +21,7 @@ class Stage(NamedTuple):
     Attributes:
         blocks: How many, before the variant's depth.
         kernel: Side of their depthwise kernels.
-        stride: Of the first of them.
+        stride: Stride of the first of them.
         expansion: Factor on the channels inside of them.
         channels: That they give, before the variant's width.
         positions: Those along each axis that one of the last stage stands for.
