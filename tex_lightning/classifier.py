@@ -264,7 +264,8 @@ class SurfaceClassifier(nn.Module):
     def described(self, name: str, recording: Tensor) -> Tensor:
         """Compute the features (D, positions) of one sense that its :attr:`statistics` are about.
 
-        FC2's, whatever is fused; of a network without a ``score_layer`` its class scores.
+        They are FC2's at every level of fusion, or the class scores of a network without a
+        ``score_layer``.
 
         Args:
             name: Name of the sense.

@@ -1,4 +1,4 @@
-"""Metrics, figures and hyper-parameters in whatever loggers are configured."""
+"""Metrics, figures and hyper-parameters for all configured loggers."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

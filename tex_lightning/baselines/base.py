@@ -30,7 +30,7 @@ class Baseline(ABC):
     Attributes:
         kind: What it reads: ``haptic`` any signals, ``visual`` any photos.
         min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
-        sampling_rate: Sampling rate of the traces in Hz; set by whoever makes it.
+        sampling_rate: Sampling rate of the traces in Hz; set by the classifier.
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]

@@ -110,7 +110,7 @@ def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
 
 @contextmanager
 def _making(where: str) -> Iterator[None]:
-    """Name the key of a node whose class or module, perhaps the user's, fails in whatever way."""
+    """Name the key of a node whose class or module, perhaps the user's, raises any error."""
     try:
         yield
     except UserError:

@@ -103,7 +103,7 @@ class SignalDecoder(Decoder):
 
         Raises:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
-                its rate is told differently in two places.
+                two places state different rates.
         """
         samples, source = read_trace(path, self, rate)
         said = f"Trace {path}" if source.source != "assumed" else f"Trace {path}, by assumption,"

@@ -4,7 +4,7 @@ The file itself decides first: the header of a WAV file, or a column of time. Th
 statements beside it: the manifest or the reader, a sidecar ``FILE.json`` with the key ``rate``
 (FILE is the trace's name with or without its suffix), and ``rates.csv`` with the columns
 ``path,rate`` in the trace's folder or one of the two above it. Last comes ``data.file_rate``, an
-assumption. Who speaks of the same file must agree.
+assumption. All statements about one file must agree.
 """
 
 import math

@@ -18,7 +18,7 @@ class Files:
 
     Attributes:
         paths: In order.
-        searched: Whether a folder or a pattern was searched, so that nobody chose the order.
+        searched: Whether a folder or a pattern was searched, so that the user chose no order.
     """
 
     paths: tuple[Path, ...] = ()

@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 
 def train_shared(training: Training, folder: Path) -> Path:
-    """Train in a shared folder, or wait for whoever does, and copy the checkpoint.
+    """Train in a shared folder, or wait for the process that does, and copy the checkpoint.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
     so these name the place; those of a FusionNet on its parts, too. A process that is stopped

@@ -144,7 +144,7 @@ class FileSource(Source):
         rate: What it is said to have in Hz; None takes what it says.
 
     Raises:
-        UserError: If it cannot be read, or nobody says its rate.
+        UserError: If it cannot be read, or its rate is not stated.
     """
 
     def __init__(self, name: str, key: str, path: Path, rate: int | None) -> None:

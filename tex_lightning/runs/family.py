@@ -74,7 +74,7 @@ class Measured:
 def compose_family(
     frontier: FrontierConfig, job: Job, held: Sequence[str] = ()
 ) -> Iterator[Member]:
-    """Compose the systems asked for, and those ``held``, with whatever else the user asked for.
+    """Compose the requested systems, and those ``held``, with the user's other overrides.
 
     Networks that differ in nothing but how they are run are trained once, in a folder of the run.
 

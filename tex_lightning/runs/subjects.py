@@ -67,7 +67,7 @@ def make_subject(classifier: SurfaceClassifier, recording: Array) -> Subject:
 
 
 def learn_statistics(subject: Subject) -> None:
-    """Let features that nobody has trained take their statistics from the recording."""
+    """Let untrained features take their statistics from the recording."""
     branch = only_branch(subject.classifier)
     features: Any = branch.features
     if hasattr(features, "fit"):

@@ -60,7 +60,7 @@ def _too_small(row: Recording, store: Store, branch: Branch) -> Unusable | None:
 
 
 def _doubt(row: Recording, store: Store, branch: Branch) -> str:
-    """A rate that nobody has stated may be the reason."""
+    """Hint that a rate that no file states may be the reason."""
     if branch.medium != "signal" or (rate := store.rate(row)).source != "assumed":
         return ""
     return (
