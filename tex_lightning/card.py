@@ -1,4 +1,4 @@
-"""What a checkpoint says of itself: plain values that rebuild the classifier."""
+"""The metadata of a checkpoint: plain values that rebuild the classifier."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ RANGES = {"width": (0.0, MAX_WIDTH), "sampling_rate": (1.0, 1e9), "file_rate": (
 
 @dataclass(frozen=True)
 class Card:
-    """What a classifier is made of, in plain values.
+    """Description of a classifier in plain values.
 
     Attributes:
         classes: Class names; the network's outputs in order.
@@ -90,7 +90,7 @@ class Card:
         return card
 
     def deciding(self, given: DecisionConfig) -> Self:
-        """The same card with those parts of the decision that are given; None leaves the card's."""
+        """Return the card with the given parts of the decision; None keeps the card's."""
         values = {key: getattr(given, key) for key in DECISION}
         changed = {key: value for key, value in values.items() if value is not None}
         return replace(self, decision={**self.decision, **changed})
@@ -102,17 +102,17 @@ class Card:
 
     @property
     def kind(self) -> str:
-        """What the network is called: its sense, or ``fusion`` of several."""
+        """Name of the network: its sense, or ``fusion`` for several."""
         return kind_of(self.senses)
 
     @property
     def modalities(self) -> tuple[str, ...]:
-        """What recordings it looks at, each once."""
+        """Modalities of the recordings that it uses, each once."""
         return tuple(dict.fromkeys(each["modality"] for each in self.branches.values()))
 
     @property
     def title(self) -> str:
-        """What it is called in messages."""
+        """Its name in messages."""
         return str(self.baseline.get("name", f"{self.kind} network"))
 
     def of(self, senses: Sequence[str]) -> Self:
@@ -140,7 +140,7 @@ class Card:
 
     @property
     def novelties(self) -> dict[str, list[float]]:
-        """By sense the novelties of known samples, in the same order; empty if not known."""
+        """Novelties of known samples by sense, in the same order; empty if not known."""
         found: dict[str, list[float]] = self.calibration.get(NOVELTIES, {})
         return found
 
@@ -157,13 +157,13 @@ class Card:
 
     @property
     def temperature(self) -> float:
-        """What logits are divided by before they become probabilities."""
+        """Divisor of the logits before the softmax."""
         found: float = self.calibration.get("temperature", 1.0)
         return found
 
 
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
-    """The tensors and plain values of a checkpoint.
+    """Read the tensors and plain values of a checkpoint.
 
     Raises:
         UserError: If the file is missing or no checkpoint.
@@ -181,7 +181,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
 
 
 def damaged(path: Path, error: Exception) -> UserError:
-    """What to say of a checkpoint that cannot be read."""
+    """Return the error for a checkpoint that cannot be read."""
     what = str(error) if isinstance(error, CardError) else type(error).__name__
     return UserError(
         f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "
@@ -190,7 +190,7 @@ def damaged(path: Path, error: Exception) -> UserError:
 
 
 def named(path: Path, error: UserError) -> UserError:
-    """The same mistake, with the checkpoint that it is in."""
+    """Return the error with the path of its checkpoint."""
     if str(path) in str(error):
         return error
     return UserError(f"Checkpoint {path} cannot be used: {error}")

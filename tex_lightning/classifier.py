@@ -1,4 +1,4 @@
-"""The trained thing itself: features, networks and decision in one module.
+"""The classifier: features, networks and decision in one module.
 
 A :class:`Card` of plain values rebuilds it, and a checkpoint holds the card and the weights, so
 that prediction from raw files does exactly what testing did.
@@ -33,11 +33,11 @@ STATISTICS = "statistics."  # in its own
 
 @dataclass(frozen=True)
 class Sensed:
-    """What one sense says of one recording.
+    """Scores and novelty of one recording by one sense.
 
     Attributes:
         summand: (classes, positions) that it adds to the class scores.
-        novelty: () how unlike the training its mean features are; None where that is not known.
+        novelty: () how unlike the training its mean features are; None if not known.
     """
 
     summand: Tensor
@@ -47,12 +47,12 @@ class Sensed:
 class SurfaceClassifier(nn.Module):
     """Classify decoded recordings.
 
-    One branch decides by its own class scores; of several the scores add up (FusionNet).
+    One branch decides by its own class scores; those of several branches add up (FusionNet).
 
     Attributes:
-        card: What it is made of.
-        features: Those of each branch, by the name of the sense.
-        network: That of the only branch, or the FusionNet of all.
+        card: The plain values that it was built from.
+        features: The features of each branch, by the name of the sense.
+        network: The network of the only branch, or the FusionNet of all.
         statistics: By the name of the sense, the
             :class:`~tex_lightning.networks.statistics.FeatureStatistics` of what :meth:`described`
             gives for the training recordings; empty before training has ended, and of a checkpoint
@@ -99,7 +99,7 @@ class SurfaceClassifier(nn.Module):
 
         Args:
             path: The file.
-            kind: What kind of network it has to be; None takes any.
+            kind: Required kind of network; None accepts any.
 
         Raises:
             UserError: If the file is missing, damaged, from elsewhere, a baseline's or of another
@@ -153,7 +153,7 @@ class SurfaceClassifier(nn.Module):
 
     @property
     def device(self) -> torch.device:
-        """Return the device that it computes on."""
+        """Return the device of its parameters."""
         return next(iter(self.branches.values())).device
 
     def count_parameters(self) -> int:
@@ -208,13 +208,13 @@ class SurfaceClassifier(nn.Module):
         return self.join(summands, self._tuple_seed(**recordings))
 
     def sense_all(self, **recordings: Tensor) -> dict[str, Sensed]:
-        """Compute what every sense says of one sample; arguments are those of :meth:`logits`."""
+        """Compute scores and novelty by every sense; arguments are those of :meth:`logits`."""
         self.require(recordings)
         branches = self.branches.items()
         return {name: self.sense(name, recordings[each.modality]) for name, each in branches}
 
     def sense(self, name: str, recording: Tensor) -> Sensed:
-        """Compute what one sense says of a decoded recording, in one pass."""
+        """Compute scores and novelty of a decoded recording by one sense, in one pass."""
         return self.sensed(name, self.described(name, recording))
 
     def sensed(self, name: str, features: Tensor) -> Sensed:
@@ -228,7 +228,7 @@ class SurfaceClassifier(nn.Module):
         return cast(FeatureStatistics | None, dict(self.statistics.items()).get(name))
 
     def vote(self, sensed: Mapping[str, Sensed], seed: int) -> Vote:
-        """Decide on what all senses say; ``seed`` is that of the tuples."""
+        """Decide by the scores of all senses; ``seed`` is that of the tuples."""
         logits = self.join([sensed[name].summand for name in self.card.senses], seed)
         vote, novelty = self.decide(logits, self.card.temperature), join_novelties(sensed.values())
         return vote if novelty is None else replace(vote, novelty=float(novelty))
@@ -246,7 +246,7 @@ class SurfaceClassifier(nn.Module):
         """Compute what one sense adds to the class scores: (classes, positions).
 
         Args:
-            name: Of the sense.
+            name: Name of the sense.
             recording: Decoded.
         """
         return self._summand_of(name, self.described(name, recording))
@@ -264,10 +264,11 @@ class SurfaceClassifier(nn.Module):
     def described(self, name: str, recording: Tensor) -> Tensor:
         """Compute the features (D, positions) of one sense that its :attr:`statistics` are about.
 
-        FC2's, whatever is fused; of a network without a ``score_layer`` its class scores.
+        They are FC2's at every level of fusion, or the class scores of a network without a
+        ``score_layer``.
 
         Args:
-            name: Of the sense.
+            name: Name of the sense.
             recording: Decoded.
         """
         return self.branch(name).positions(recording, self.described_level(name))
@@ -295,7 +296,7 @@ class SurfaceClassifier(nn.Module):
 
         Args:
             summands: Those of all senses, in order; of a single one they are the scores.
-            seed: Of the tuples; see :func:`content_seed`.
+            seed: Seed of the tuples; see :func:`content_seed`.
             count: Number of tuples; None takes the card's.
         """
         if self.fusion is None:

@@ -1,4 +1,4 @@
-"""What a training takes from the user's own recordings where nobody has said it.
+"""Settings that training derives from the user's recordings where none are given.
 
 The synthetic surfaces and the paper's data have what their files in ``conf`` say. Recordings of a
 user's own come from any sensor, and their photos are of the world that ImageNet shows: their rate

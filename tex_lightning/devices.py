@@ -1,4 +1,4 @@
-"""Where tensors live."""
+"""Choice and properties of the device."""
 
 import torch
 

@@ -1,4 +1,4 @@
-"""From a composed configuration to the task it names."""
+"""Run the task that a composed configuration names."""
 
 import os
 from contextlib import nullcontext

@@ -1,4 +1,4 @@
-"""The one exception that is the user's to mend, and how it repeats what the user gave."""
+"""The exception for errors that the user can fix, and the form of quoted values in it."""
 
 from collections.abc import Sequence
 

@@ -96,7 +96,7 @@ def read_json(path: Path, what: str, remedy: str = "correct it") -> Any:  # noqa
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """What a run has written of itself, such as ``results.json``.
+    """Read a record of a run, such as ``results.json``.
 
     Raises:
         UserError: If it is damaged.
@@ -169,7 +169,7 @@ def write_atomically(target: Path, write: Callable[[Path], None]) -> None:
 
 
 def unwritable(path: str | Path, error: OSError) -> UserError:
-    """What to say of a file that cannot be written."""
+    """The error for a file that cannot be written."""
     return UserError(
         f"Cannot write {path} ({error.strerror}); free some space or choose another folder."
     )

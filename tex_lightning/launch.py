@@ -1,4 +1,4 @@
-"""What the command line and Python share: one job from its overrides to its results."""
+"""Run one job from its overrides to its results, for the command line and Python."""
 
 import errno
 import json
@@ -95,7 +95,7 @@ def as_mistake(error: Exception, arguments: Sequence[str], *, began: bool) -> Us
     """What of an error is the user's to mend; None if it is a fault of the program.
 
     Args:
-        error: That ended the job.
+        error: Error that ended the job.
         arguments: The overrides.
         began: Whether the job had a run folder; before, only its configuration can be wrong.
     """

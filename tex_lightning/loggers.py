@@ -1,4 +1,4 @@
-"""Metrics, figures and hyper-parameters in whatever loggers are configured."""
+"""Metrics, figures and hyper-parameters for all configured loggers."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
         nodes: ``logger`` of the configuration. Where a class takes them, it gets the run folder as
             ``save_dir`` and the name as ``version`` and ``run_name``.
         directory: The run folder.
-        name: Of the network. A CSV goes beside that of an interrupted run.
+        name: Name of the network. A CSV goes beside that of an interrupted run.
 
     Raises:
         UserError: If one cannot be made.
@@ -92,7 +92,7 @@ def log_test(
     Args:
         nodes: ``logger`` of the configuration.
         directory: The run folder.
-        name: Of the network: its sense, or ``fusion``.
+        name: Name of the network: its sense, or ``fusion``.
         config: The whole configuration as plain values.
         result: The network's entry of ``results.json``.
         figures: Matplotlib figures by title.

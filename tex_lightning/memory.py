@@ -1,4 +1,4 @@
-"""Memory that every pass through a network asks for and gives back."""
+"""Reuse the memory that every pass through a network allocates and frees."""
 
 import ctypes
 import platform
@@ -12,7 +12,7 @@ GROWN = 1 << 25  # to which glibc lets its own threshold grow, and many versions
 
 @contextmanager
 def kept_memory() -> Iterator[None]:
-    """Keep what tensors on the CPU gave back for the next ones, as long as this lasts.
+    """Keep the freed memory of CPU tensors for the next ones, inside the context.
 
     The allocator of glibc returns large pieces to the system, which has to clear every page when
     it is asked for again: a few percent of a training step.

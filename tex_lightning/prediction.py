@@ -1,4 +1,4 @@
-"""What a person is told of a classified sample."""
+"""The printed result of a classified sample."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,10 +14,10 @@ UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unli
 
 @dataclass(frozen=True)
 class Prediction:
-    """A classified sample, or a recording that goes on.
+    """The prediction for a sample, or for a recording so far.
 
-    Where an input has a warning, half of the votes and probabilities is spread evenly over the
-    classes, and where nothing was measured all of them: the training says nothing of such inputs.
+    If an input has a warning, half of the votes and probabilities is spread evenly over the
+    classes, or all of them if nothing was measured: the training has no such inputs.
 
     Attributes:
         label: Name of the class, or ``unknown``; None if the probability is below the threshold, or
@@ -27,14 +27,14 @@ class Prediction:
         probability: Mean class probability of the winner over all fragments, 0 to 1.
         confidence: The winner's share of the votes, 0 to 1.
         top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
-        fragments: How many voted.
-        relative_macs: Arithmetic that was done, as a share of what the full decision takes.
+        fragments: Number of fragments that voted.
+        relative_macs: Arithmetic that was done, as a share of that of the full decision.
         warnings: What is wrong with the input, one sentence each.
-        modalities: What a FusionNet looked at, ``haptic``, ``image`` or both; empty of others.
-        latency_ms: From file or array to label in milliseconds.
-        contact: Whether the last signal of a stream with ``stream.window`` touches something; None
-            where that is not looked at.
-        changed_at: Where in such a stream, in seconds, the last touch after a pause was, or the
+        modalities: Modalities that a FusionNet used; empty for other networks.
+        latency_ms: Time from file or array to label in milliseconds.
+        contact: Whether the tool touches a surface at the end of a stream with
+            ``stream.window``; None without a window.
+        changed_at: Time in seconds, in such a stream, of the last touch after a pause or of the
             last change to another surface.
         novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
             None without ``decision.unknown``.
@@ -82,15 +82,15 @@ def describe(
     latency: float,
     modalities: Sequence[str] = (),
 ) -> Prediction:
-    """Put a vote into words.
+    """Make a prediction from a vote.
 
     Args:
         vote: None where there is no fragment yet.
         card: Gives class names and the threshold of rejection.
-        quality: Of the input.
+        quality: Warnings about the input.
         top_k: How many classes to list.
-        latency: In seconds.
-        modalities: What a FusionNet looked at.
+        latency: Time from input to label in seconds.
+        modalities: Modalities that a FusionNet used.
     """
     least, most, milliseconds = card.reject_below, card.unknown_above, round(latency * 1000, 3)
     warnings, judged = tuple(quality.warnings), least is not None or most is not None

@@ -43,13 +43,13 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
 
     Args:
         path: A checkpoint or the run folder that holds it.
-        *overrides: What ``task=predict`` takes on the command line, such as ``"top_k=5"``,
+        *overrides: Arguments of ``task=predict`` on the command line, such as ``"top_k=5"``,
             ``"decision.reject_below=0.7"``, ``"engine=reference"``, ``"trainer.accelerator=cpu"``.
         trusted: Packages, beside installed plugins, whose classes the checkpoint may name; their
             code runs.
 
     Raises:
-        UserError: If there is no such checkpoint, or an override cannot be meant.
+        UserError: If there is no such checkpoint, or an override is invalid.
 
     Example:
         >>> import tex_lightning as tl
@@ -63,7 +63,7 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
 
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
-    """The configuration that the command line would make."""
+    """Compose the configuration as the command line does."""
     try:
         composed = compose_config(CONF, [f"task={TASK}", *overrides])
     except MISTAKES as error:
@@ -75,14 +75,14 @@ def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
 
 
 class Predictor:
-    """A classifier with everything from files or arrays to a label around it.
+    """Classify files and arrays with a trained network or baseline.
 
     Args:
-        classifier: As loaded.
-        how: What ``task=predict`` and ``task=stream`` read.
+        classifier: The loaded network or baseline.
+        how: The settings of ``task=predict`` and ``task=stream``.
 
     Attributes:
-        card: What the checkpoint says of itself, such as ``card.classes``.
+        card: The checkpoint's metadata, such as ``card.classes``.
 
     Example:
         >>> import numpy as np, tex_lightning as tl
@@ -106,37 +106,35 @@ class Predictor:
     def predict(
         self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
     ) -> Prediction:
-        """Classify one sample. Of a FusionNet some of its senses are enough.
+        """Classify one sample; a FusionNet works with some of its senses.
 
         Args:
-            rate: Of samples in Hz, and of files that carry none; None takes the checkpoint's.
-            colour: Order of the colours of an array, ``rgb`` or, as OpenCV has it, ``bgr``.
-            **recordings: By modality, ``haptic``, ``image``, ``sound`` or a user's own. Of a signal
-                a file, or its samples: (samples,), (axes, samples) or (samples, axes) with one or
-                three axes, in the unit of the training recordings. Of a photo a file, or its
-                pixels: (height, width, 3), or (height, width) in grey, uint8. They are brought to
-                the rate and the size that the checkpoint says. None is as if it was not given.
+            rate: Sampling rate in Hz of arrays, and of files without one; None is the checkpoint's.
+            colour: Order of the colours of an array, ``rgb`` or, as in OpenCV, ``bgr``.
+            **recordings: Recordings by modality: ``haptic``, ``image``, ``sound`` or a user's own.
+                A signal is a file, or its samples: (samples,), (axes, samples) or (samples, axes)
+                with one or three axes, in the unit of the training recordings. A photo is a file,
+                or its pixels: (height, width, 3), or (height, width) in grey, uint8. They are
+                resampled and resized for the checkpoint. None counts as absent.
 
         Raises:
-            UserError: If the input cannot be used, or is not what this checkpoint looks at.
+            UserError: If the input is unusable, or of a modality that the checkpoint does not use.
         """
         return self._classified(recordings, rate, colour, _classify)[0]
 
     def explain(
         self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
     ) -> "Explanation":
-        """Classify one sample, and keep what every position said and where it looked.
+        """Classify one sample, and keep the scores and extent of every position.
 
-        Takes what :meth:`predict` takes, and gives the same prediction, but for
-        ``decision=sequential``, in place of which the full decision is made. Draw it by
+        It takes the arguments of :meth:`predict` and gives the same prediction, except that
+        ``decision=sequential`` is replaced by the full decision. Draw it by
         ``explain(...).figure()`` or ``.save("WHY.png")``.
 
         Raises:
-            UserError: As :meth:`predict`, and of a baseline, which has no positions.
+            UserError: As :meth:`predict`, and if this is a baseline, which has no positions.
         """
-        from tex_lightning.report.explanation import (
-            Explanation,  # Matplotlib, which is slow to import
-        )
+        from tex_lightning.report.explanation import Explanation  # slow: it imports Matplotlib
 
         refuse_baseline(self.classifier)
         found: dict[str, Evidence] = {}
@@ -157,7 +155,7 @@ class Predictor:
         colour: str,
         classify: Callable[[SurfaceClassifier, dict[str, Tensor]], Vote],
     ) -> tuple[Prediction, Vote]:
-        """One sample, by ``classify`` of what decides and the decoded recordings."""
+        """Classify one sample: ``classify`` gets the deciding classifier and the recordings."""
         given = {name: each for name, each in recordings.items() if each is not None}
         self.check_senses(given)
         senses = self._senses(given)
@@ -182,19 +180,19 @@ class Predictor:
         colour: str = "rgb",
         **photos: Input,
     ) -> LiveStream:
-        """Begin a recording that is classified while it goes on.
+        """Start classifying a recording that is still going on.
 
-        How it votes is said when it is loaded, as by ``tl.load("RUN", "stream.window=2")``.
+        The keys of the vote are given on loading, as in ``tl.load("RUN", "stream.window=2")``.
 
         Args:
-            *live: Modalities of the signals that will come; none are all that this looks at.
-            rate: Of their samples in Hz, of all or by modality; None is the checkpoint's.
+            *live: Modalities of the signals that will come; none given are all of the checkpoint.
+            rate: Their sampling rate in Hz, one for all or by modality; None is the checkpoint's.
             colour: As for :meth:`predict`.
-            **photos: As for :meth:`predict`; they stay as they are.
+            **photos: As for :meth:`predict`; they hold for the whole recording.
 
         Raises:
-            UserError: If there is no signal, the network is none for the whole recording, or a
-                photo cannot be used.
+            UserError: If there is no signal, the network cannot classify a whole recording in a
+                stream, or a photo is unusable.
         """
         branches = {each.modality: each for each in self.classifier.branches.values()}
         signals = live or [name for name, each in branches.items() if each.medium == "signal"]

@@ -1,4 +1,4 @@
-"""Damaged files are told by one sentence of ours, so the libraries that read them keep silent."""
+"""Silence the libraries that read damaged files, since one sentence of this package names them."""
 
 import ctypes
 import threading

@@ -1,4 +1,4 @@
-"""The run folder: whose it is, and what was asked for in it."""
+"""The run folder: its owner, settings and overrides."""
 
 import json
 import logging
@@ -41,7 +41,7 @@ def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]
 
     Args:
         directory: The folder; made if it does not exist.
-        key: Of the configuration, that names it.
+        key: Key of the configuration that names it.
 
     Raises:
         UserError: If another process runs in it, or it cannot be written to.

@@ -33,10 +33,10 @@ class RawNetwork(Baseline):
         fragment_seconds: Length of a fragment at most; what the pooling leaves over is dropped.
         patches: Raw patches that the auto-encoder learns from.
         sparsity: Mean activation of its hidden units that it aims at, between 0 and 1.
-        steps: Of training.
+        steps: Steps of training.
         batch_size: Fragments in a step.
         learning_rate: Highest of a one-cycle schedule.
-        weight_decay: Of AdamW.
+        weight_decay: Weight decay of AdamW.
         dropout: Share of hidden units left out in training.
     """
 

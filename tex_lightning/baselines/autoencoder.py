@@ -23,7 +23,7 @@ def learn_filters(
 
     Args:
         traces: (samples,) each, at least ``length`` long.
-        length: Of a patch in samples.
+        length: Length of a patch in samples.
         units: Hidden units.
         patches: How many patches are drawn, of all traces alike.
         sparsity: Mean activation to aim at, between 0 and 1.

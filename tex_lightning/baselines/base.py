@@ -30,7 +30,7 @@ class Baseline(ABC):
     Attributes:
         kind: What it reads: ``haptic`` any signals, ``visual`` any photos.
         min_side: Smallest side in pixels of a photo it can classify; of no meaning for traces.
-        sampling_rate: Of the traces in Hz; set by whoever makes it.
+        sampling_rate: Sampling rate of the traces in Hz; set by the classifier.
     """
 
     kind: ClassVar[Literal["haptic", "visual"]]
@@ -44,7 +44,7 @@ class Baseline(ABC):
         Args:
             recordings: Traces or photos, loaded as they are asked for.
             labels: Their class indices.
-            seed: Of everything random.
+            seed: Seed of everything random.
         """
 
     @abstractmethod
@@ -53,7 +53,7 @@ class Baseline(ABC):
 
     @abstractmethod
     def state(self) -> State:
-        """What was fitted, as tensors."""
+        """The fitted values as tensors."""
 
     @abstractmethod
     def load_state(self, state: State) -> None:
@@ -80,7 +80,7 @@ class Baseline(ABC):
         )
 
     def with_budget(self, budget: float) -> Self:
-        """The same with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""
+        """Return it with its budget (steps, kernels, components) multiplied, for ``debug=tiny``."""
         return self
 
 

@@ -37,7 +37,7 @@ class Movement(nn.Module):
 
     Args:
         skip_impact: Leave out what comes before steady movement.
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
     """
 
     def __init__(self, skip_impact: bool, sampling_rate: float) -> None:

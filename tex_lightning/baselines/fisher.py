@@ -173,9 +173,9 @@ def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: T
 
     Args:
         features: (N, D).
-        weights: Of the Gaussians (K,).
+        weights: Weights of the Gaussians (K,).
         means: (K, D).
-        variances: Of diagonal covariances (K, D).
+        variances: Variances of diagonal covariances (K, D).
 
     Returns:
         (2 K D,), all u before all v.

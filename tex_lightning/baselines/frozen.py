@@ -34,7 +34,7 @@ class FrozenLinear(TrunkBaseline):
 
     Attributes:
         layers: Names of the trunk's layers whose maps are taken.
-        statistics: Of every channel over the photo: mean, max, std.
+        statistics: Statistics of every channel over the photo: mean, max, std.
         strengths: Inverse strengths of regularisation C to choose from by cross-validation inside
             the training photos.
 

@@ -16,7 +16,7 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
     """A baseline that is not fitted yet.
 
     Args:
-        name: Of the model, for messages.
+        name: Name of the model, for messages.
         node: ``model.baseline``.
         budget: ``model.budget``.
 

@@ -28,7 +28,7 @@ class Cepstra:
         hop_seconds: From the start of a frame to that of the next.
         highest_hz: Upper end of the last filter; the first begins at 0 Hz.
         filters: How many.
-        spacing: Of the filters, mel or decreasing; see :func:`filter_edges`.
+        spacing: Spacing of the filters, mel or decreasing; see :func:`filter_edges`.
         first: First coefficient kept, counted from 1, which is the level.
         last: Last coefficient kept.
     """

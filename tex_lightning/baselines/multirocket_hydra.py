@@ -25,9 +25,10 @@ class MultiRocketHydra(Rocket):
     """Both sets of features on standardised traces.
 
     Attributes:
-        kernels: Of MultiRocket; each gives four features of the trace and four of its differences.
-        hydra_kernels: Of Hydra in a group.
-        hydra_groups: Of Hydra at every dilation.
+        kernels: Kernels of MultiRocket; each gives four features of the trace and four of its
+            differences.
+        hydra_kernels: Kernels of Hydra in a group.
+        hydra_groups: Groups of Hydra at every dilation.
     """
 
     kernels: int
@@ -59,7 +60,7 @@ class Hydra(TransformerMixin, BaseEstimator):  # type: ignore[misc]
     Args:
         kernels: In a group.
         groups: At every dilation.
-        seed: Of the kernels.
+        seed: Seed of the kernels.
 
     Attributes:
         kernels_: (dilations, 2, kernels * groups / 2, 1, 9), of the trace and of its differences.

@@ -29,7 +29,7 @@ class LocalBinaryPatterns(EstimatorBaseline):
     written out as features of a logistic regression.
 
     Attributes:
-        radii: Of the circles that the neighbours lie on, in pixels; one histogram each.
+        radii: Radii of the circles that the neighbours lie on, in pixels; one histogram each.
         strength: Inverse strength C of the regularisation.
 
     Raises:

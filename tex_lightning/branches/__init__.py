@@ -18,7 +18,7 @@ def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
     """Make a branch with random weights.
 
     Args:
-        name: Of the sense.
+        name: Name of the sense.
         node: ``_target_``, a subclass of :class:`Branch`; ``modality``; ``decode``, arguments of
             its decoder; ``features`` and ``network``, each a ``_target_`` with arguments. All
             other values are offered to these two, which take what they have parameters for,

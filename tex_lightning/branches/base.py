@@ -1,4 +1,4 @@
-"""What a branch is, whatever it senses with."""
+"""The base class of branches, for any sensor."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,9 +35,9 @@ class Branch(ABC):
     recordings in pieces.
 
     Attributes:
-        name: Of the sense.
-        modality: Of its recordings in the table.
-        decoder: Of its files.
+        name: Name of the sense.
+        modality: Modality of its recordings in the table.
+        decoder: Decoder of its files.
         features: See above.
         network: See above.
         tile: Most elements of an input that go through the network at once, or twice its receptive
@@ -76,7 +76,7 @@ class Branch(ABC):
 
     @abstractmethod
     def dense_input(self, recording: Tensor) -> Tensor:
-        """What :meth:`dense` takes of a decoded recording."""
+        """Input of :meth:`dense` for a decoded recording."""
 
     @abstractmethod
     def input_size(self, recording: Tensor) -> tuple[int, int]:
@@ -97,14 +97,14 @@ class Branch(ABC):
         seed: int,
         learn: bool,
     ) -> Bank:
-        """What training batches are cut from.
+        """Make the bank from which training batches are cut.
 
         Args:
             rows: The training recordings.
             store: Where they are decoded.
             fit: The recipe.
             size: Length or side of a piece.
-            seed: Of everything random.
+            seed: Seed of everything random.
             learn: Whether the features learn from the recordings what they have to, such as their
                 normalisation; else they have.
         """
@@ -124,7 +124,7 @@ class Branch(ABC):
 
         Args:
             given: A path, or samples or pixels.
-            ranges: Of the measures of the training recordings.
+            ranges: Ranges of the measures of the training recordings.
             **how: ``rate`` in Hz, ``colour`` order, ``fast`` decoding, as far as they apply.
 
         Raises:
@@ -165,7 +165,7 @@ class Branch(ABC):
         return self.position_grid(recording, level).flatten(1)
 
     def position_grid(self, recording: Tensor, level: Level) -> Tensor:
-        """The same features as they lie (D, rows, columns); a signal's have one row.
+        """Features on their grid (D, rows, columns); a signal's have one row.
 
         Raises:
             UserError: As :meth:`positions`.
@@ -232,12 +232,12 @@ class Branch(ABC):
 
     @property
     def device(self) -> torch.device:
-        """Where it computes."""
+        """Device of its parameters."""
         return next(self._tensors()).device
 
     @property
     def what(self) -> str:
-        """What one of its recordings is called."""
+        """Name of one of its recordings."""
         return name_one(self.modality)
 
     def _tensors(self) -> Iterator[Tensor]:

@@ -1,6 +1,6 @@
-"""The configuration, typed: a wrong key or type fails while it is composed.
+"""The typed configuration: a wrong key or type fails while it is composed.
 
-Values live in ``conf/``; here stand types, meanings, choices and ranges. ``???`` (``MISSING``)
+``conf/`` has the values, this package types, meanings, choices and ranges. ``???`` (``MISSING``)
 marks what a configuration file or the user has to fill in.
 """
 
@@ -56,12 +56,12 @@ class Config:
 
     task: str = key("what to do, set by task=NAME", choices=tuple(READS))
     verbose: int = key(
-        "what is said on standard error: 0 the result and errors, 1 also progress and messages, 2 "
-        "also Lightning's summary, other libraries' messages, metrics of each epoch and timings",
+        "what standard error shows: 0 the result and errors, 1 also progress and messages, 2 also "
+        "Lightning's summary, other libraries' messages, metrics of each epoch and timings",
         least=0, most=2,
     )  # fmt: skip
     seed: int = key(
-        "of initial weights, order of samples, sub-samples, rotations", least=0, most=SEED
+        "seed of initial weights, order of samples, sub-samples, rotations", least=0, most=SEED
     )
     checkpoint: str | None = key("trained network to classify with or to measure")
     haptic: Any = key(
@@ -75,14 +75,15 @@ class Config:
         default=None,
     )
     sound: Any = key(
-        "sound(s): a file or a list to predict from; a source to record, as of haptic", default=None
+        "sound(s): a file or a list to predict from; a source to record, as for haptic",
+        default=None,
     )
     own: dict[str, Any] = key(
         "files of your own senses to predict from, by modality; +NAME=FILE adds one", factory=dict
     )
     top_k: int = key("candidates listed by task=predict", least=1)
     weights: Any = key(
-        "of the trunk: file, URL, imagenet or a checkpoint; for several "
+        "initial weights of the trunk: file, URL, imagenet or a checkpoint; for several trunks "
         "{TRUNK: FILE, haptic: FILE, ...}; null is random",
         default=None,
     )
@@ -91,13 +92,13 @@ class Config:
         factory=list,
     )
     optimized_metric: str | None = key(
-        "what a job returns to a sweeper that searches, to be minimised; vote_error is that of the "
-        "tested fold; null takes val_loss where a fold is validated, else vote_error",
+        "value that a job returns to a searching sweeper, to minimise; vote_error is that of the "
+        "tested fold; null takes val_loss if there is a validation fold, else vote_error",
         choices=OPTIMIZED_METRICS, default=None,
     )  # fmt: skip
     explained_samples: int = key(
-        "test samples whose votes are drawn (docs/why.md): wrong ones, the surest first, or if "
-        "there are none the least sure; 0 draws none, and no label maps for report.html",
+        "number of test samples whose votes are drawn (docs/why.md): wrong ones, the surest first, "
+        "or if there are none the least sure; 0 draws none, and no label maps for report.html",
         least=0, most=100,
     )  # fmt: skip
     data: DataConfig = field(default_factory=DataConfig)
@@ -105,8 +106,8 @@ class Config:
     decision: DecisionConfig = field(default_factory=DecisionConfig)
     trainer: TrainerConfig = field(default_factory=TrainerConfig)
     engine: EngineConfig = field(default_factory=EngineConfig)
-    callbacks: dict[str, Any] = key("by name, each with its _target_", factory=dict)
-    logger: dict[str, Any] = key("by name, each with its _target_", factory=dict)
+    callbacks: dict[str, Any] = key("callbacks by name, each with its _target_", factory=dict)
+    logger: dict[str, Any] = key("loggers by name, each with its _target_", factory=dict)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     enroll: EnrollConfig = field(default_factory=EnrollConfig)
     figures: FiguresConfig = field(default_factory=FiguresConfig)
@@ -155,12 +156,12 @@ class Config:
 
     @property
     def files(self) -> dict[str, Any]:
-        """What was given to predict from, by modality."""
+        """Files to predict from, by modality."""
         given = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
         return {modality: value for modality, value in given.items() if value is not None}
 
     def weights_of(self, sense: str) -> str | None:
-        """Where the trunk of one sense starts; None is at random.
+        """Source of the first weights of one sense's trunk; None is random.
 
         A mapping names several, see :func:`~tex_lightning.config.weights.pick_weights`; anything
         else is meant for the photos' trunk, or for that of the only sense.
@@ -200,7 +201,7 @@ def register() -> None:
 
 @cache  # Hydra copies it; made anew it would be a sixth of every composition
 def _schema() -> DictConfig:
-    """The dataclasses as Hydra composes them: closed, but for what others know the keys of."""
+    """The dataclasses as Hydra composes them: closed, except sections with keys of others."""
     node: DictConfig = OmegaConf.structured(Config)
     sections = [node.model[name] for name in (*PACKAGE_SENSES, FUSION)]
     nodes = [each.fit[part] for each in sections for part in ("optimizer", "schedule")]

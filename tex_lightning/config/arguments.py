@@ -1,4 +1,4 @@
-"""Names of files on the command line that Hydra would read as something else."""
+"""Quote file names on the command line that Hydra would misread."""
 
 import re
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
 
 
 def quote_files(arguments: Sequence[str]) -> list[str]:
-    """Put quotes around values that name files and hold signs of Hydra's own grammar.
+    """Put quotes around values that name files and contain characters of Hydra's grammar.
 
     ``haptic=my file [1].wav`` then means that file, if there is one; so does a pattern that
     matches some. Everything else stays as it is.

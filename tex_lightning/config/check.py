@@ -1,4 +1,4 @@
-"""What types cannot say of a configuration: ranges, choices, and keys that need each other.
+"""Checks of a configuration beyond types: ranges, choices, and keys that need each other.
 
 Ranges and choices of single keys stand in the schema. Everything is checked before any work, and
 all complaints are made at once.
@@ -65,7 +65,7 @@ def _unknown(given: DictConfig, known: DictConfig, prefix: str) -> Iterator[str]
 
 
 def check_config(config: Config) -> None:
-    """Refuse values that cannot be meant, naming all of them in one sentence."""
+    """Refuse invalid values, naming all of them in one sentence."""
     complaints = [
         *check_ranges(config),
         *check_data(config.data),

@@ -1,4 +1,4 @@
-"""What is asked of ``data``, ``model`` and the Trainer's flags beyond single keys."""
+"""Checks of ``data``, ``model`` and the Trainer's flags beyond single keys."""
 
 import inspect
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ OWN_FLAGS = {
 
 
 def check_data(data: DataConfig) -> Iterator[str]:
-    """What cannot be meant of ``data``."""
+    """Complaints about ``data``."""
     for key in ("root", "manifest"):
         given = getattr(data, key)
         if given is not None and given not in data.reader.values():
@@ -63,7 +63,7 @@ def _test_where(data: DataConfig) -> Iterator[str]:
 
 
 def check_model(model: ModelConfig) -> Iterator[str]:
-    """What cannot be meant of ``model``."""
+    """Complaints about ``model``."""
     nodes = {
         "model.baseline": model.baseline,
         "model.visual.fit.augmentation": model.visual.fit.augmentation,

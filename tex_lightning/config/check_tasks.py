@@ -1,4 +1,4 @@
-"""What is asked of each task, and of the keys that only one task reads."""
+"""Checks of each task, and of the keys that only one task reads."""
 
 from collections.abc import Iterator
 from operator import attrgetter
@@ -50,7 +50,7 @@ INSTEAD = {
 
 
 def check_task(config: Config) -> Iterator[str]:
-    """What cannot be meant of the task and of the keys that belong to one task."""
+    """Complaints about the task and the keys that belong to one task."""
     data = config.data
     if config.task == "fit" and data.test_fold is None:
         yield "data.test_fold is null, but task=fit tests on a fold: give its number"
@@ -211,7 +211,7 @@ def _frontier(config: Config) -> Iterator[str]:
 
 
 def check_decision(config: Config) -> Iterator[str]:
-    """What cannot be meant of ``decision``."""
+    """Complaints about ``decision``."""
     decision = config.decision
     for key in ("pairs", "rule", "seed"):
         if getattr(decision, key) is None and config.task not in (*NEED_CHECKPOINTS, "record"):

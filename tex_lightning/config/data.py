@@ -1,4 +1,4 @@
-"""Where recordings come from."""
+"""The data set: where recordings are, and how they are decoded and divided into folds."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,10 +10,10 @@ SIDES = {"unit": "pixels", "least": 32, "most": 8192}  # of a rendered photo
 
 @dataclass
 class SyntheticConfig:
-    """Synthetic surfaces: how many recordings of what size."""
+    """Number and size of the recordings of synthetic surfaces."""
 
     recordings: int = key("traces, photos and sounds per class", least=1, most=100)
-    seed: int = key("of the surfaces themselves", least=0, most=SEED)
+    seed: int = key("seed of the surfaces themselves", least=0, most=SEED)
     seconds: float = key("length of a trace and of its sound", unit="s", least=1, most=600)
     photo_width: int = key("width of a photo", **SIDES)
     photo_height: int = key("height of a photo", **SIDES)
@@ -27,13 +27,13 @@ class Folding:
         "number of folds; the fold of a recording is its group modulo this", least=2, most=100_000
     )
     test_fold: int | None = key(
-        "fold that is tested, never trained or chosen on; null tests everything, of task=evaluate"
+        "fold that is tested, never trained or chosen on; with task=evaluate null tests everything"
     )
-    val_fold: int | None = key("fold that is watched while training; null for none", default=None)
+    val_fold: int | None = key("validation fold of the training; null for none", default=None)
     inverted: bool = key("train on test_fold alone and test on all the others")
     per_class: int | None = key(
-        "recordings of each class and sense that are trained on, the next ones after test_fold in "
-        "the order of groups; null takes all of the training folds",
+        "training recordings of each class and sense, the next ones after test_fold in the order "
+        "of groups; null takes all of the training folds",
         least=1, most=1_000_000, default=None,
     )  # fmt: skip
     test_where: Any = key(
@@ -45,46 +45,46 @@ class Folding:
 
 @dataclass
 class DataConfig(Folding):
-    """Where recordings come from, how they are decoded and divided into folds."""
+    """The data set: where recordings are, and how they are decoded and divided into folds."""
 
     name: str = key("data set, set by data=NAME")
     root: str | None = key("folder of the recordings")
     manifest: str | None = key(
-        "CSV with the columns label,modality,path,group; of data=tum the photos' classes"
+        "CSV with the columns label,modality,path,group; with data=tum the photos' classes"
     )
     reader: dict[str, Any] = key(
-        "class that reads the data set and its own keys, set by data=NAME", factory=dict
+        "class that reads the data set, and that class's own keys, set by data=NAME", factory=dict
     )
     group_by: str | None = key(
-        "what makes the groups, and so the folds, of a data set that can be grouped in several "
-        "ways",
+        "property that defines the groups, and so the folds, of a data set that can be grouped in "
+        "several ways",
         default=None,
     )
     classes: int | None = key(
-        "only the first so many classes in the order of their names; null takes all",
+        "number of classes, the first ones in the order of their names; null takes all",
         least=2, default=None,
     )  # fmt: skip
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float | None = key(
-        "rate that every trace is brought to; null is their own while training, of several the "
-        "highest, at most the paper's 10 kHz",
+        "rate that every trace is resampled to; null is their own rate in training (the highest "
+        "of several), at most the paper's 10 kHz",
         unit="Hz", least=500, most=1_000_000,
     )  # fmt: skip
     file_rate: float | None = key(
-        "rate assumed of traces of which neither file, manifest, sidecar nor rates.csv says it; "
-        "null is sampling_rate, or 10 kHz where that is null",
+        "rate of traces whose rate is in neither file, manifest, sidecar nor rates.csv; null is "
+        "sampling_rate, or 10 kHz where that is null",
         unit="Hz", least=1, most=10_000_000, default=None,
     )  # fmt: skip
     half_scale: bool = key("halve photos; false for photos under a megapixel")
     resize: int | None = key(
-        "side of the square that photos are brought to instead; null leaves them",
+        "side of the square that photos are resized to instead; null leaves them",
         unit="pixels", least=1, most=8192, default=None,
     )  # fmt: skip
     hold_out: list[str] | None = key(
-        "classes never trained on; how far their confidence lies below the others' is tested",
+        "classes never trained on; tests compare their confidence with that of the others",
         default=None,
     )
-    skip_bad: bool = key("go on without files that cannot be used, said and counted")
+    skip_bad: bool = key("continue without unusable files, which are listed and counted")
     cache_dir: str | None = key(
         "folder of decoded files; null is the user's cache folder", default=None
     )

@@ -17,15 +17,18 @@ PROBABILITY = {"least": 0, "below": 1}
 WIDTH = {"above": 0, "most": 8}
 ROTATION = {"unit": "degrees", "least": 0, "most": 180}
 NORMS = ("batch", "lrn", "none")
-PERTURB = "names in tex_lightning/perturbations/severities.yaml to train on too; [] for none"
+PERTURB = (
+    "perturbations to train on too, by name in tex_lightning/perturbations/severities.yaml; [] for "
+    "none"
+)
 
 
 @dataclass
 class FitConfig:
     """One network's training recipe.
 
-    ``epochs * steps_per_epoch`` optimiser steps; an epoch is only the time between two
-    checkpoints.
+    Training takes ``epochs * steps_per_epoch`` optimiser steps; an epoch is only the time between
+    two checkpoints.
     """
 
     epochs: int = key("stretches of training between two checkpoints", least=0, most=1_000_000)
@@ -37,7 +40,8 @@ class FitConfig:
     )
     learning_rate: float = key("largest learning rate of the trunk", **RATE)
     schedule: dict[str, Any] = key(
-        "class and arguments of what changes the learning rate after every step", factory=dict
+        "class and arguments of the schedule that sets the learning rate after every step",
+        factory=dict,
     )
     label_smoothing: float = key("share of the label given to all classes", **PROBABILITY)
     head_factor: float = key(
@@ -55,7 +59,7 @@ class SignalFitConfig(FitConfig):
     )  # fmt: skip
     perturb: list[str] = key(PERTURB)
     perturbed_copies: int = key(
-        "versions of every training signal beside itself, where perturb names anything",
+        "perturbed versions of every training signal, if perturb names any perturbation",
         least=1, most=100,
     )  # fmt: skip
 
@@ -69,10 +73,11 @@ class SignalFitConfig(FitConfig):
 
 @dataclass
 class ProbeConfig:
-    """Training of VisualNet's head alone, before the whole, on features of pretrained weights.
+    """Training of VisualNet's head alone, on features of pretrained weights, before the network.
 
-    A head without hidden layers is fitted with ``strength`` to whole photos, of large ones to
-    pieces of ``side`` pixels; others take ``steps`` on patches. Both make so many ``passes``.
+    A head without hidden layers is fitted with ``strength`` to whole photos, and to pieces of
+    ``side`` pixels of large ones; other heads take ``steps`` on patches. Both make ``passes``
+    passes.
     """
 
     steps: int = key("optimiser steps on patches; 0 leaves it out", least=0, most=1_000_000)
@@ -80,10 +85,10 @@ class ProbeConfig:
     batch_size: int = key("patches in a step", **BATCH)
     learning_rate: float = key("learning rate of those steps", **RATE)
     strength: float = key(
-        "inverse of regularisation of the fit that head=[] gets", above=0, most=1_000_000
+        "inverse of regularisation of the fit for head=[]", above=0, most=1_000_000
     )
     side: int = key(
-        "most along a side of a photo for that fit; larger ones are cut",
+        "largest side of a photo for that fit; larger photos are cut",
         unit="pixels", least=PATCH, most=LARGEST,
     )  # fmt: skip
 
@@ -95,13 +100,13 @@ class PhotoFitConfig(FitConfig):
     patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
     rotation: float = key("largest random rotation either way", **ROTATION)
     augmentation: Any = key(
-        "class, of Kornia or the like, that changes VisualNet's training patches (batch, 3, side, "
+        "class, of Kornia or similar, that changes VisualNet's training patches (batch, 3, side, "
         "side) in [0, 1] after the rotation; null leaves them",
         default=None,
     )
     perturb: list[str] = key(PERTURB)
     perturbed_share: float = key(
-        "share of the patches that is perturbed, where perturb names anything", **SHARE
+        "share of patches that are perturbed, if perturb names any perturbation", **SHARE
     )
     probe: ProbeConfig = field(default_factory=ProbeConfig)
 
@@ -115,7 +120,7 @@ class PhotoFitConfig(FitConfig):
 
 @dataclass
 class FusionFitConfig(FitConfig):
-    """Training of FusionNet on receptive-field-sized inputs."""
+    """Training of FusionNet on inputs as large as the receptive fields."""
 
     head_factor: float = key(
         "learning rate of the fusion layer over that of the networks",

@@ -1,4 +1,4 @@
-"""From a ``_target_`` of the configuration to the object that it names: the only place for it."""
+"""Build the object that a ``_target_`` of the configuration names; no other module does."""
 
 import importlib
 import inspect
@@ -110,7 +110,7 @@ def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
 
 @contextmanager
 def _making(where: str) -> Iterator[None]:
-    """Name the key of a node whose class or module, perhaps the user's, fails in whatever way."""
+    """Name the key of a node whose class or module, perhaps the user's, raises any error."""
     try:
         yield
     except UserError:

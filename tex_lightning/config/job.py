@@ -1,4 +1,4 @@
-"""What a person asked for beside the configuration: overrides, run folder, one job or many."""
+"""The job beside its configuration: overrides, run folder, one job or many."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Job:
     hydra: DictConfig
 
     def compose(self, overrides: Sequence[str]) -> DictConfig:
-        """Another configuration from the same folders.
+        """Compose another configuration from the same folders.
 
         Raises:
             HydraException: If an override is wrong.

@@ -12,11 +12,11 @@ SEED = 2**32 - 1  # the largest that NumPy's generators take
 
 @dataclass(frozen=True)
 class Key:
-    """What a person may give for one key.
+    """The allowed values of one key, and its meaning.
 
     Attributes:
         meaning: One phrase, with what null does where null is allowed.
-        unit: Of a number.
+        unit: Unit of a number.
         choices: All values that are allowed; empty where they are not listed here.
         least: Smallest number allowed.
         most: Largest number allowed.
@@ -57,7 +57,7 @@ class Key:
 
 
 def plain(value: object) -> str:
-    """A number as a person writes it: whole ones in full, others with six digits."""
+    """Format a number: whole ones in full, others with six digits."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

@@ -1,4 +1,4 @@
-"""Turn what Hydra says of a mistyped command line into one sentence with near matches."""
+"""Turn Hydra's error for a mistyped command line into one sentence with near matches."""
 
 import difflib
 import re
@@ -105,7 +105,7 @@ def _unreadable(override: str) -> UserError:
 
 
 def unknown_option(group: str, option: str, options: Sequence[str]) -> UserError:
-    """The mistake of naming an option that its group does not have."""
+    """The error for an option that its group does not have."""
     more = ', or install what brings it (pip install ".[parallel]")' if group == LAUNCHERS else ""
     return UserError(
         f"{group}={shorten(option)} does not exist{_did_you_mean(_close(option, options))}; "
@@ -168,7 +168,7 @@ def unknown_key(
         key: Its dotted name.
         config: As composed without it.
         keys: All that are in there.
-        groups: Of the configuration.
+        groups: Groups of the configuration.
     """
     if (now := renamed(key)) is not None:
         return UserError(f"The key {shorten(key)} is {shorten(now)} now; give it by that name.")

@@ -1,4 +1,4 @@
-"""What is trained."""
+"""The model: its senses, networks and fusion."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -14,7 +14,7 @@ from tex_lightning.config.fit import (
 )
 from tex_lightning.config.keys import key
 
-FUSION = "fusion"  # what several senses together are called
+FUSION = "fusion"  # name of several senses together
 PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others are a user's
 
 
@@ -22,41 +22,42 @@ PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others 
 class BranchConfig:
     """One sense.
 
-    The keys beside ``fit`` make a node that a card keeps and a branch is made of. What its classes
-    take by name is offered to them.
+    The keys beside ``fit`` form a node, which a card keeps and from which a branch is built. Its
+    classes receive the keys that they have parameters for.
     """
 
     _target_: str = key("class of the branch: of signals or of photos")
     modality: str = key(
-        "of its recordings in the table of recordings, and of files to predict from"
+        "modality of its recordings in the table of recordings, and of files to predict from"
     )
     decode: dict[str, Any] = key("how files are decoded", factory=dict)
     features: dict[str, Any] = key(
-        "class from a decoded recording to the network's input, and its own keys", factory=dict
+        "class that turns a decoded recording into network input, and its own keys", factory=dict
     )
     network: dict[str, Any] = key("class of the network, and its own keys", factory=dict)
     fit: Any = None
 
     @property
     def node(self) -> dict[str, Any]:
-        """Plain values that the branch is made of, those of a user's own keys among them."""
+        """Plain values from which the branch is built, including a user's own keys."""
         return {name: value for name, value in vars(self).items() if name != "fit"}
 
 
 @dataclass
 class SignalConfig(BranchConfig):
-    """HapticNet on spectrograms of traces, or of sounds."""
+    """HapticNet on spectrograms of traces or sounds."""
 
     width: float = key("factor on every channel count; 1 is the paper's size", **WIDTH)
     norm: str = key("normalisation of activations; lrn is the paper's", choices=NORMS)
     dropout: float = key("probability of dropping an input of the 1x1 layers", **PROBABILITY)
     normalisation: str = key(
-        "of spectrograms: log per channel over the training set, or per trace to [0, 1]",
+        "of spectrograms: logarithms standardised per channel over the training set, or the "
+        "paper's scaling per trace to [0, 1]",
         choices=("standard", "paper"),
     )
     skip_impact: bool = key("leave out the first touch of the tool")
     axes: str = key(
-        "mean removed and three axes joined per frame, or over the whole trace as in the paper",
+        "remove the mean and join three axes per frame, or over the whole trace as in the paper",
         choices=("frame", "trace"),
     )
     scale: str = key(
@@ -66,7 +67,7 @@ class SignalConfig(BranchConfig):
     window_seconds: float = key(
         "length of a frame of the spectrogram", unit="s", least=0.001, most=10
     )
-    hop_seconds: float = key("from frame to frame", unit="s", least=0.0001, most=10)
+    hop_seconds: float = key("time from frame to frame", unit="s", least=0.0001, most=10)
     fit: SignalFitConfig = field(default_factory=SignalFitConfig)
 
 
@@ -85,7 +86,7 @@ class PhotoConfig(BranchConfig):
     )
     dropout: float = key("probability of dropping an input of FC2 and FC3", **PROBABILITY)
     fc1_kernel: int | None = key(
-        "side of FC1's kernel; null is the trunk's, which makes one prediction of 224 pixels",
+        "side of FC1's kernel; null is the trunk's, with which 224 pixels give one prediction",
         least=1, most=64, default=None,
     )  # fmt: skip
     head: list[int] = key(
@@ -133,22 +134,22 @@ class FusionConfig:
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
 
     def checkpoint(self, sense: str) -> str | None:
-        """What the network of a sense starts from."""
+        """The checkpoint that the network of a sense starts from; None if there is none."""
         given: str | None = getattr(self, f"{sense}_checkpoint", None)
         return given
 
 
 @dataclass
 class ModelConfig:
-    """What is trained; a user's own senses are attributes too."""
+    """The model that is trained; a user's own senses are attributes too."""
 
     name: str = key("model, set by model=NAME")
     senses: list[str] = key(
-        "branches: haptic, visual, sound or your own; several are fused, each trained before"
+        "branches: haptic, visual, sound or your own; several are trained one by one, then fused"
     )
     baseline: Any = key(
-        "class of a system that is fitted instead of a network, and its own keys, which its file "
-        "in conf/model explains",
+        "class of a system that is fitted instead of a network, and its own keys, explained in "
+        "its file in conf/model",
         default=None,
     )
     budget: float = key(
@@ -162,7 +163,7 @@ class ModelConfig:
 
     @property
     def kind(self) -> str:
-        """What the network is called: its sense, or ``fusion`` of several."""
+        """Name of the network: its sense, or ``fusion`` for several."""
         return kind_of(self.senses)
 
     @property
@@ -172,14 +173,14 @@ class ModelConfig:
 
     @property
     def checkpoints(self) -> dict[str, str]:
-        """What the networks that are fused start from, as far as that is given."""
+        """Checkpoints that the fused networks start from, by sense; absent where none is given."""
         given = {name: self.fusion.checkpoint(name) for name in self.senses}
         fused = self.kind == FUSION
         return {name: path for name, path in given.items() if fused and path is not None}
 
     @property
     def modalities(self) -> tuple[str, ...]:
-        """Of the recordings that it looks at, each once."""
+        """Modalities of the recordings that it reads, each once."""
         return tuple(dict.fromkeys(self.branch(name).modality for name in self.senses))
 
     def branch(self, sense: str) -> "BranchConfig":
@@ -188,10 +189,10 @@ class ModelConfig:
         return found
 
     def fit_values(self, kind: str) -> dict[str, Any]:
-        """How the network of one sense, or ``fusion``, is trained, as plain values."""
+        """Training settings of one sense's network, or of ``fusion``, as plain values."""
         return asdict(getattr(self, kind).fit)
 
 
 def kind_of(senses: Sequence[str]) -> str:
-    """What a network of these senses is called."""
+    """Name of a network of these senses."""
     return senses[0] if len(senses) == 1 else FUSION

@@ -1,4 +1,4 @@
-"""What training, testing and prediction take of the configuration: no more, and named."""
+"""The parts of the configuration that training, testing and prediction read."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from tex_lightning.config.tasks import DecisionConfig, EngineConfig, StreamConfi
 
 @dataclass(frozen=True)
 class Running:
-    """How a trained system is run.
+    """How a trained system runs and decides.
 
     Attributes:
         accelerator: Kind of device.
@@ -31,7 +31,7 @@ class PredictionRecipe:
 
     Attributes:
         running: How the system runs and decides.
-        top_k: Candidates that are listed.
+        top_k: Number of candidates that are listed.
         file_rate: Rate in Hz of traces that carry none; None takes the checkpoint's.
         fast_decode: Whether the JPEG decoder halves photos.
         stream: How a stream votes.
@@ -50,17 +50,17 @@ class Recipe:
 
     Attributes:
         model: The networks.
-        weights: By sense where its trunk starts; None is at random.
-        seed: Of everything random.
+        weights: Source of each trunk's first weights, by sense; None is random.
+        seed: Seed of everything random.
         trainer: Device and flags of Lightning's Trainer.
-        callbacks: Nodes by name, each with its ``_target_``.
-        logger: Likewise.
+        callbacks: Nodes of callbacks by name, each with its ``_target_``.
+        logger: Nodes of loggers, likewise.
         num_workers: Processes that make batches.
         share: Folder of networks that systems of a family share.
         running: How they are tested.
         explained_samples: How many test samples are drawn.
-        formats: What figures are saved as.
-        settings: The whole configuration as plain values, which loggers write down.
+        formats: File formats of figures.
+        settings: The whole configuration as plain values, for loggers.
     """
 
     model: ModelConfig
@@ -77,10 +77,10 @@ class Recipe:
     settings: dict[str, Any]
 
     def start_of(self, kind: str) -> str | None:
-        """Where a network's trunk starts; FusionNet's branches have started already."""
+        """Source of a network's first weights; FusionNet's branches are trained already."""
         return None if kind == FUSION else self.weights[kind]
 
     @property
     def baseline_weights(self) -> str | None:
-        """Where the trunk of a baseline comes from."""
+        """Source of the weights of a baseline's trunk."""
         return next(filter(None, self.weights.values()), None)

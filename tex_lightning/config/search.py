@@ -1,4 +1,4 @@
-"""Where configuration files are looked for beside the package's own: folders of the user's parts.
+"""Folders of the user's own parts, searched for configuration files beside the package's.
 
 These are the folder of ``--config-dir`` and the ``conf`` of every installed package that has an
 entry point in the group ``tex_lightning.plugins``. Senses are also found in ``hydra.searchpath``
@@ -54,7 +54,7 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
 
 
 def _searched_folders() -> Iterator[Path]:
-    """What search-path plugins add, ours and others."""
+    """Folders that search-path plugins add, this package's and others."""
     path = ConfigSearchPathImpl()
     plugins: Any = Plugins.instance().discover(SearchPathPlugin)
     for plugin in plugins:
@@ -64,7 +64,7 @@ def _searched_folders() -> Iterator[Path]:
 
 
 def _named_folders(overrides: Sequence[str]) -> Iterator[Path]:
-    """What ``hydra.searchpath=[…]`` names."""
+    """Folders that ``hydra.searchpath=[…]`` names."""
     for override in overrides:
         key, _, value = override.partition("=")
         if key == "hydra.searchpath":
@@ -96,13 +96,13 @@ def installed_packages() -> list[str]:
 
 
 def user_folders() -> list[Path]:
-    """That of the command line, then the ``conf`` of every registered package that has one."""
+    """The command line's folder, then the ``conf`` of every registered package that has one."""
     folders = (home / "conf" for package in installed_packages() for home in _homes(package))
     return [*_GIVEN, *(folder for folder in folders if folder.is_dir())]
 
 
 def split_config_dir(arguments: Sequence[str]) -> tuple[str | None, list[str]]:
-    """What ``--config-dir`` names in a command line, "" if nothing, and the other arguments."""
+    """Split a command line into the folder of ``--config-dir``, "" if none, and the rest."""
     for place, argument in enumerate(arguments):
         flag, equals, value = argument.partition("=")
         if flag in FLAGS:

@@ -1,4 +1,4 @@
-"""How fragments are decided on, networks are run, and what each task reads."""
+"""Settings of the decision, of running networks and of tasks, and the keys each task reads."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +24,7 @@ class DecisionConfig:
     """How fragments become one label."""
 
     name: str = key(
-        "max_vote counts every fragment, sequential as few as the label needs",
+        "max_vote counts every fragment, sequential only as many as the label needs",
         choices=("max_vote", "sequential"),
     )
     pairs: int | None = key(
@@ -37,7 +37,9 @@ class DecisionConfig:
         choices=("vote", "mean", "score"),
     )
     seed: int | None = key(
-        "of the pairs and of the order of windows; null takes the checkpoint's", least=0, most=SEED
+        "seed of the pairs and of the order of windows; null takes the checkpoint's",
+        least=0,
+        most=SEED,
     )
     reject_below: float | None = key(
         "mean class probability below which no label is given; 0 always gives one, null takes "
@@ -45,12 +47,12 @@ class DecisionConfig:
         default=None, **SHARE,
     )  # fmt: skip
     unknown: float | None = key(
-        "share of known recordings that may be called unknown, so that materials never seen are; "
-        "0 calls none, null takes the checkpoint's",
+        "share of known recordings that may wrongly be called unknown; materials never seen then "
+        "are called so; 0 calls none, null takes the checkpoint's",
         default=None, **CHANCE,
     )  # fmt: skip
     alpha: float = key(
-        "sequential: most chance that what is left out would change the label; 0 takes none",
+        "sequential: largest probability that what is left out changes the label; 0 allows none",
         **CHANCE,
     )
     confidence_threshold: float = key(
@@ -58,30 +60,30 @@ class DecisionConfig:
         **SHARE,
     )
     calibrated: bool = key(
-        "sequential: a checkpoint's own confidence_threshold, chosen on its validation fold, counts"
+        "sequential: use the checkpoint's own confidence_threshold, chosen on its validation fold"
     )
     disagreement: float = key(
         "share of decisions that may differ from the full one when that threshold is chosen",
         **CHANCE,
     )
-    confidence: float = key("of the bound on that share (Clopper-Pearson)", **CHANCE)
+    confidence: float = key("confidence of the bound on that share (Clopper-Pearson)", **CHANCE)
     alphas: list[float] = key(
-        "values of alpha drawn in the curves; [] here and below draws none", **CHANCE
+        "values of alpha in the curves; [] for this and the next key draws none", **CHANCE
     )
     confidence_thresholds: list[float] = key(
-        "values of confidence_threshold drawn in the curves, among which one is chosen", **SHARE
+        "values of confidence_threshold in the curves, from which one is chosen", **SHARE
     )
 
 
 @dataclass
 class TrainerConfig:
-    """Flags of Lightning's Trainer; those that are not listed here are passed on as well.
+    """Flags of Lightning's Trainer; flags that are not listed here are passed on as well.
 
-    The latter are attributes too, see :attr:`flags`.
+    These are attributes too, see :attr:`flags`.
     """
 
     accelerator: str = key(
-        "kind of device; auto takes the best there is",
+        "kind of device; auto takes the best one available",
         choices=("auto", "cpu", "gpu", "cuda", "mps"),
     )
     devices: Any = key(
@@ -89,42 +91,44 @@ class TrainerConfig:
         least=1, most=64,
     )  # fmt: skip
     num_nodes: int = key(
-        "machines that do; more than one are started by srun or torchrun", least=1, most=1024
+        "machines that train together; srun or torchrun starts more than one", least=1, most=1024
     )
-    strategy: Any = key("how they train together: a name that Lightning knows, or a _target_")
-    precision: str = key("of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true"))
+    strategy: Any = key("how devices train together: a name that Lightning knows, or a _target_")
+    precision: str = key(
+        "precision of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true")
+    )
     tf32: bool = key(
-        "on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster, and no reference"
+        "on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster, less accurate"
     )
     threads: int | None = key(
-        "threads of PyTorch on the CPU; null takes one for task=stream and "
-        "task=record, else leaves its choice",
+        "threads of PyTorch on the CPU; null takes one for task=stream and task=record, and "
+        "PyTorch's own number for the others",
         least=1, most=1024, default=None,
     )  # fmt: skip
 
     @property
     def flags(self) -> dict[str, Any]:
-        """What is passed to Lightning's Trainer."""
+        """Arguments of Lightning's Trainer."""
         return {name: value for name, value in vars(self).items() if name not in OURS}
 
 
 @dataclass
 class EngineConfig:
-    """How a trained network is run in testing and prediction; its weights stay what they are."""
+    """How a trained network is run in testing and prediction; its weights do not change."""
 
-    fold_batch_norm: bool = key("make batch normalisation part of the convolution before it")
+    fold_batch_norm: bool = key("merge batch normalisation into the convolution before it")
     fast_response_norm: bool = key(
         "compute local response normalisation in a form that stays in the cache"
     )
     fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks that fit its cache")
     channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
     precision: str = key(
-        "of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
+        "precision of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
     )
     compile: bool = key("fuse layers with torch.compile, which needs a C++ compiler")
     tile: int | None = key(
-        "most pixels, or frames times 50 channels, that go through a network at once, or twice its "
-        "receptive field each way if that is more; null never divides",
+        "most pixels, or frames times 50 channels, that go through a network at once, but at least "
+        "twice its receptive field each way; null never divides",
         least=100_000, most=1_000_000_000_000,  # smaller pieces are nearly all margin
     )  # fmt: skip
 
@@ -138,28 +142,28 @@ class CrossvalConfig:
         "models whose first fold's network gets task=profile too, e.g. [haptic,visual]"
     )
     share: str | None = key(
-        "folder where runs find each other's networks, each trained once for all; null shares none",
+        "folder in which runs share networks, so that each is trained once; null shares none",
         default=None,
     )
 
 
 @dataclass
 class EnrollConfig:
-    """Classes that a trained network gets and loses."""
+    """Classes that are added to a trained network or removed from it."""
 
     only: list[str] | None = key("classes of the data that are added; null adds all", default=None)
     forget: list[str] | None = key(
-        "classes that are taken out first; without data= and data.root= nothing is added then",
+        "classes that are removed first; without data= and data.root= nothing is added then",
         default=None,
     )
 
 
 @dataclass
 class FiguresConfig:
-    """What figures are saved as."""
+    """File formats of figures."""
 
     format: Any = key(
-        "of figures, one or several: png, pdf or svg; the last two are vector graphics",
+        "formats of figures, one or several: png, pdf or svg; the last two are vector graphics",
         choices=FIGURE_FORMATS,
     )
 
@@ -175,8 +179,8 @@ class PredictConfig:
 
     fast_decode: bool = key("let the JPEG decoder halve photos: half the time, nearly the same")
     figure: str | None = key(
-        "PNG, PDF or SVG file to draw why into (docs/why.md); of several samples each has its own, "
-        "FILE_NAME.png; null draws nothing",
+        "PNG, PDF or SVG file for a drawing of why the label was chosen (docs/why.md); of several "
+        "samples each has its own, FILE_NAME.png; null draws nothing",
         default=None,
     )
 
@@ -187,16 +191,17 @@ class StreamConfig:
 
     chunk: float = key("signal between two votes", unit="s", above=0, most=3600)
     wait: float = key(
-        "most signal left uncomputed while it cannot change the label",
+        "longest signal left uncomputed while it cannot change the label",
         unit="s", least=0, most=60,
     )  # fmt: skip
     window: float | None = key(
-        "signal that votes, the last so many seconds; null takes the whole recording so far",
+        "length of the last part of the signal, which alone votes; null takes the whole recording "
+        "so far",
         unit="s", least=0.5, most=600, default=None,
     )  # fmt: skip
     odds: float | None = key(
         "with a window: how many times as probable as the label another one has to be in the last "
-        "0.7 s, twice in succession, for the vote to begin anew there; null never does",
+        "0.7 s, twice in succession, to restart the vote there; null never restarts it",
         least=1, most=1e9, default=None,
     )  # fmt: skip
     contact: float = key(
@@ -204,21 +209,21 @@ class StreamConfig:
         "training recordings",
         **SHARE,
     )
-    axes: int = key("axes of the samples on standard input, of haptic=-", choices=(1, 3))
+    axes: int = key("axes of the samples on standard input (haptic=-)", choices=(1, 3))
 
 
 @dataclass
 class GenerateConfig:
-    """Where synthetic surfaces are written out."""
+    """Folder, layout and content of written synthetic surfaces."""
 
     out: str = key("folder to write to, new or empty")
-    layout: str = key("of the files", choices=("folder", "tum"))
-    sound: bool = key("write sounds too, which only layout=folder has a place for")
+    layout: str = key("layout of the files", choices=("folder", "tum"))
+    sound: bool = key("write sounds too, only with layout=folder")
 
 
 @dataclass
 class ProfileConfig:
-    """What is measured and how long it may take."""
+    """Inputs and time limits of the profile."""
 
     classes: int = key("classes of a network without a checkpoint", least=2, most=100_000)
     seconds: float = key(
@@ -230,13 +235,13 @@ class ProfileConfig:
     width: int = key(
         "width of the rendered photo after halving; image=FILE takes a real one", **SIDE
     )
-    height: int = key("its height", **SIDE)
-    rounds: int = key("most rounds of timing; in each every way of classifying is timed", **ROUNDS)
+    height: int = key("height of that photo", **SIDE)
+    rounds: int = key("most rounds of timing; each times every way of classifying", **ROUNDS)
     budget_s: float = key(
-        "no new round after this time for a network, but three in any case", **DAY
+        "time for a network after which no new round begins, except the first three", **DAY
     )
     growth: bool = key("also measure cost against length, size, classes, pairs, batch, threads")
-    max_seconds: float = key("longest single call that growth may expect", **DAY)
+    max_seconds: float = key("longest expected time of a single call in growth", **DAY)
 
 
 @dataclass
@@ -253,29 +258,30 @@ class FrontierConfig:
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
     trainings: int | None = key(
-        "trainings of each network, every one without two folds, which are both tested; null tests "
-        "all folds, and crossval.only goes before",
+        "trainings of each network, each without two folds, which are both tested; null tests all "
+        "folds, and crossval.only takes precedence",
         least=1, most=100_000, default=None,
     )  # fmt: skip
-    rounds: int = key("rounds of timing; in each every system is timed", **ROUNDS)
+    rounds: int = key("rounds of timing; each times every system", **ROUNDS)
     max_latency_ms: float | None = key(
-        "budget: prints the best system within it and the command that trains it",
+        "latency budget: prints the best system within it and the command that trains it",
         unit="ms", above=0, most=1_000_000_000, default=None,
     )  # fmt: skip
     min_accuracy: float | None = key(
-        "demand: prints the quickest system with this share of correct votes on the tested folds",
+        "accuracy wanted: prints the fastest system with this share of correct votes on the tested "
+        "folds",
         default=None, **SHARE,
     )  # fmt: skip
     run: str | None = key(
-        "finished run folder of task=frontier that model=auto takes its choice from; null finds "
-        "it first",
+        "finished run folder of task=frontier whose choice model=auto trains; null runs "
+        "task=frontier first",
         default=None,
     )
 
 
 @dataclass
 class StabilityConfig:
-    """What is tested and how thoroughly."""
+    """Systems and perturbations that are tested, and how thoroughly."""
 
     systems: list[str] | None = key(
         "run folders or checkpoints; the first is the reference of the corruption error",
@@ -283,31 +289,35 @@ class StabilityConfig:
     )
     parts: bool = key("test HapticNet and VisualNet of a FusionNet's run folder as well")
     folds: list[int] | None = key(
-        "folds of a cross-validation's run folder; null tests all that it holds", default=None
+        "folds of a cross-validation's run folder; null tests all in it", default=None
     )
     only: list[str] | None = key(
         "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
     )
     severities: list[str] = key(
-        "files of further perturbations, each with the dotted path of its function, else as "
-        "tex_lightning/perturbations/severities.yaml",
+        "files of further perturbations, in the format of "
+        "tex_lightning/perturbations/severities.yaml and with the dotted path of each function",
         factory=list,
     )
     limit: int | None = key(
-        "most test samples of a class in a fold; null takes all", least=1, default=None
+        "largest number of test samples of a class in a fold; null takes all",
+        least=1,
+        default=None,
     )
     bound: float = key(
         "a system breaks where it keeps less than this share of its clean vote accuracy",
         above=0, most=1,
     )  # fmt: skip
     bisections: int = key(
-        "of the stretch between two severities in which it breaks", least=0, most=30
+        "bisections of the interval between two severities in which a system breaks",
+        least=0,
+        most=30,
     )
 
 
 @dataclass
 class ExportConfig:
-    """What a trained network is written to."""
+    """Format and checks of exported files."""
 
     out: str | None = key("folder to write to; null takes the run folder", default=None)
     format: str = key(
@@ -316,12 +326,12 @@ class ExportConfig:
     )
     check: int = key(
         "recordings of data=NAME on which labels and scores are compared before the file is "
-        "written; of data=synthetic noise of as many sizes",
+        "written; with data=synthetic, noise of as many sizes",
         least=0, most=100_000,
     )  # fmt: skip
     int8: bool = key(
         "format=onnx: write a file with 8-bit convolutions too, calibrated on training recordings "
-        "of data=NAME; it is measured, not refused"
+        "of data=NAME; its accuracy is measured and never refused"
     )
     stability: str | None = key(
         "format=card: run folder of task=stability whose breaking points the card lists",

@@ -36,7 +36,7 @@ def trust(config: Config) -> None:
 
 
 def require_trust(who: str, node: object) -> None:
-    """Refuse classes of foreign packages in what a checkpoint says of itself.
+    """Refuse classes of untrusted packages in the metadata of a checkpoint.
 
     A trusted package cannot lend its name: the class has to be defined in it, so that a path
     through what a module imported leads nowhere.

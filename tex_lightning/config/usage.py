@@ -1,4 +1,4 @@
-"""What ``--help`` and ``--version`` print: the commands, and the keys that a task reads."""
+"""The texts of ``--help`` and ``--version``: the commands, and the keys that a task reads."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -52,12 +52,12 @@ and TensorBoard events. README.md leads to the chapters in docs/."""
 
 
 def asks(arguments: Sequence[str]) -> bool:
-    """Whether a command line asks to read something in place of a run."""
+    """Whether a command line asks for help or the version in place of a run."""
     return any(item in FLAGS or item.startswith(TOPIC) for item in arguments)
 
 
 def answer(arguments: Sequence[str], conf: Path) -> str:
-    """What a command line asks to read.
+    """The text that a command line asks for.
 
     Args:
         arguments: The command line after the program's name.
@@ -123,7 +123,7 @@ def _limits(key: Key) -> str:
 
 
 def _value(config: DictConfig, name: str) -> str:
-    """A value as one would type it."""
+    """A value as typed on the command line."""
     section, _, leaf = name.rpartition(".")
     node = OmegaConf.select(config, section) if section else config
     if OmegaConf.is_missing(node, leaf):

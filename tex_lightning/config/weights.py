@@ -1,4 +1,4 @@
-"""From a composed configuration to typed objects, the user's own senses and weights among them."""
+"""Turn a composed configuration into typed objects, with the user's own senses and weights."""
 
 from dataclasses import fields, replace
 from typing import Any

@@ -1,1 +1,1 @@
-"""From files to batches: readers, store, folds and data module."""
+"""Readers, store, folds and data module: the way from files to batches."""

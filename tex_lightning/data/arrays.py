@@ -1,4 +1,4 @@
-"""Traces and photos that come as arrays, brought to what a decoded file is."""
+"""Traces and photos given as arrays, converted to the form of decoded files."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ COLOURS = ("rgb", "bgr")
 
 
 def as_trace(given: Any, key: str = "haptic") -> npt.NDArray[np.floating]:  # noqa: ANN401  (what NumPy can read)
-    """Samples (axes, samples), float64, of an array, tensor or list.
+    """Convert an array, tensor or list to samples (axes, samples), float64.
 
     Args:
         given: (samples,), (axes, samples) or (samples, axes) with one or three axes; integers or
@@ -43,11 +43,11 @@ def as_photo(
     colour: str,
     key: str = "image",
 ) -> Photo:
-    """Pixels (height, width, 3) uint8 RGB of an array or tensor, halved as the settings say.
+    """Convert an array or tensor to pixels (height, width, 3) uint8 RGB, halved if configured.
 
     Args:
         given: (height, width, 3) or, of greys, (height, width); uint8.
-        settings: Of the checkpoint.
+        settings: Settings of the checkpoint.
         colour: ``rgb``, or ``bgr`` as OpenCV gives them.
         key: What they were given as.
 

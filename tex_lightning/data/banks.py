@@ -1,4 +1,4 @@
-"""Recordings in memory, or in reach of it, that training batches are cut from."""
+"""Recordings, in memory or mapped to it, from which training batches are cut."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ class Bank(ABC):
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
     ) -> Mapping[str, Tensor]:
-        """Random pieces of the indexed recordings, one of each, as tensors (batch, ...) by name.
+        """Cut a random piece of each indexed recording: tensors (batch, ...) by name.
 
         Only a ``share`` of them is cut, but all are drawn.
         """
@@ -39,7 +39,7 @@ class InputBank(Bank):
     """Network inputs (..., frames) of unequal length in one tensor, cut in one indexing step.
 
     Args:
-        inputs: Of all recordings in their first version, then of all in their second, and so on.
+        inputs: Inputs of all recordings in their first version, then in their second, and so on.
         frames: Length of the sub-samples.
         versions: How many there are of every recording; which one is cut is drawn.
         folder: Where a file holds them; None keeps them in memory.
@@ -73,7 +73,7 @@ class InputBank(Bank):
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
     ) -> dict[str, Tensor]:
-        """Give ``input``, sub-samples (batch, ..., frames); see the base class."""
+        """Cut ``input``, sub-samples (batch, ..., frames); see the base class."""
         if self.versions > 1:
             version = rng.integers(0, self.versions, len(indices))
             indices = indices + version * (len(self.lengths) // self.versions)
@@ -90,9 +90,9 @@ class PhotoBank(Bank):
     size that was faster than one indexing step over all of them, which needs an index per pixel.
 
     Attributes:
-        recordings: Of photos.
+        recordings: Recordings of photos.
         store: Decoded files.
-        side: Of a crop in pixels.
+        side: Side of a crop in pixels.
         rotation: Largest angle in degrees that a crop is to be turned by.
         augmentation: What becomes of a crop after it is cut; None leaves it.
     """
@@ -121,7 +121,7 @@ class PhotoBank(Bank):
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
     ) -> dict[str, Tensor]:
-        """Give ``crop`` (batch, 3, side, side) uint8 and ``degrees`` (batch,) to turn it by.
+        """Cut ``crop`` (batch, 3, side, side) uint8, and draw ``degrees`` (batch,) to rotate it by.
 
         Photos too small are mirrored outwards; see the base class.
         """

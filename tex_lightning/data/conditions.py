@@ -1,4 +1,4 @@
-"""Recordings that are tested by the conditions under which they were taken."""
+"""Division of recordings by the conditions under which they were made."""
 
 import math
 import re
@@ -17,9 +17,9 @@ PLAIN = re.compile(r"[\w.+-]+( [\w.+-]+)*")  # what Hydra reads without quotes
 
 
 def comparable(value: object) -> float | str:
-    """A value as it is compared: numbers by size, so that ``60``, ``"60"`` and ``60.0`` are one.
+    """A value for comparison: numbers by value, so that ``60``, ``"60"`` and ``60.0`` are one.
 
-    So are YAML's ``true`` and Python's ``True``; other words are compared letter by letter.
+    So are YAML's ``true`` and Python's ``True``; other words are compared as text.
     """
     text = str(value)
     if text.lower() in ("true", "false"):
@@ -32,7 +32,7 @@ def comparable(value: object) -> float | str:
 
 
 def shown(value: str) -> str:
-    """The same text for values that are compared as one."""
+    """One text for all values that are equal in comparison."""
     known = comparable(value)
     return str(known).removesuffix(".0")
 
@@ -59,8 +59,8 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
     """Make sure that the recordings can be divided by ``data.test_where``.
 
     Args:
-        recordings: All of the senses that take part.
-        where: By condition the value or the values that are tested.
+        recordings: The recordings of all senses in use.
+        where: The tested value or values by condition.
 
     Raises:
         UserError: If no recording has such a condition or value, or only some of a sense have it.
@@ -101,7 +101,7 @@ def _no_column(recordings: Recordings, name: str) -> str:
 
 
 def tested_part(by: Folding) -> str:
-    """What is tested, in words: some conditions, a fold, or the data."""
+    """Describe the tested part: some conditions, a fold, or the data."""
     if by.test_where is not None:
         return f"the part with {describe(by.test_where)}"
     return "the data" if by.test_fold is None else f"fold {by.test_fold}"
@@ -115,7 +115,7 @@ def describe(where: Mapping[str, Any]) -> str:
 
 
 def as_override(where: Mapping[str, Any] | None) -> str:
-    """What one types for them in a shell."""
+    """The override for them in a shell."""
     if where is None:
         return "data.test_where=null"
     pairs = (f"{name}: {_typed(wanted)}" for name, wanted in where.items())

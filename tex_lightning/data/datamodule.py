@@ -28,13 +28,13 @@ UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches
 class TrainingBatches(Dataset[Batch]):
     """Batch number ``i`` of an endless stream.
 
-    Recordings come in permutations, each of which holds every recording once. Of several senses
-    the one with most recordings leads and random recordings of the same class accompany it.
+    Recordings come in permutations, each of which holds every recording once. With several
+    senses, the one with most recordings is permuted, and random ones of the same class join it.
 
     Attributes:
         banks: For each sense, by name, its recordings and their class indices.
         batch_size: Samples in a batch.
-        seed: Of everything random.
+        seed: Seed of everything random.
         share: The part of every batch that is handed out; the others are drawn all the same, so
             that the shares of several processes make the batch that one would have.
     """
@@ -45,7 +45,7 @@ class TrainingBatches(Dataset[Batch]):
     share: slice = field(default_factory=lambda: WHOLE)
 
     def __getitem__(self, step: int) -> Batch:
-        """Assemble batch ``step``: ``label``, and by the name of each sense what its bank cuts."""
+        """Assemble batch ``step``: ``label``, and by the name of each sense its bank's pieces."""
         rng = np.random.default_rng([self.seed, step])
         leader, *others = sorted(
             self.banks, key=lambda name: len(self.banks[name][1]), reverse=True

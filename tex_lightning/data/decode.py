@@ -1,4 +1,4 @@
-"""Decode one file to an array, strictly: what is damaged is refused, never guessed.
+"""Decode one file to an array, strictly: damaged files are refused, never guessed.
 
 A checkpoint carries the settings used here, so prediction decodes as training did.
 """
@@ -36,8 +36,8 @@ class Decoder(ABC):
     """How the files of one sense become arrays; its fields decide their content.
 
     Attributes:
-        suffixes: Of the files that it reads, in lower case.
-        unit: Of :meth:`extent`.
+        suffixes: Suffixes of the files that it reads, in lower case.
+        unit: Unit of :meth:`extent`.
         precision: How that is written.
     """
 
@@ -51,7 +51,7 @@ class Decoder(ABC):
 
         Args:
             path: The file.
-            rate: In Hz, if the manifest or the reader knows it.
+            rate: Rate in Hz, if the manifest or the reader knows it.
 
         Raises:
             UserError: If the file cannot be used.
@@ -68,7 +68,7 @@ class Decoder(ABC):
 
 @dataclass(frozen=True)
 class SignalDecoder(Decoder):
-    """Of signals: traces and sounds, (axes, samples) float32.
+    """Decoder of signals: traces and sounds, (axes, samples) float32.
 
     Attributes:
         sampling_rate: Rate in Hz that every signal is brought to.
@@ -103,7 +103,7 @@ class SignalDecoder(Decoder):
 
         Raises:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
-                its rate is told differently in two places.
+                two places state different rates.
         """
         samples, source = read_trace(path, self, rate)
         said = f"Trace {path}" if source.source != "assumed" else f"Trace {path}, by assumption,"
@@ -114,13 +114,13 @@ class SignalDecoder(Decoder):
         return self if rate is None else replace(self, file_rate=rate)
 
     def extent(self, array: Array) -> float:
-        """Seconds."""
+        """Length in seconds."""
         return float(array.shape[1] / self.sampling_rate)
 
 
 @dataclass(frozen=True)
 class PhotoDecoder(Decoder):
-    """Of photos, (height, width, 3) uint8.
+    """Decoder of photos, (height, width, 3) uint8.
 
     Attributes:
         half_scale: Whether they are halved (the paper's preprocessing, section III-B).
@@ -135,11 +135,11 @@ class PhotoDecoder(Decoder):
     precision: ClassVar[str] = ".2g"
 
     def decode(self, path: Path, rate: float | None = None) -> tuple[Photo, None]:
-        """As :func:`decode_image`."""
+        """Decode a photo as :func:`decode_image` does."""
         return decode_image(path, self), None
 
     def extent(self, array: Array) -> float:
-        """Megapixels."""
+        """Size in megapixels."""
         return float(array.shape[0] * array.shape[1] / 1e6)
 
 
@@ -173,7 +173,7 @@ def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name:
 
 
 def rate_ratio(source: float, target: float, name: str) -> Fraction:
-    """By how much samples become more from the rate ``source`` to the rate ``target`` in Hz.
+    """Ratio of the number of samples at ``target`` Hz to that at ``source`` Hz.
 
     Raises:
         UserError: If the rates are too far apart, beginning with ``name``.

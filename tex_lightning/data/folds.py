@@ -38,7 +38,7 @@ class Sample:
 
 
 def split(recordings: Recordings, by: Folding) -> Split:
-    """Divide by fold, or by ``test_where`` the recordings of a sense that has such conditions.
+    """Divide by fold, or by ``test_where`` where the recordings of a sense have its conditions.
 
     Where few recordings of a class are trained on, they are the next ones after the tested fold,
     so that ten folds are ten draws of them and any two systems see the same.
@@ -61,7 +61,7 @@ def _part(row: Recording, by: Folding) -> str:
 
 
 def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
-    """The first ``count`` of each class and sense after a fold, round the circle of folds."""
+    """The first ``count`` recordings of each class and sense after a fold, cyclically."""
     following = sorted(rows, key=lambda row: ((row.group - fold) % folds, row.group))
     taken: Counter[tuple[str, str]] = Counter()
     kept = set()

@@ -1,4 +1,4 @@
-"""What can be wrong with a recording that can be read: nothing measured, clipped, unlike training.
+"""Faults of recordings that can be read: nothing measured, clipped, unlike the training.
 
 A sensor that is off and an input in another unit are classified like any other, and often with
 certainty. So the card of a checkpoint keeps the ranges of its training recordings
@@ -36,7 +36,7 @@ REMEDIES = {
 
 @dataclass(frozen=True)
 class Quality:
-    """What was found in an input.
+    """Faults found in an input.
 
     Attributes:
         warnings: One sentence each; empty if nothing is wrong.
@@ -92,7 +92,7 @@ class TraceMonitor:
         """Say what is wrong with the trace so far.
 
         Args:
-            ranges: Of the training; what they lack is not compared.
+            ranges: Ranges of the training; what they lack is not compared.
             **measures: ``level`` and ``rate`` (:func:`trace_measures`) that are compared with them.
         """
         constant = self.low == self.high
@@ -119,8 +119,8 @@ def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str,
 
     Args:
         trace: (axes, samples), decoded.
-        rate: That it was recorded at, in Hz.
-        sampling_rate: That it was brought to: a higher rate adds nothing.
+        rate: Rate of the recording in Hz.
+        sampling_rate: Rate in Hz to which it was resampled: a higher rate adds nothing.
     """
     monitor = TraceMonitor("trace")
     monitor.update(trace)
@@ -136,7 +136,7 @@ def photo_quality(photo: Photo, ranges: Ranges, what: str) -> Quality:
 
 
 def together(qualities: Iterable[Quality]) -> Quality:
-    """Join what was found in all inputs of one sample."""
+    """Join the faults of all inputs of one sample."""
     found = list(qualities)
     warnings = tuple(warning for each in found for warning in each.warnings)
     return Quality(warnings, all(each.empty for each in found))
@@ -166,7 +166,7 @@ def _photo_measures(photo: Photo) -> dict[str, float]:
 
 
 def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
-    """By measure its least and largest usual value, and what to say of others."""
+    """Smallest and largest usual value of each measure, and the warning for others."""
     found = {}
     for name, (low, high) in ranges.items():
         advice = f"and the training had {low:.5g} to {high:.5g}; {REMEDIES[name]}."

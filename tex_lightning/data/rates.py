@@ -1,10 +1,10 @@
-"""At which rate a trace was sampled, and who says so.
+"""The sampling rate of a trace, and its source.
 
 The file itself decides first: the header of a WAV file, or a column of time. Then come the
 statements beside it: the manifest or the reader, a sidecar ``FILE.json`` with the key ``rate``
 (FILE is the trace's name with or without its suffix), and ``rates.csv`` with the columns
 ``path,rate`` in the trace's folder or one of the two above it. Last comes ``data.file_rate``, an
-assumption. Who speaks of the same file must agree.
+assumption. All statements about one file must agree.
 """
 
 import math
@@ -71,7 +71,7 @@ def source_rate(path: Path, raw: RawTrace, given: float | None, assumed: float) 
 
 
 def stated_rate(path: Path, given: float | None = None) -> float | None:
-    """What is said of a trace outside its file, in Hz; None if nothing is.
+    """The rate in Hz that other files state of a trace; None if none does.
 
     Args:
         path: The trace, or any of its axes if they lie apart.

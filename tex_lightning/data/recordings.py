@@ -26,7 +26,7 @@ Conditions = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Recording:
-    """One file, or a part of one: what a sensor took of a surface.
+    """One recording of a surface: a file, or a part of one.
 
     Attributes:
         label: Class name.
@@ -36,10 +36,10 @@ class Recording:
         group: Number of the recording inside its class; it decides the fold.
         sampling_rate: Rate of a signal in Hz where the reader knows it, else None
             (a WAV file carries its own; other formats have the configured rate).
-        conditions: Under which it was taken, as names and values, such as ``("speed", "60")``;
-            every further column of a manifest is one.
-        part: Where it lies in its file, as fractions of the length of a signal or of the width of a
-            photo (:mod:`.parts`); None is all of it.
+        conditions: Conditions of the recording as names and values, such as
+            ``("speed", "60")``; every further column of a manifest is one.
+        part: The part of the file, as fractions of the length of a signal or of the width of a
+            photo (:mod:`.parts`); None is the whole file.
 
     Example:
         >>> import tex_lightning as tl
@@ -68,7 +68,7 @@ class Recordings:
 
     Attributes:
         rows: The recordings.
-        notes: What was passed over or divided when they were read; no part of the table itself.
+        notes: Files that were skipped or divided on reading; they do not belong to the table.
 
     Example:
         >>> import tex_lightning as tl
@@ -114,13 +114,13 @@ class Recordings:
 
 @dataclass(frozen=True)
 class Note:
-    """Something in the data that was not read, or not as it lies there.
+    """Something in the data that was not read, or was read in another form.
 
     Attributes:
         what: Its name in the singular, to count by, such as ``stray file``.
         count: How many there are; 0 if nothing is left out.
         text: A sentence for a warning.
-        modality: That it concerns; None is all.
+        modality: The modality that it concerns; None is all.
     """
 
     what: str
@@ -136,12 +136,12 @@ def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
 
 
 def name_one(modality: str) -> str:
-    """What a recording of a modality is called."""
+    """Name of one recording of a modality."""
     return NAMES.get(modality, f"{modality} recording")
 
 
 def plural(modality: str) -> str:
-    """What several are called."""
+    """Name of several recordings of a modality."""
     return f"{name_one(modality)}s"
 
 

@@ -1,4 +1,4 @@
-"""Samples brought to another rate while they come, as :func:`.decode.to_rate` does with all."""
+"""Resampling of a signal chunk by chunk, equal to :func:`.decode.to_rate` of the whole."""
 
 import math
 
@@ -36,7 +36,7 @@ class Resampler:
         self.given = 0  # samples that were given back
 
     def push(self, samples: Samples) -> Trace:
-        """Take samples (axes, samples); give back those of the new rate that no later one changes.
+        """Take samples (axes, samples); return those at the new rate that no later one changes.
 
         They lag by ten samples of the lower rate.
         """
@@ -50,7 +50,7 @@ class Resampler:
         return found
 
     def finish(self) -> Trace | None:
-        """Give back the last samples, as if silence followed; None where there are none."""
+        """Return the last samples, as if silence followed; None if there are none."""
         if self.kept is None:
             return None
         end = math.ceil((self.begin + self.kept.shape[1]) * self.up / self.down)

@@ -1,4 +1,4 @@
-"""Tensors that lie in a file without a name and not in memory."""
+"""Tensors that are kept in an unnamed file and not in memory."""
 
 import tempfile
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ def spooled(items: Iterable[Tensor], folder: Path) -> tuple[Tensor, list[int]]:
 
     Args:
         items: (length, ...) each, at least one, of one type; one at a time is in memory.
-        folder: Where the file lies.
+        folder: Folder of the file.
 
     Returns:
         (lengths together, ...), and the length of each.

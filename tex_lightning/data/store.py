@@ -107,7 +107,7 @@ class Store:
         return isinstance(self.decoders[recording.modality], SignalDecoder)
 
     def rate(self, recording: Recording) -> SourceRate:
-        """At which rate the file of a trace was sampled, and who says so."""
+        """The sampling rate of a trace's file, and its source."""
         try:
             return _load_rate(self._entry(recording))
         except UNREADABLE:

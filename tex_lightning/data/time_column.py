@@ -30,7 +30,7 @@ class RawTrace:
 
     Attributes:
         samples: (axes, samples); of a text file that has no times, in any order.
-        rate: In Hz if the file carries it, else None.
+        rate: Rate in Hz if the file carries it, else None.
         timed: Whether a column of time gave the rate, and not a header.
         interpolated: Whether the times were uneven, or few samples lost, so that samples were
             interpolated.
@@ -54,8 +54,8 @@ def separate_time(
     Args:
         path: The file, for messages.
         columns: (samples, columns).
-        names: Of the columns, if the file has any.
-        units: Of the columns, if the file has any.
+        names: Names of the columns, if the file has any.
+        units: Units of the columns, if the file has any.
         channel: Number of the one column beside the time that is kept; None keeps all.
 
     Raises:

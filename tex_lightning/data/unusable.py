@@ -30,5 +30,5 @@ def list_files(unusable: Sequence[Unusable]) -> str:
 
 
 def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
-    """What ``results.json`` says of the files that were left out."""
+    """Entry of ``results.json`` for the files that were left out."""
     return [{"path": each.recording.source, "reason": each.reason} for each in unusable]

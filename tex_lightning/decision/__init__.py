@@ -1,1 +1,1 @@
-"""From fragment predictions to one label: pure functions."""
+"""The decision: pure functions from fragment predictions to one label."""

@@ -1,4 +1,4 @@
-"""When the fragments not yet looked at need not be looked at any more.
+"""Rules that stop a vote when the remaining fragments need not be computed.
 
 The fragments are drawn in random order, without replacement, from the full set whose vote is the
 decision, so that neighbouring fragments with overlapping windows do no harm: their dependence lies
@@ -51,7 +51,7 @@ class StoppingRule:
         return log_density(first, second) <= log(self.alpha / (self.classes - 1))
 
     def least_more(self, votes: Sequence[int], remaining: int) -> int:
-        """Fragments that it takes at the least, all for the leader, until the rule stops."""
+        """Smallest number of further fragments, all for the leader, after which the rule stops."""
         leader = max(range(len(votes)), key=votes.__getitem__)
 
         def decided(more: int) -> bool:

@@ -1,4 +1,4 @@
-"""When a recording is taken for a material that was never seen."""
+"""The threshold above which a recording is called unknown."""
 
 from collections.abc import Sequence
 
@@ -22,5 +22,5 @@ def novelty_threshold(known: Sequence[float], rate: float) -> float:
 
 
 def least_rate(known: int) -> float:
-    """The smallest rate of false rejections that so many recordings can promise."""
+    """The smallest rate of false rejections that so many recordings can guarantee."""
     return 1 / (known + 1)

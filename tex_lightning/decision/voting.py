@@ -38,11 +38,11 @@ class Vote:
         return float(self.probabilities[self.label])
 
     def by_mean(self) -> "Vote":
-        """The same fragments, decided by the largest probability."""
+        """Decide the same fragments by the largest mean probability."""
         return replace(self, label=int(self.probabilities.argmax()))
 
     def doubted(self, share: float) -> "Vote":
-        """The same label, with a ``share`` of votes and probabilities spread over all classes."""
+        """Keep the label, and spread a ``share`` of votes and probabilities over all classes."""
         even = share / len(self.shares)
         return replace(
             self,
@@ -119,7 +119,7 @@ def random_tuples(positions: Sequence[int], count: int, seed: int) -> Tensor:
     Args:
         positions: How many there are of each sense: L of a trace, M * N of a photo.
         count: K of the paper, 1000 there.
-        seed: Of this sample; the caller derives it from the sample's content.
+        seed: Seed of this sample; the caller derives it from the sample's content.
 
     Returns:
         Long tensor (count, senses).

@@ -1,1 +1,1 @@
-"""What classifiers made of test samples, and what that says of them."""
+"""Outcomes of classifiers on test samples, and their statistics."""

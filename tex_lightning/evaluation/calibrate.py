@@ -1,4 +1,4 @@
-"""Set what a checkpoint says of its own certainty, on the validation fold."""
+"""Calibrate a checkpoint's probabilities and thresholds on the validation fold."""
 
 import logging
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def calibrate(
     Args:
         classifier: As loaded from ``checkpoint``; its card is replaced.
         checkpoint: The file, which is rewritten.
-        samples: Of the validation fold; without any nothing happens.
+        samples: Samples of the validation fold; without any nothing happens.
         store: Their recordings.
         running: How it runs and decides.
     """
@@ -99,7 +99,7 @@ def choose_confidence_threshold(
 
 
 def independent(samples: Sequence[Sample]) -> list[str]:
-    """For each sample its recording of the modality that has fewest of them."""
+    """Return each sample's recording of the modality with the fewest recordings."""
     return scarcest(
         [{name: str(row.path) for name, row in each.recordings.items()} for each in samples]
     )

@@ -1,4 +1,4 @@
-"""How far probabilities can be believed: calibration errors, proper scores, selective prediction.
+"""Reliability of probabilities: calibration errors, proper scores, selective prediction.
 
 The probabilities of a sample are the means over its fragments; its confidence is that of the class
 that won the vote.
@@ -87,7 +87,7 @@ def augrc(confidence: Array, correct: npt.NDArray[np.bool_]) -> float:
 
 
 def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, float | None]:
-    """What remains when no label is given below a confidence.
+    """Coverage and accuracy when no label is given below a confidence.
 
     Returns:
         ``reject_below``; ``coverage``, the share of samples with a label; ``selective_accuracy``
@@ -103,7 +103,7 @@ def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, flo
 
 
 def unknown_auroc(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, Any]:
-    """How well confidence tells samples of classes trained on from those of others.
+    """How well confidence separates samples of trained classes from those of others.
 
     Returns:
         ``classes`` never seen, their number of ``samples``, and ``auroc``: the probability that a

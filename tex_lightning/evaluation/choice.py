@@ -1,4 +1,4 @@
-"""Which system is enough: the one-standard-error rule, the Pareto line, and budgets."""
+"""Choice of a system: the one-standard-error rule, the Pareto front, and budgets."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,10 +32,10 @@ class Candidate:
 def partner(fold: int, folds: int) -> int:
     """The fold that is left out of training together with ``fold``: the one half the folds away.
 
-    Networks that have seen neither vote on both. What is chosen on the one is measured on the
-    other, so that no vote is counted that took part in its choice, or was cast by a network that
-    the measured fold has shaped: on labels of pure noise nothing else is free of optimism. With an
-    even number of folds each pair needs one training.
+    Networks that were trained on neither vote on both. A choice made on one fold is measured on
+    the other: no counted vote was used for the choice, or comes from a network that was trained on
+    the measured fold. On labels of pure noise nothing else is free of optimism. With an even number
+    of folds each pair needs one training.
     """
     return (fold + folds // 2) % folds
 

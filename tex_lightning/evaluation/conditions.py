@@ -1,4 +1,4 @@
-"""Accuracy by the conditions that the test samples were recorded under."""
+"""Accuracy by the conditions under which the test samples were recorded."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -38,7 +38,7 @@ def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict
 
 
 def pool_conditions(entries: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The same of several entries, their counts added."""
+    """Pool several entries of :func:`by_condition`: their counts are added."""
     return _entry(
         (name, value, counts["correct"], counts["test_samples"])
         for entry in entries

@@ -1,4 +1,4 @@
-"""Decisions that stop early beside the full ones, over their thresholds."""
+"""Comparison of decisions that stop early with the full ones, over their thresholds."""
 
 import csv
 from collections.abc import Iterable, Sequence
@@ -20,12 +20,12 @@ from tex_lightning.progress import track
 
 @dataclass(frozen=True)
 class Setting:
-    """What one threshold gave on the test samples.
+    """Results of one threshold on the test samples.
 
     Attributes:
         network: Its sense, or ``fusion``.
         knob: ``alpha``, ``confidence_threshold``, or ``used`` for the thresholds of the run.
-        value: Of the threshold; for ``used`` that of alpha.
+        value: Value of the threshold; for ``used`` that of alpha.
         test_samples: Their number.
         correct: Right votes.
         agreed: Votes that are those of the full decision.
@@ -124,13 +124,13 @@ def measure(
     """Classify all samples with one threshold.
 
     Args:
-        classifier: Of the full decision.
+        classifier: Classifier of the full decision.
         decision: The threshold.
         samples: What is classified.
-        labels: Of the full decision.
+        labels: Labels of the full decision.
         store: Their recordings.
         knob: Name of the threshold, for the table.
-        value: Of the threshold.
+        value: Value of the threshold.
     """
     votes = sequential_votes(classifier, decision, samples, store)
     names, count = classifier.card.classes, len(samples)

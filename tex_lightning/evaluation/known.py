@@ -1,4 +1,4 @@
-"""How unlike the training known recordings are that nothing was fitted on."""
+"""Novelties of known recordings on which nothing was fitted."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ def keep_novelties(
     Args:
         classifier: As loaded from ``checkpoint``; its card is replaced.
         checkpoint: The file, which is rewritten.
-        parts: Of the recordings.
+        parts: Parts of the recordings.
         store: Their recordings decoded.
     """
     card = classifier.card

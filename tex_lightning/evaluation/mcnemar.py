@@ -1,4 +1,4 @@
-"""Whether two systems differ on the samples that both have seen."""
+"""Test whether two systems differ on the samples that both classified."""
 
 from collections.abc import Mapping
 

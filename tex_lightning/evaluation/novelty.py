@@ -22,7 +22,7 @@ from tex_lightning.evaluation.samples import run_test
 
 @dataclass(frozen=True)
 class Tested:
-    """What one checkpoint was tested on.
+    """The test samples of one checkpoint.
 
     Attributes:
         known: Samples of its classes.
@@ -46,7 +46,7 @@ def report_unknown(
 
     Args:
         classifier: As it decides.
-        samples: Of the held-out classes.
+        samples: Samples of the held-out classes.
         store: Their recordings.
         directory: The run folder.
         known: What became of the others.
@@ -69,7 +69,7 @@ def pool_unknown(
     directory: Path,
     rate: float | None,
 ) -> dict[str, Any]:
-    """The same of several folds, the samples of held-out classes from their files.
+    """Pool :func:`report_unknown` of several folds, whose files have the held-out samples.
 
     A fold whose own checkpoint has nothing to set a threshold by has that of what the other folds
     were tested on: their networks had not seen it either.
@@ -77,7 +77,7 @@ def pool_unknown(
     Args:
         folds: By folder the network's entry of ``results.json``.
         known: What became of the others in each fold.
-        name: Of the network.
+        name: Name of the network.
         directory: The run folder.
         rate: ``decision.unknown``.
     """

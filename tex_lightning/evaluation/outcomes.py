@@ -27,7 +27,7 @@ LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one test sample.
+    """The outcome of one test sample.
 
     Attributes:
         files: Its files by modality; in a CSV one column for each.
@@ -63,7 +63,7 @@ class Outcome:
 
     @property
     def sample(self) -> str:
-        """What names the sample: its files, in whatever order a network looks at them."""
+        """Identity of the sample: its files, sorted by modality."""
         return "|".join(self.files[modality] for modality in sorted(self.files))
 
     @property
@@ -112,10 +112,10 @@ def worst_first(outcomes: Sequence[Outcome]) -> list[int]:
 
 
 def optimized_value(results: dict[str, Any], metric: str | None) -> float:
-    """Choose what a search minimises.
+    """Choose the value that a search minimises.
 
     Args:
-        results: Of a training; its last network is the one that was asked for.
+        results: Results of a training; its last network is the one that was asked for.
         metric: ``val_loss``, the lowest loss on the validation fold; ``vote_error``, the share of
             wrong votes in the test; None takes the first where there is one.
     """
@@ -154,12 +154,12 @@ def read_outcomes(path: Path) -> list[Outcome]:
 
 
 def write_results(path: Path, results: dict[str, Any]) -> None:
-    """Write ``results.json`` so that it is whole or not there."""
+    """Write ``results.json`` complete or not at all."""
     write_text(path, json.dumps(results, indent=2) + "\n")
 
 
 def environment(device: torch.device) -> dict[str, Any]:
-    """What a figure was measured on."""
+    """The environment in which a figure was measured."""
     name = torch.cuda.get_device_name(device) if device.type == "cuda" else device.type
     return {
         "versions": {

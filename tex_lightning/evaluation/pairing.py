@@ -1,4 +1,4 @@
-"""Systems that look at different senses, compared on the samples of all these senses together."""
+"""Comparison of systems of different senses on the samples of all these senses together."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -10,13 +10,13 @@ from tex_lightning.evaluation.outcomes import Outcome
 
 
 class Difference(NamedTuple):
-    """What one system gets right and another does not.
+    """Samples that one system classifies correctly and another does not.
 
     Attributes:
-        test_samples: That both classify.
+        test_samples: Test samples that both classify.
         repaired: Samples that only the second gets right.
         broken: Samples that only the first gets right.
-        p_value: Of the exact McNemar test, two-sided. Samples that share a recording count once,
+        p_value: p of the exact McNemar test, two-sided. Samples that share a recording count once,
             by their majority, since a recording that misleads does so in all of them.
     """
 
@@ -27,7 +27,7 @@ class Difference(NamedTuple):
 
 
 def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
-    """For each sample, its files by modality, that of the modality which has fewest of them."""
+    """Return, of each sample's files by modality, that of the modality with the fewest files."""
     recorded = [[each[modality] for each in files] for modality in files[0]]
     return min(recorded, key=lambda names: len(set(names)))
 
@@ -35,13 +35,13 @@ def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
 def pair(
     outcomes: Sequence[Outcome], joint: Sequence[Outcome]
 ) -> list[tuple[str, bool, bool]] | None:
-    """For each joint sample the independent recording in it, and whether each system is correct.
+    """Return each joint sample's independent recording, and whether each system is correct.
 
-    The recording is that of the modality with the fewest of them, of which others repeat it.
+    That recording is of the modality with the fewest recordings, which several samples share.
 
     Args:
-        outcomes: Of a system that looks at some of the modalities.
-        joint: Of a system that looks at all of them.
+        outcomes: Outcomes of a system that uses some of the modalities.
+        joint: Outcomes of a system that uses all of them.
 
     Returns:
         None if no joint sample holds what the first system has classified.
@@ -74,7 +74,7 @@ def correct_shares(outcomes: Sequence[Outcome], joint: Sequence[Outcome]) -> dic
 
 
 def difference(before: Sequence[Outcome], after: Sequence[Outcome]) -> Difference | None:
-    """What a system gains and loses by the senses that it looks at beyond those of another.
+    """What a system gains and loses by its senses beyond those of another.
 
     Args:
         before: Outcomes of the system with fewer senses.

@@ -1,1 +1,1 @@
-"""Trained networks as files that run without this package: ONNX, torch.export, model cards."""
+"""Write trained networks as files for use without this package: ONNX, torch.export, cards."""

@@ -1,4 +1,4 @@
-"""ONNX files that compute of every sense only what there is a recording of."""
+"""ONNX files that compute only the senses with a recording."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def skip_absent(model: Any, senses: Mapping[str, Sequence[str]], outputs: Sequence[str]) -> Any:  # noqa: ANN401
-    """A copy of a model that takes an input without elements in place of an absent recording.
+    """Copy a model so that it takes an input without elements in place of an absent recording.
 
     What a sense computes stands in the branch of an ``If`` on the size of its input. The other
     branch gives zeros, of size 0 along every axis whose size is open.

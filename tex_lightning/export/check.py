@@ -1,4 +1,4 @@
-"""Whether an exported file says what its classifier says, and how long it takes."""
+"""Check an exported file against its classifier, and measure its time."""
 
 import statistics
 import time
@@ -31,7 +31,7 @@ WARM_UP = 2
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a file compares with its classifier.
+    """Comparison of a file with its classifier.
 
     Attributes:
         recordings: How many were compared.
@@ -41,7 +41,7 @@ class Agreement:
         latency_ms: Median from decoded recordings to the label, of the file; None if none was
             compared.
         classifier_ms: The same of the accelerated classifier, interleaved in one process.
-        ratio: Of the first to the second.
+        ratio: Ratio of the first to the second.
     """
 
     recordings: int
@@ -90,7 +90,7 @@ def compare(
 
 
 def feed(classifier: SurfaceClassifier, given: Given) -> dict[str, Array]:
-    """The inputs of a file, by name, so that a FusionNet draws what the classifier does."""
+    """The inputs of a file, by name, so that a FusionNet draws the classifier's tuples."""
     inputs = {name: np.ascontiguousarray(each.numpy()) for name, each in given.raw.items()}
     if classifier.fusion is not None:
         card, seed = classifier.card, classifier.seed(**given.decoded)
@@ -106,7 +106,7 @@ def tolerance(classifier: SurfaceClassifier) -> float:
 
 
 def refuse(found: Agreement, allowed: float) -> None:
-    """End if a file says something else than its classifier.
+    """Raise an error if a file disagrees with its classifier.
 
     Raises:
         UserError: Saying how much.

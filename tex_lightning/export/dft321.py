@@ -19,7 +19,7 @@ def joined_axes(trace: Tensor, least: int) -> Tensor:
 
     Args:
         trace: (axes, samples), without means.
-        least: That :func:`quick_length` of these samples is promised to be, at least.
+        least: Smallest promised value of :func:`quick_length` of these samples.
 
     Returns:
         (1, samples); of three axes as many as :func:`quick_length` says.
@@ -56,7 +56,7 @@ def _reduced(trace: Tensor) -> Tensor:
 
 @cache
 def quick_lengths() -> list[int]:
-    """All that :func:`quick_length` gives, up to the longest."""
+    """All results of :func:`quick_length`, up to the longest."""
     found, length = [], LONGEST
     while length >= 1:
         found.append(quick_length(length))

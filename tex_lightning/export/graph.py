@@ -1,4 +1,4 @@
-"""A trained classifier as one module from decoded recordings to a label, made to be traced."""
+"""A trained classifier as one traceable module from decoded recordings to a label."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -23,7 +23,7 @@ OWN = ("scores", "input", "start")  # outputs of every sense
 
 
 class ClassifierGraph(nn.Module):
-    """What an exported file computes.
+    """The computation of an exported file.
 
     Inputs are the recordings by modality, signals (axes, samples) float32 and photos (height,
     width, 3) uint8 as they come out of their files, and for a FusionNet ``draws``, int64 (K,
@@ -118,7 +118,7 @@ class ClassifierGraph(nn.Module):
         return (positions if network.levels[place] == "fc3" else summand), summand
 
     def _novelty(self, name: str, found: Tensor) -> Tensor | None:
-        """See :meth:`~tex_lightning.networks.statistics.FeatureStatistics.novelty`; ()."""
+        """Novelty (); see :meth:`~tex_lightning.networks.statistics.FeatureStatistics.novelty`."""
         if name not in self.statistics:
             return None
         statistics: Any = self.statistics[name]
@@ -127,12 +127,12 @@ class ClassifierGraph(nn.Module):
 
 
 def sense_outputs(name: str) -> list[str]:
-    """What the outputs that depend on one sense alone may be called."""
+    """Possible names of the outputs that depend on one sense alone."""
     return [*(f"{name}_{each}" for each in OWN), *names(name)]
 
 
 def is_public(name: str) -> bool:
-    """Whether an output is told in the file, and not only passed on inside."""
+    """Whether an output is public, and not only passed on inside the file."""
     return "/" not in name
 
 

@@ -1,4 +1,4 @@
-"""How the senses of a FusionNet are put together as one graph, also where some are absent."""
+"""Join the senses of a FusionNet in one graph, in which some may be absent."""
 
 import math
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from tex_lightning.export.movement import promise
 
 
 class Part(NamedTuple):
-    """What one sense says; of an absent one there are no positions, and the numbers are 0.
+    """The outputs of one sense; an absent one has no positions, and its numbers are 0.
 
     Attributes:
         summand: Class scores (classes, positions) that it adds to those of the others.
@@ -28,18 +28,18 @@ class Part(NamedTuple):
 
     @classmethod
     def of(cls, summand: Tensor, alone: Tensor, novelty: Tensor | None) -> "Part":
-        """With the number of its positions."""
+        """Make a part, with the number of its positions."""
         positions = torch.scalar_tensor(alone.shape[1], dtype=torch.int64)
         return cls(summand, alone, positions, novelty)
 
     def named(self, sense: str) -> dict[str, Tensor]:
-        """What there is, by the names that :func:`names` gives."""
+        """The fields that are present, by the names of :func:`names`."""
         every = zip(names(sense), self, strict=True)
         return {name: each for name, each in every if each is not None}
 
 
 def names(sense: str) -> list[str]:
-    """What the fields of a :class:`Part` are called among all tensors of a graph."""
+    """Names of the fields of a :class:`Part` among all tensors of a graph."""
     return [f"{sense}/{field}" for field in Part._fields]
 
 
@@ -50,7 +50,7 @@ def joined(parts: list[Part], draws: Tensor) -> tuple[Tensor, Tensor]:
     are there: sums at random tuples of positions, or of a single sense those of its positions.
 
     Args:
-        parts: Of all senses, in order.
+        parts: Parts of all senses, in order.
         draws: int64 (K, senses); modulo the number of positions each word is a position. The first
             column is for the first sense that is there, the next for the next.
     """

@@ -1,4 +1,4 @@
-"""What an exported file says of itself, for whoever runs it without this package."""
+"""The metadata of an exported file, for programs that run it without this package."""
 
 from typing import Any
 
@@ -72,7 +72,7 @@ def _sense(branch: Branch, card: Card) -> dict[str, Any]:
 
 
 def _too_short(what: str, least: int | None, rate: float) -> str:
-    """What to tell of a recording that gives no fragment."""
+    """The message for a recording that gives no fragment."""
     needed = "" if least is None else f"the {least / rate:.2f} s that "
     return f"The {what} has less movement than {needed}one fragment takes; record a longer stroke."
 

@@ -150,7 +150,7 @@ def _licence(card: Card) -> str:
     for sense, source in trunks.items():
         node = json.dumps(card.branches.get(sense, {}))
         known = [text for name, text in LICENCES.items() if name in node and source == OFFICIAL]
-        said += [f"`{sense}`: {known[0] if known else f'as said by whoever gives {source}'}"]
+        said += [f"`{sense}`: {known[0] if known else f'as stated by the publisher of {source}'}"]
     return "; ".join(said) + "."
 
 

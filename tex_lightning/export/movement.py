@@ -1,4 +1,4 @@
-"""Where steady movement begins, of a signal whose length is known only when the file runs."""
+"""Find the start of steady movement in a signal whose length is known only at run time."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
 
     Args:
         trace: (axes, samples).
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
 
     Returns:
         int64 ().
@@ -49,7 +49,7 @@ def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
 
 
 def promise(condition: Any) -> None:  # noqa: ANN401
-    """Tell the tracer what holds of sizes; a program of torch.export checks it when it runs."""
+    """Tell the tracer a fact about sizes; a program of torch.export checks it when it runs."""
     torch._check(condition)  # type: ignore[no-untyped-call]
 
 

@@ -1,4 +1,4 @@
-"""Running an ONNX file by onnxruntime, with as many threads as PyTorch has."""
+"""Run an ONNX file by onnxruntime, with as many threads as PyTorch has."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ ERRORS_ONLY = 3  # of onnxruntime's levels: it warns of every input that has a d
 
 
 def onnx_runner(model: Any) -> Runner:  # noqa: ANN401
-    """What runs a model, given as ``onnx.ModelProto``."""
+    """Return a function that runs a model, given as ``onnx.ModelProto``."""
     runtime = require("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = torch.get_num_threads()

@@ -1,4 +1,4 @@
-"""Photos as they come out of their files, to the network's input."""
+"""Turn photos as decoded from their files into the network's input."""
 
 from typing import Any
 

@@ -18,7 +18,7 @@ NOTE = f"{KEY}.json"  # the metadata, among the extra files of a program
 
 
 def write_program(traced: Traced, classifier: SurfaceClassifier, path: Path) -> None:
-    """Write a program with what it says of itself, and without the folders of this machine."""
+    """Write a program with its metadata, and without the folders of this machine."""
     for node in traced.program.graph.nodes:
         node.meta.pop("stack_trace", None)
     with quiet(), path.open("wb") as stream:
@@ -27,7 +27,7 @@ def write_program(traced: Traced, classifier: SurfaceClassifier, path: Path) -> 
 
 
 def program_runner(path: Path) -> Runner:
-    """What runs a program as it stands in its file."""
+    """Return a function that runs a program from its file."""
     with quiet(), path.open("rb") as stream:
         return _runner(torch.export.load(stream).module())
 

@@ -1,4 +1,4 @@
-"""Recordings by which an exported file is checked against its classifier."""
+"""Recordings for the check of an exported file against its classifier."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ SHORTEST = 0.5  # of the example that is traced
 
 @dataclass(frozen=True)
 class Given:
-    """A sample as a file takes it and as the classifier does, by modality.
+    """A sample in the form of a file's inputs and of the classifier's, by modality.
 
     Attributes:
         raw: Signals at the rate of their sense, photos as they come out of their files.
@@ -42,7 +42,7 @@ def recordings(
 
     Args:
         data: ``synthetic`` gives noise; anything else is read.
-        classifier: That decodes.
+        classifier: Classifier that decodes.
         count: How many at most.
         train: Take those that are not in the tested fold.
 
@@ -79,7 +79,7 @@ def _raw_decoders(data: DataConfig, classifier: SurfaceClassifier) -> dict[str, 
 
 
 def _spread(samples: Sequence[Sample]) -> list[Sample]:
-    """One of every class, then the next of every class."""
+    """Order samples: one of every class, then the next of every class."""
     seen: dict[str, int] = {}
     ranked = []
     for sample in samples:

@@ -13,7 +13,7 @@ from tex_lightning.features.spectrogram import SpectrogramFeatures
 
 
 class Heard(NamedTuple):
-    """What becomes of a signal.
+    """The features of a signal.
 
     Attributes:
         x: Network input (1, ..., frames).

@@ -68,7 +68,7 @@ def trace(classifier: SurfaceClassifier) -> Traced:
 
 
 def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
-    """What to say of a network that cannot be exported."""
+    """The error for a network that cannot be exported."""
     parts = {
         type(part).__name__: None
         for branch in classifier.branches.values()
@@ -92,7 +92,7 @@ def default_draws(classifier: SurfaceClassifier) -> Tensor:
 
 
 def draws(seed: int, count: int, senses: int) -> Tensor:
-    """The words (count, senses) that PyTorch's generator draws positions by, sense after sense.
+    """The words (count, senses) by which PyTorch's generator draws positions, sense by sense.
 
     Both it and NumPy's RandomState are the Mersenne Twister, seeded alike, and a position is a word
     modulo the number of positions.
@@ -129,7 +129,7 @@ def _samples(branch: Branch, rate: float) -> int:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep PyTorch's exporters from saying what they are doing."""
+    """Silence the progress messages of PyTorch's exporters."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         logging.disable(logging.WARNING)

@@ -39,5 +39,5 @@ def write_page(out: Path, metadata: Mapping[str, Any], runtime: Mapping[str, byt
 
 
 def _place(name: str) -> str:
-    """Where a source goes in the page's folder."""
+    """The path of a source in the page's folder."""
     return f"script/{name}" if name.endswith(".js") else name

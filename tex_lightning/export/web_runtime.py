@@ -30,7 +30,7 @@ REMEDY = "give its folder or .tgz of that version by export.web_runtime"
 
 
 def runtime_files(given: str | None, cache: Path) -> dict[str, bytes]:
-    """The files by the names that the page calls them by.
+    """The files by their names in the page.
 
     Args:
         given: Folder of the unpacked npm package, or the package itself (``npm pack

@@ -36,9 +36,9 @@ def dft321(trace: Tensor) -> Tensor:
 
 
 def quick_length(samples: int) -> int:
-    """How much of a trace to take, so that :func:`dft321` is quick: a number of small factors.
+    """Length, up to that of a trace, for which :func:`dft321` is fast: a number of small factors.
 
-    Of a few seconds one sample in 600 is left out, and one in 100 at most; with all of them, where
-    their number has a large factor, the transform takes three to five times as long.
+    From a few seconds one sample in 600 is left out, and one in 100 at most. With all samples the
+    transform takes three to five times as long where their number has a large factor.
     """
     return int(prev_fast_len(samples))

@@ -1,4 +1,4 @@
-"""From 8-bit photos to the normalised pixels that VisualNet reads, rotated while training."""
+"""Turn 8-bit photos into the normalised pixels that VisualNet reads, rotated while training."""
 
 import math
 
@@ -32,7 +32,7 @@ class ImageFeatures(nn.Module):
         self.register_buffer("shift", -self.mean / self.std, persistent=False)
 
     def forward(self, photos: Tensor) -> Tensor:
-        """Photos to network input of the same size."""
+        """Turn photos into network input of the same size."""
         pixels = torch.div(photos, 255)  # a new tensor, so that the rest needs no more memory
         return pixels.sub_(self.mean).div_(self.std)
 

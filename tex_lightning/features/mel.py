@@ -13,7 +13,7 @@ def mel_centres(sampling_rate: float, bands: int) -> Tensor:
     The scale is O'Shaughnessy's, ``2595 log10(1 + f / 700)``, which HTK and librosa call theirs.
 
     Args:
-        sampling_rate: In Hz; the scale ends at half of it.
+        sampling_rate: Sampling rate in Hz; the scale ends at half of it.
         bands: Number of bands.
     """
     top = np.log1p(sampling_rate / 2 / CORNER)
@@ -27,7 +27,7 @@ def mel_filters(sampling_rate: float, samples: int, bands: int) -> Tensor:
     the neighbouring channels, so that every band has one.
 
     Args:
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
         samples: Length of the transform.
         bands: Number of bands.
 

@@ -1,8 +1,8 @@
-"""How often each band of a signal stands above its usual share of the spectrum.
+"""How often each band of a signal is above its usual share of the spectrum.
 
-MiniRocket (Dempster et al. 2021) tells time series apart by the proportion of positive values of
-many convolutions. Here the convolutions are the bands of two short-time spectra, so that a feature
-is a frequency and a threshold, and a window and its bands follow the data's own rate.
+MiniRocket (Dempster et al. 2021) classifies time series by the proportion of positive values of
+many convolutions. Here the convolutions are the bands of two short-time spectra: a feature has a
+frequency and a threshold, and the window and its bands depend on the data's own rate.
 """
 
 import math
@@ -22,28 +22,27 @@ FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is
 
 
 class BandProportions(nn.Module):
-    """Proportions of time that bands stand above thresholds, for each fragment of the movement.
+    """Proportions of time that bands are above thresholds, for each fragment of the movement.
 
     The bands of a frame, triangles even in the logarithm of frequency from one period of the window
     up to half the rate, are compared with the frame's mean and with the band a third of an octave
-    below, so that neither how strong a stroke is nor how the sensor amplifies counts. Thresholds
+    below, so that neither the strength of a stroke nor the sensor's gain matters. Thresholds
     are quantiles over the training set, without labels. Axes are joined by adding their power.
 
     Args:
         sampling_rate: Rate of the signals in Hz.
-        windows: Lengths of the Hann windows in seconds, of which at least so many samples are
-            taken as a quick transform has; a short one hears the order of events, a long one low
-            bands.
+        windows: Lengths of the Hann windows in seconds, rounded up to a number of samples with a
+            fast transform; a short one resolves the order of events, a long one low bands.
         bands_per_octave: How finely frequency is divided.
-        thresholds: For each band.
-        fragment_seconds: Length of a fragment; a movement is cut into equal ones of about it.
-        skip_impact: Leave out what comes before steady movement.
+        thresholds: Number of thresholds for each band.
+        fragment_seconds: Approximate length of a fragment; a movement is cut into equal ones.
+        skip_impact: Leave out the part before steady movement.
 
     Raises:
         UserError: If a window at this rate has no band.
 
     Attributes:
-        bands: Features of a fragment.
+        bands: Number of features of a fragment.
     """
 
     level: Tensor
@@ -79,7 +78,7 @@ class BandProportions(nn.Module):
             self.register_buffer(f"thresholds{index}", torch.zeros(channels, thresholds))
 
     def responses(self, trace: Tensor) -> list[Tensor]:
-        """Bands against their frame's mean, then against those below, for each window.
+        """Bands relative to their frame's mean, then to the bands below, for each window.
 
         Args:
             trace: (axes, samples).
@@ -155,7 +154,7 @@ def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tenso
     of the transform, so that every band has one; none has the constant part.
 
     Args:
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
         samples: Length of the transform.
         per_octave: Bands in an octave.
 

@@ -1,4 +1,4 @@
-"""From a raw signal to the normalised spectrogram that HapticNet reads (paper, section III-B)."""
+"""Turn a raw signal into the normalised spectrogram that HapticNet reads (paper, section III-B)."""
 
 from collections.abc import Iterable, Sequence
 from typing import Literal
@@ -25,7 +25,7 @@ FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is 
 
 
 class SpectrogramFeatures(nn.Module):
-    """Movement segment, axes made one, Hamming spectrogram in 50 bands, normalisation.
+    """Cut out the movement, join the axes, compute 50 bands per frame, and normalise them.
 
     Convention: band ``k`` of scale ``linear`` is the magnitude at ``k * sampling_rate /
     window_length`` Hz (at 10 kHz 0 to 980 Hz in steps of 20), as in the paper; of scale ``mel`` the
@@ -50,7 +50,7 @@ class SpectrogramFeatures(nn.Module):
         axes: ``frame`` or ``trace``.
         scale: ``mel`` or ``linear``.
         window_seconds: Length of a frame; the paper's 500 samples at 10 kHz.
-        hop_seconds: Between the beginnings of frames; the paper's 100 samples.
+        hop_seconds: Time between the starts of frames; the paper's 100 samples.
 
     Raises:
         UserError: If a window at this rate has too few samples for 50 bands of scale ``linear``.
@@ -58,9 +58,8 @@ class SpectrogramFeatures(nn.Module):
     Attributes:
         window_length: Samples of a frame.
         hop_length: Samples between the beginnings of frames.
-        fast_spectrogram: Whether magnitudes are computed a block of frames after the other, whose
-            spectra then never leave the CPU's cache, and not by ``torch.stft``. As near to the
-            exact values.
+        fast_spectrogram: Whether magnitudes are computed block by block, so that the spectra stay
+            in the CPU's cache, and not by ``torch.stft``. Both are equally accurate.
     """
 
     window: Tensor
@@ -215,7 +214,7 @@ class SpectrogramFeatures(nn.Module):
         self.channel_std.copy_(torch.where(std > 1e-6, std, torch.ones_like(std)))
 
     def _logs(self, magnitudes: Tensor) -> Tensor:
-        """On the CPU: not every device computes in float64."""
+        """Logarithms, on the CPU since not every device computes in float64."""
         return self._log(magnitudes.to(self.level)).cpu().double()
 
     def _mean(self, count: int, parts: Iterable[Tensor]) -> Tensor:
@@ -234,7 +233,7 @@ class SpectrogramFeatures(nn.Module):
         return (magnitudes - low) / torch.where(span > 0, span, torch.ones_like(span))
 
     def forward(self, trace: Tensor) -> Tensor:
-        """Trace (axes, samples) to network input (1, 1, bands, frames)."""
+        """Turn a trace (axes, samples) into network input (1, 1, bands, frames)."""
         return self.normalise(self.magnitudes(trace))[None, None]
 
     def _log(self, magnitudes: Tensor) -> Tensor:
@@ -249,7 +248,7 @@ def movement_start(trace: Tensor, sampling_rate: float) -> int:
 
     Args:
         trace: (axes, samples).
-        sampling_rate: In Hz.
+        sampling_rate: Sampling rate in Hz.
     """
     quiet, settling, search, known = (
         int(seconds * sampling_rate)

@@ -1,1 +1,1 @@
-"""Running trained networks fast: the same weights and class scores, other arithmetic."""
+"""Run trained networks fast: the same weights and class scores by other arithmetic."""

@@ -1,4 +1,4 @@
-"""A trace taken from its beginning, each time twice as many fragments, and nothing of it twice."""
+"""Read a trace from its beginning, each time twice as many fragments, without repetition."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ STREAMED = 3.0  # time of a multiply-accumulate here over that in a full pass; m
 
 
 def signal_stream(classifier: SurfaceClassifier, sense: str) -> StreamingClassifier | None:
-    """What takes a signal piece by piece, of a FusionNet the part of its sense with its scores.
+    """Make a stream for a signal; for a FusionNet, of the part of its sense with its scores.
 
     None if there is no such part, or features or weights are such that it needs the whole signal.
     """
@@ -27,7 +27,7 @@ def signal_stream(classifier: SurfaceClassifier, sense: str) -> StreamingClassif
 
 
 def beginnings(trace: Tensor, stream: StreamingClassifier, costs: Costs) -> Iterator[Vote]:
-    """Votes over longer and longer beginnings of a signal; what is not asked for is not computed.
+    """Yield votes over longer and longer beginnings of a signal, each computed when it is needed.
 
     They end before the next one would bring the time of all to that of a full pass, which then
     should be done. That may be before the first.
@@ -35,7 +35,7 @@ def beginnings(trace: Tensor, stream: StreamingClassifier, costs: Costs) -> Iter
     Args:
         trace: (axes, samples), decoded.
         stream: Computes; it is restarted.
-        costs: Of the full pass.
+        costs: Costs of the full pass.
 
     Raises:
         UserError: If there is not one fragment.

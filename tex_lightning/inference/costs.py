@@ -1,4 +1,4 @@
-"""What a decision costs before it is made: multiply-accumulates by the size of the recordings."""
+"""Multiply-accumulates of a decision, from the sizes of the recordings, before it is made."""
 
 from functools import lru_cache
 
@@ -13,7 +13,7 @@ class Costs:
     Convolutions and matrix products are counted; features, pooling and normalisation are not.
 
     Args:
-        card: Of one of this package's networks.
+        card: Card of one of this package's networks.
 
     Attributes:
         of: Multiply-accumulates of one sense with its part of a fusion layer, by its name and the

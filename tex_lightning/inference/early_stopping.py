@@ -1,4 +1,4 @@
-"""Decisions that look at no more than the label needs, and compute no more than they look at.
+"""Sequential decisions: they compute no more fragments than the label needs.
 
 - A long trace is taken from its beginning, each time twice as many fragments, until the rest
   cannot change the vote or the mean probability is enough. Where beginnings would take longer than
@@ -61,14 +61,14 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
 def prepare(
     classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
 ) -> SurfaceClassifier:
-    """A classifier as testing and prediction run it: accelerated, and deciding as configured."""
+    """Prepare a classifier for tests and prediction: accelerated, with the configured decision."""
     fast = accelerate(classifier, engine)
     fast.card = fast.card.deciding(decision)
     return decide(fast, decision)
 
 
 def needs_threshold(classifier: SurfaceClassifier) -> bool:
-    """Whether a sequential decision is made by a probability: of anything but a single photo."""
+    """Whether a sequential decision uses a probability, as all but those on a single photo do."""
     branches = classifier.branches.values()
     return not classifier.card.baseline and not (
         len(branches) == 1 and all(branch.windowed for branch in branches)
@@ -76,7 +76,7 @@ def needs_threshold(classifier: SurfaceClassifier) -> bool:
 
 
 class SequentialClassifier(SurfaceClassifier):
-    """A classifier that computes the fragments it asks for; see the module.
+    """A classifier that computes only the fragments that it needs; see the module.
 
     Args:
         classifier: Computes; its full vote is the decision that is spared.
@@ -150,7 +150,7 @@ class SequentialClassifier(SurfaceClassifier):
         return self._draw(branch, photo, none, order, 0)
 
     def _several(self, branches: dict[str, Branch], recordings: dict[str, Tensor]) -> Vote:
-        """Ask one sense after another, the cheapest first; a photo that comes last by windows."""
+        """Use one sense after another, the cheapest first; a photo that comes last by windows."""
         own = {name: recordings[branch.modality] for name, branch in branches.items()}
         costs = {name: self._cost(branch, own[name]) for name, branch in branches.items()}
         full, (first, *others) = sum(costs.values()), sorted(costs, key=costs.__getitem__)
@@ -184,7 +184,7 @@ class SequentialClassifier(SurfaceClassifier):
         return max(1, round(self.densities[branch.name] * recording.numel()))
 
     def _tuples_vote(self, summands: dict[str, Tensor], seed: int, temperature: float) -> Vote:
-        """The vote of the senses asked so far; of all of them it is the full one."""
+        """The vote of the senses used so far; the vote of all senses is the full one."""
         asked = [summands[name] for name in self.full.branches if name in summands]
         tuples = self._tuples([each.shape[1] for each in asked], seed)
         drawn = [each[:, tuples[:, place]] for place, each in enumerate(asked)]
@@ -215,7 +215,7 @@ class SequentialClassifier(SurfaceClassifier):
         return random_tuples(counts, self.card.decision["pairs"], seed).to(self.device)
 
     def _listen(self, branch: Branch, recording: Tensor, cost: int) -> tuple[Tensor, Vote, int]:
-        """The summand (classes, positions) of one sense, its vote and its cost, until it is sure.
+        """Compute the summand (classes, positions), vote and cost of one sense, until it is sure.
 
         Where it is sure the rest of a signal is left out, of the summand too.
         """
@@ -242,7 +242,7 @@ class SequentialClassifier(SurfaceClassifier):
         """Vote over fragments one after another, computing the windows that they need.
 
         Args:
-            branch: Of the photo.
+            branch: Branch of the photo.
             photo: Decoded.
             others: (classes, fragments) what is added to the photo's score of each fragment.
             order: (fragments,) position of each in the photo, row by row.

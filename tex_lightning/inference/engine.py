@@ -1,4 +1,4 @@
-"""One place where a trained classifier becomes the one that tests and predicts."""
+"""Turn a trained classifier into the accelerated one that tests and predicts."""
 
 import logging
 import time
@@ -55,7 +55,7 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
 
 
 class Widen(nn.Module):
-    """To float32, before the layer of the class scores: bfloat16 would make ties of them."""
+    """Convert to float32 before the layer of the class scores, among which bfloat16 makes ties."""
 
     def forward(self, x: Tensor) -> Tensor:
         """Convert without a copy where there is nothing to do."""
@@ -108,7 +108,7 @@ def _few_positions(branch: Branch) -> Tensor:
 
 
 def has_bf16(device: torch.device) -> bool | None:
-    """Whether a device computes in bfloat16; None where PyTorch does not tell of a processor."""
+    """Whether a device computes in bfloat16; None if PyTorch cannot tell for the processor."""
     if device.type != "cpu":
         return True
     # only newer versions of PyTorch tell

@@ -1,4 +1,4 @@
-"""What every position of a network says, and where in the recording it looked.
+"""Dense scores of every position of a network, and its extent in the recording.
 
 A position is given the fragment that it begins with: the window that gives exactly one prediction,
 and on which the network was trained. In a longer recording it also sees a margin around it, as far
@@ -19,10 +19,10 @@ Labels = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Evidence:
-    """Dense scores of one sense, and where they lie.
+    """Dense scores of one sense, and the extents of their positions.
 
     Attributes:
-        name: Of the sense.
+        name: Name of the sense.
         what: What its recordings are called.
         scores: (classes, rows, columns) float32, before softmax: a network's class scores, or what
             the sense adds to those of a FusionNet. Signals have one row.
@@ -81,7 +81,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class PhotoEvidence(Evidence):
-    """That of a photo.
+    """Dense scores of a photo.
 
     Attributes:
         pixels: (height, width, 3) uint8 as the network reads it: halved if the checkpoint says so.
@@ -111,11 +111,11 @@ class PhotoEvidence(Evidence):
 
 @dataclass(frozen=True)
 class SignalEvidence(Evidence):
-    """That of a signal.
+    """Dense scores of a signal.
 
     Attributes:
         samples: (axes, samples) float32 in the unit of the recording.
-        rate: Of the samples in Hz.
+        rate: Rate of the samples in Hz.
         start: Seconds of the recording before steady movement, which the network does not read.
         input: (bands, frames) the spectrogram that the network reads, normalised; where it reads
             something else, logarithmic magnitudes of the recording. None of one too short.
@@ -139,7 +139,7 @@ class SignalEvidence(Evidence):
 
     @cached_property
     def edges(self) -> Floats:
-        """(columns + 1,) where the class changes hands, halfway between the fragments' centres."""
+        """(columns + 1,) borders of the positions, halfway between the fragments' centres."""
         return cell_edges(self.columns).clip(0, self.seconds)
 
 

@@ -1,4 +1,4 @@
-"""One dense pass whose scores are decided on and kept."""
+"""Decide by one dense pass and keep its scores."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,7 +27,7 @@ from tex_lightning.inference.evidence import (
 def gather(
     classifier: SurfaceClassifier, recordings: Mapping[str, Tensor]
 ) -> tuple[Vote, dict[str, Evidence]]:
-    """Decide on one sample as ``classify`` does, and keep what every position said.
+    """Decide on one sample as ``classify`` does, and keep the scores of every position.
 
     Args:
         classifier: A network, in evaluation mode.
@@ -57,7 +57,7 @@ def gather(
 
 
 def refuse_baseline(classifier: SurfaceClassifier) -> None:
-    """Refuse what has no dense scores.
+    """Refuse a classifier without dense scores.
 
     Raises:
         UserError: Naming the baseline.

@@ -1,4 +1,4 @@
-"""Which files ``haptic=``, ``image=`` and so on name, and which of them belong together."""
+"""Find the files that ``haptic=``, ``image=`` and so on name, and match those of one sample."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Files:
 
     Attributes:
         paths: In order.
-        searched: Whether a folder or a pattern was searched, so that nobody chose the order.
+        searched: Whether a folder or a pattern was searched, so that the user chose no order.
     """
 
     paths: tuple[Path, ...] = ()

@@ -1,4 +1,4 @@
-"""Whether a checkpoint can call recordings unknown, and how well that is supported."""
+"""Check whether a checkpoint can call recordings unknown, and at which rates."""
 
 import logging
 
@@ -10,7 +10,7 @@ log = logging.getLogger(__name__)
 
 
 def check_unknown(card: Card, described: bool) -> None:
-    """Refuse ``decision.unknown`` of a checkpoint that cannot tell; warn where it hardly can.
+    """Refuse ``decision.unknown`` for a checkpoint without novelties; warn if it has few.
 
     Args:
         card: As it is to decide.
@@ -42,7 +42,7 @@ def check_unknown(card: Card, described: bool) -> None:
 
 
 def taken(whose: str) -> UserError:
-    """What to say of a class that is called as what is none."""
+    """The message for a class whose name is that of unknown recordings."""
     return UserError(
         f"{whose} a class named {LABEL}, the label that decision.unknown gives; rename the class, "
         "or set decision.unknown=0."
@@ -50,7 +50,7 @@ def taken(whose: str) -> UserError:
 
 
 def warn_of_few(card: Card) -> None:
-    """Say where known recordings are too few to promise the rate that is asked for."""
+    """Warn if there are too few known recordings to guarantee the requested rate."""
     count = len(card.known_novelties)
     if card.unknown_above is not None and least_rate(count) > card.unknown:
         log.warning(

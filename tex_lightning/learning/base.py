@@ -35,7 +35,7 @@ class SurfaceModule(LightningModule):
     Args:
         card: :class:`Card` as a dictionary.
         fit: The training recipe as a dictionary of plain values.
-        seed: Of dropout; batches have their own.
+        seed: Seed of dropout; batches have their own.
         pieces: By sense the length or side of the pieces.
     """
 
@@ -74,7 +74,7 @@ class SurfaceModule(LightningModule):
         return f"model.{self.classifier.card.kind}.fit.augmentation"
 
     def _augmented(self, patches: Tensor) -> Tensor:
-        """Changed by what the recipe names, which takes pixels in [0, 1]."""
+        """Apply the recipe's augmentation, which takes pixels in [0, 1]."""
         features = cast(ImageFeatures, next(iter(self.classifier.features.values())))
         pixels = call(
             self._augmentation_key, self.augmentation, patches * features.std + features.mean
@@ -84,7 +84,7 @@ class SurfaceModule(LightningModule):
 
     @property
     def network(self) -> Any:  # noqa: ANN401
-        """What is trained."""
+        """The network that is trained."""
         return self.classifier.network
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:
@@ -167,7 +167,7 @@ class SurfaceModule(LightningModule):
         log_figures(self.trainer.loggers, {f"test/{CONFUSION}": figure})
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401  (Lightning's union of unions)
-        """Two named groups, made up front so that every scheduler and a resumption can have them.
+        """Make two named groups up front, for every scheduler and for resumption.
 
         The scheduler steps after every batch. It gets the number of steps and the largest rates of
         both groups where its class takes them.

@@ -1,4 +1,4 @@
-"""Add classes to a trained network without its old recordings, or take some out.
+"""Add classes to a trained network without its old recordings, or remove some.
 
 What a network computes up to FC2 stays as it is; its score layer gets and loses rows.
 """
@@ -23,11 +23,11 @@ State = dict[str, Tensor]
 def add_classes(
     classifier: SurfaceClassifier, names: Sequence[str], features: Mapping[str, Fragments]
 ) -> SurfaceClassifier:
-    """A copy that knows further classes, after those that it knows.
+    """Copy a classifier and add classes after its own.
 
     Args:
         classifier: Trained, on the CPU, with :attr:`~SurfaceClassifier.statistics`.
-        names: Of the new classes.
+        names: Names of the new classes.
         features: By sense what :meth:`~SurfaceClassifier.described` gives for the recordings of
             each new class, at least one of each.
 
@@ -57,7 +57,7 @@ def add_classes(
 
 
 def keep_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
-    """A copy that knows these of its classes alone."""
+    """Copy a classifier with only some of its classes."""
     kept = torch.tensor([classifier.card.classes.index(name) for name in names])
     senses, fusion = classifier.card.senses, classifier.fusion
     scored = [name for name in senses if classifier.level(name) == "fc3"]

@@ -11,7 +11,7 @@ from tex_lightning.learning.base import SurfaceModule
 
 
 class FusionModule(SurfaceModule):
-    """FusionNet: a fragment of each sense, all of one class, make a tuple.
+    """Train FusionNet on tuples of fragments, one of each sense, all of one class.
 
     Arguments are those of :class:`SurfaceModule`; pieces are as small as a single fragment where
     the network says how small that is.

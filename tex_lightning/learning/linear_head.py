@@ -5,9 +5,9 @@ mean of the scores, so that what is fitted is the photo's mean score over all it
 which any one may show little of the material. With a few hundred photos this beats hidden layers
 trained on single fragments, and takes seconds.
 
-Its penalty leaves the scores of few photos small: unsure even where they are right, and of little
-weight beside another sense. So they are brought to the size at which mean scores of photos that
-are left out of the fit in turn are as sure as they are right.
+The penalty keeps the scores of few photos small: unsure even where they are correct, and of little
+weight beside another sense. So they are scaled until the confidence in photos that are left out of
+the fit, one part after the other, matches the accuracy.
 """
 
 from collections.abc import Callable
@@ -37,7 +37,7 @@ def fit_linear_head(module: SurfaceModule, photos: PhotoBank, labels: Labels) ->
 
     Args:
         module: With pretrained weights in the trunk, on the device that computes the features.
-        photos: Of the training set, perturbed if that has an augmentation.
+        photos: Photos of the training set, perturbed if that has an augmentation.
         labels: Class index of each; every class occurs.
     """
     recipe = module.fit_config["probe"]

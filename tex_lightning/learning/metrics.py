@@ -67,7 +67,7 @@ def _one_against_rest(vote: Vote, label: Tensor) -> Inputs:
 
 
 def _probabilities(vote: Vote, label: Tensor) -> Tensor:
-    """Where the metrics are, as float32, since not every device has float64.
+    """Probabilities on the metrics' device, as float32, since not every device has float64.
 
     A mean probability may be rounded to more than 1, which torchmetrics would take for a logit.
     """

@@ -1,6 +1,6 @@
-"""Rows of a score layer for classes of which a few recordings are there, and none of the others.
+"""Fit rows of a score layer to few recordings of new classes and none of the old ones.
 
-The old classes are represented by what their statistics say of their features. The new rows are
+The old classes are represented by features drawn from their statistics. The new rows are
 fitted by logistic regression while the old ones stay as they are: nothing changes among the old
 classes. Nearest means, linear discriminants and weights imprinted from the mean feature do worse
 (docs/enrolment.md).
@@ -33,12 +33,12 @@ def fit_rows(
     """Weights (added, D) and biases (added,) of the new classes.
 
     Args:
-        statistics: Of all classes, the new ones last.
-        weight: (classes, D) of the old classes.
-        bias: (classes,) likewise.
-        features: Of the new classes.
-        temperature: That scores are divided by before they are probabilities.
-        new_bias: That the new rows have; None fits it.
+        statistics: Statistics of all classes, the new ones last.
+        weight: (classes, D), rows of the old classes.
+        bias: (classes,), biases of the old classes.
+        features: Features of the new classes.
+        temperature: Divisor of the scores before the softmax.
+        new_bias: Bias of the new rows; None fits it.
     """
     known, added = len(weight), len(features)
     inputs, labels, shares = _examples(statistics, features)

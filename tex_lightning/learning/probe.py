@@ -29,7 +29,7 @@ def probe_head(module: SurfaceModule, batches: Iterator[Any], count: int, seed: 
         module: With pretrained weights in the trunk.
         batches: Training batches.
         count: How many of them are taken.
-        seed: Of dropout and of the order of the features.
+        seed: Seed of dropout and of the order of the features.
     """
     recipe, head = module.fit_config["probe"], module.network.head
     inputs, labels = _features(module, batches, count)

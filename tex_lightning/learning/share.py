@@ -1,4 +1,4 @@
-"""Runs side by side train a network that several of them need only once."""
+"""Train a network that several parallel runs need only once."""
 
 import hashlib
 import json
@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 
 def train_shared(training: Training, folder: Path) -> Path:
-    """Train in a shared folder, or wait for whoever does, and copy the checkpoint.
+    """Train in a shared folder, or wait for the process that does, and copy the checkpoint.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
     so these name the place; those of a FusionNet on its parts, too. A process that is stopped
@@ -50,7 +50,7 @@ def train_shared(training: Training, folder: Path) -> Path:
 
 
 def _digest(checkpoint: Path) -> str:
-    """Of the weights alone: a calibration that is run otherwise changes the rest."""
+    """Digest of the weights alone, since another calibration changes the rest."""
     digest = hashlib.sha256()
     for name, value in read_checkpoint(checkpoint)["state_dict"].items():
         digest.update(name.encode())

@@ -33,7 +33,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     """Load weights into the trunk of HapticNet or VisualNet; its head stays as it is.
 
     Args:
-        classifier: Of a haptic or visual network.
+        classifier: Classifier of a haptic or visual network.
         source: A checkpoint (.ckpt) of the same kind, of which the trunk is taken and nothing
             else; for VisualNet also what
             :func:`~tex_lightning.networks.weights.load_trunk_weights` takes.
@@ -65,7 +65,7 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
 
     Args:
         source: As for :func:`start_trunk`.
-        card: Of the classifier that is to start from it.
+        card: Card of the classifier that is to start from it.
 
     Returns:
         None where ``source`` is no checkpoint of this package but a file with ImageNet's weights.
@@ -87,21 +87,21 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
 
 
 def _shape(card: Card) -> dict[str, Any]:
-    """What the trunk's weights are for."""
+    """The settings that the trunk's weights depend on."""
     node = card.branches[card.kind]
     rate = {key: value for key, value in node["decode"].items() if key == "sampling_rate"}
     return {**rate, **{key: value for key, value in node.items() if key not in HEADS}}
 
 
 def _said(value: Any) -> str:  # noqa: ANN401
-    """A value as one types it."""
+    """A value as typed on the command line."""
     if not isinstance(value, dict):
         return str(value)
     return "{" + ",".join(f"{key}:{_said(each)}" for key, each in value.items()) + "}"
 
 
 def name_source(source: str) -> str:
-    """A source of weights, and of a checkpoint of this package also what that was trained on."""
+    """Name a source of weights, and for a checkpoint of this package also its training data."""
     if Path(source).suffix != SUFFIX:
         return source
     stored = read_checkpoint(source)["hyper_parameters"]["card"]
@@ -123,7 +123,7 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
 
     Args:
         training: Says what to start from.
-        module: Of the network, on the CPU, where it is left.
+        module: Module of the network, on the CPU, where it is left.
         batches: Of which a head learns.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Measure what a trained network's features look like for every class of its training set."""
+"""Measure the statistics of a trained network's features for every class of its training set."""
 
 from collections.abc import Iterator, Sequence
 
@@ -43,7 +43,7 @@ def keep_statistics(
 
 
 def left_out_novelties(features: Tensor, labels: Tensor, classes: int) -> list[float]:
-    """Novelty of every training recording by the statistics of nine tenths that lack it.
+    """Novelty of every training recording by statistics of nine tenths without it.
 
     Args:
         features: (recordings, D).
@@ -76,7 +76,7 @@ def position_features(
 
     Args:
         classifier: In evaluation mode.
-        name: Of the sense.
+        name: Name of the sense.
         rows: Recordings of its modality.
         store: Where they are decoded.
     """

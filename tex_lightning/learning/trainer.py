@@ -74,7 +74,7 @@ class PlainTermination(Callback):
 
 @contextmanager
 def quiet_lightning() -> Iterator[None]:
-    """Keep Lightning's advice and advertisements out of the way of whoever does not debug."""
+    """Hide Lightning's advice and advertisements, except for debugging."""
     debugs = Screen.verbose >= DEBUG
     loggers = [logging.getLogger(name) for name in LOGGERS]
     before = [(each.level, each.handlers) for each in loggers]

@@ -1,4 +1,4 @@
-"""What one training is about."""
+"""The networks, data and settings of one training."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +12,10 @@ from tex_lightning.data.store import Store
 
 @dataclass(frozen=True)
 class Training:
-    """What one training is about.
+    """The networks, data and settings of one training.
 
     Attributes:
-        card: Of the classifier to train.
+        card: Card of the classifier to train.
         parts: Recordings by part.
         store: Decoded files.
         directory: The run folder.
@@ -32,17 +32,17 @@ class Training:
 
     @property
     def final(self) -> Path:
-        """Where the trained checkpoint goes; its presence means that training is finished."""
+        """Path of the trained checkpoint; it exists once training is finished."""
         return self.directory / "checkpoints" / f"{self.card.kind}.ckpt"
 
     @property
     def working(self) -> Path:
-        """Folder of the checkpoints that an interrupted run goes on from."""
+        """Folder of the checkpoints from which an interrupted run continues."""
         return self.directory / "checkpoints" / self.card.kind
 
     @property
     def weights(self) -> str | None:
-        """Where the trunk starts; None is at random."""
+        """Source of the trunk's first weights; None is random."""
         recipe = self.recipe
         return recipe.baseline_weights if self.card.baseline else recipe.start_of(self.card.kind)
 

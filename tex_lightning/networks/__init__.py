@@ -1,4 +1,4 @@
-"""The networks: features in, dense class scores out; plain PyTorch modules."""
+"""The networks: plain PyTorch modules from features to dense class scores."""
 
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.hapticnet import HapticNet

@@ -1,4 +1,4 @@
-"""Files of tensors that claim more than they hold, told before memory is taken for it."""
+"""Refuse files of tensors that claim more than they hold, before memory is allocated."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -16,7 +16,7 @@ LARGEST_WEIGHT = 1e15
 
 
 def check_archive(file: Path | BytesIO) -> None:
-    """Refuse a zip archive that would become far more than it is.
+    """Refuse a zip archive that would expand to far more than its size.
 
     PyTorch and skops write their archives uncompressed; those of NumPy may be compressed.
 
@@ -37,7 +37,7 @@ def _size(file: Path | BytesIO) -> int:
 
 
 def check_numbers(state: Mapping[str, Tensor]) -> None:
-    """Refuse weights that no training gives.
+    """Refuse weights that no training produces.
 
     Raises:
         ValueError: If there is NaN, infinity or a number that makes them.
@@ -48,7 +48,7 @@ def check_numbers(state: Mapping[str, Tensor]) -> None:
 
 
 class SizeLimit(TorchFunctionMode):
-    """While it is entered no more numbers are made for layers than so many.
+    """Limit the numbers that layers may allocate while the context is entered.
 
     A network whose description asks for more than its file holds is stopped before it takes memory.
 

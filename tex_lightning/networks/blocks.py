@@ -1,4 +1,4 @@
-"""Pieces that the networks share: channel scaling, geometry, layers, initialisation, the head."""
+"""Shared parts of the networks: channel scaling, geometry, layers, initialisation, the head."""
 
 from collections.abc import Iterable
 from typing import Literal, NamedTuple, cast

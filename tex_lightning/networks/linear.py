@@ -25,8 +25,8 @@ class LinearNet(nn.Module):
     Args:
         classes: Number of materials.
         bands: Features of a fragment, D.
-        strength: Of the ridge, as a share of the mean squared length of a fragment's standardised
-            features.
+        strength: Strength of the ridge, as a share of the mean squared length of a fragment's
+            standardised features.
 
     Example:
         >>> import torch

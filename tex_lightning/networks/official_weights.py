@@ -1,4 +1,4 @@
-"""Where ImageNet weights are: a file of the user's, an official address, a package of Python."""
+"""Find ImageNet weights: a file of the user, an official address or a Python package."""
 
 import hashlib
 import re
@@ -17,7 +17,7 @@ def find_weights(trunk: Trunk, source: str) -> Path:
     """Return the file that ``source`` names, after fetching it where it is an official one.
 
     Args:
-        trunk: That it is for.
+        trunk: Trunk that it is for.
         source: A path, an address, or "imagenet".
 
     Raises:

@@ -1,7 +1,7 @@
-"""What a network's features look like for every class: means, and the spread that they share.
+"""Statistics of a network's features: the mean of every class, and one shared covariance.
 
-A checkpoint keeps them of its training recordings, one feature vector for each. Classes can then be
-added without the old recordings, and what is far from every class can be told.
+A checkpoint keeps those of its training recordings, one feature vector for each. So classes can be
+added without the old recordings, and recordings unlike every class can be detected.
 """
 
 from typing import Self
@@ -18,7 +18,7 @@ class FeatureStatistics(nn.Module):
 
     The covariance is that of the recordings' mean features about the mean of their class, shrunk
     towards a multiple of the identity: sum_i v_i d_i d_i^T + rest (1 - sum_i d_i d_i^T), with
-    orthonormal directions d_i. It takes little room for thousands of features, and is never
+    orthonormal directions d_i. It needs little memory for thousands of features, and is never
     singular.
 
     Args:
@@ -61,7 +61,7 @@ class FeatureStatistics(nn.Module):
 
     @classmethod
     def of(cls, features: Tensor, labels: Tensor, classes: int) -> Self:
-        """Of the features (recordings, D) and class indices (recordings,) of a training set.
+        """Compute them from features (recordings, D) and class indices (recordings,) for training.
 
         Every class occurs. Where none has two recordings, the spread is that of the class means.
         """
@@ -84,7 +84,7 @@ class FeatureStatistics(nn.Module):
 
     @classmethod
     def from_state(cls, state: dict[str, Tensor]) -> Self:
-        """Of the sizes of a stored state, which it holds then.
+        """Make statistics of the sizes of a stored state, and load it.
 
         Raises:
             KeyError: If a tensor is missing.
@@ -97,21 +97,21 @@ class FeatureStatistics(nn.Module):
         return found
 
     def with_classes(self, means: Tensor, counts: Tensor) -> Self:
-        """Further classes, with means (added, D) of so many recordings; the spread stays."""
+        """Return statistics with more classes: means (added, D) of so many recordings each."""
         return self._changed(torch.cat([self.means, means]), torch.cat([self.counts, counts]))
 
     def only(self, kept: Tensor) -> Self:
-        """Some of the classes, by their indices."""
+        """Return the statistics of some of the classes, by their indices."""
         return self._changed(self.means[kept], self.counts[kept])
 
     def _changed(self, means: Tensor, counts: Tensor) -> Self:
         return self.from_state({**self.state_dict(), "means": means, "counts": counts})
 
     def draw(self, count: int, generator: torch.Generator) -> Tensor:
-        """Features (classes, count, D) that recordings of each class may have.
+        """Draw features (classes, count, D) that recordings of each class may have.
 
-        From a Gaussian that is wider than the spread, since a mean of n recordings is itself known
-        to the nth part of the covariance only.
+        They come from a Gaussian wider than the covariance, since the mean of n recordings has an
+        error itself, of 1/n of the covariance.
         """
         shape = (len(self.means), count, self.means.shape[1])
         noise = torch.randn(shape, generator=generator).to(self.means)
@@ -121,7 +121,7 @@ class FeatureStatistics(nn.Module):
         return self.means[:, None] + wider * noise
 
     def whiten(self, features: Tensor) -> Tensor:
-        """Features (..., D) with the covariance turned into the identity, by a symmetric matrix."""
+        """Whiten features (..., D) by a symmetric matrix: their covariance becomes the identity."""
         along = features @ self.directions.T
         scale, least = self.variances.rsqrt(), self.rest.rsqrt()
         return least * features + (along * (scale - least)) @ self.directions
@@ -130,8 +130,8 @@ class FeatureStatistics(nn.Module):
         """Squared Mahalanobis distances (classes, P) of features (D, P) to the class means.
 
         Features of a whole recording are the mean over its positions, so P is 1 for one recording:
-        the covariance is that of such means, and single positions spread more widely. Of features
-        that are distributed as those of the training the distance to the own mean is D on average.
+        the covariance is that of such means, and single positions vary more. The distance of
+        features distributed like those of the training to their own mean is D on average.
         """
         apart = self.whiten(features.T)[None] - self.whiten(self.means)[:, None]
         return apart.square().sum(dim=-1)
@@ -139,10 +139,10 @@ class FeatureStatistics(nn.Module):
     def novelty(self, features: Tensor) -> Tensor:
         """How unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
 
-        One minus the cosine to the closest class, seen from the mean of all classes, with the
-        covariance turned into the identity: 0 in the direction of a class, 1 at a right angle to
-        it. On recordings of classes never seen it tells more than the distance does, whose scale
-        differs from recording to recording (docs/unknown.md).
+        It is one minus the cosine to the closest class, after whitening by the covariance and
+        centring on the mean of all classes: 0 in the direction of a class, 1 at a right angle to
+        it. It detects recordings of unknown classes better than the distance does, whose scale
+        varies between recordings (docs/unknown.md).
         """
         centre = self.means.mean(dim=0)
         point, means = self.whiten(features - centre), self.whiten(self.means - centre)

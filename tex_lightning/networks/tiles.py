@@ -1,4 +1,4 @@
-"""Large inputs in pieces, with margins so wide that every prediction is that of the whole.
+"""Run networks on large inputs in pieces, with margins that keep every prediction the same.
 
 A piece begins at a multiple of the network's stride, where the grids of all its layers coincide
 with those of the whole. Inside the input its edge is padded with zeros where the whole has pixels;
@@ -20,13 +20,13 @@ MARGINS = 2  # receptive fields along an axis of a piece; of less, most is compu
 
 @dataclass(frozen=True)
 class Span:
-    """A piece along one axis.
+    """The extent of a piece along one axis.
 
     Attributes:
         begin: First element of the input that it reads.
-        end: One past the last.
+        end: One past the last element.
         first: First position of the output that it gives.
-        last: One past the last.
+        last: One past the last position.
         skip: Positions of its own output before ``first``.
     """
 
@@ -75,14 +75,14 @@ def receptive_field(windows: Iterable[Window]) -> int:
 
 
 def affordable(windows: tuple[Sequence[Window], Sequence[Window]], most: int | None) -> int | None:
-    """Largest H * W of a piece, as asked for or as it takes to be more than margins.
+    """Largest H * W of a piece, raised where a piece would be mostly margin.
 
-    Of EfficientNet-Lite2, whose predictions see 1307 pixels along each axis, pieces of two million
-    pixels would compute a photo of eight million 178 times over.
+    The receptive field of EfficientNet-Lite2 is 1307 pixels along each axis: with pieces of two
+    million pixels, a photo of eight million would be computed 178 times over.
 
     Args:
         windows: The layers along H and along W.
-        most: What is asked for; None does not divide.
+        most: The requested size; None does not divide.
     """
     if most is None:
         return None
@@ -141,11 +141,11 @@ def in_tiles(
         function: Maps (1, C, H, W) to (1, D, M, N), however large H and W.
         x: The whole input.
         windows: Its layers along H and along W.
-        most: Largest H * W of a piece; None does not divide. Where a single prediction needs
-            more, a piece is larger all the same.
+        most: Largest H * W of a piece; None does not divide. A piece is larger where a single
+            prediction needs more.
 
     Returns:
-        What ``function(x)`` gives, but for rounding.
+        The result of ``function(x)``, except for rounding.
     """
     rows, columns = _plan(windows, (x.shape[2], x.shape[3]), most)
     if len(rows) == len(columns) == 1:

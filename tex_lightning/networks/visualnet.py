@@ -12,7 +12,7 @@ from tex_lightning.networks.trunks import Trunk, name_trunk
 class VisualNet(nn.Module):
     """Classify a photo densely: a convolutional trunk and three convolutions FC1, FC2, FC3.
 
-    The paper speaks of 1x1 convolutions throughout, yet of one prediction for 224x224, where
+    The paper has 1x1 convolutions throughout, yet one prediction for 224x224, where
     AlexNet's last map is 6x6. FC1 therefore takes a 6x6 kernel on the AlexNet trunks (5,191,749
     parameters for 69 classes); ``fc1_kernel=1`` is the literal reading, with 36 predictions.
 

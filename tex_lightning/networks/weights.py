@@ -53,7 +53,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
     noise is 1: far from it, a freshly drawn head does not train. Texture features stay as they are.
 
     Args:
-        trunk: Of width 1 without batch normalisation.
+        trunk: Trunk of width 1 without batch normalisation.
         source: A .caffemodel file, a .mat file of MatConvNet or a .npz file with Caffe's names
             (their input convention, BGR or RGB in 0-255 less the mean, is folded into the first
             convolution, so that the network keeps the input it documents; of a mean image the
@@ -85,7 +85,7 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
 
 
 def warn_of_random_weights(trunk: Trunk) -> None:
-    """Say that features which nothing trains are those of a trunk drawn at random."""
+    """Warn that features without training come from a trunk with random weights."""
     log.warning(
         "The %s trunk has random weights, so that its features are much weaker than published; "
         "give pretrained ones as weights=FILE.",

@@ -1,4 +1,4 @@
-"""The same weights as a classifier of one window, slid over the input: what an FCN saves.
+"""The same weights as a classifier of one window that slides over the input, to compare with.
 
 The paper compares its networks with such twins (section IV, "Time profiling").
 """

@@ -1,1 +1,1 @@
-"""What may go wrong with a recording before it is classified, each on a scale of its own unit."""
+"""Perturbations of a recording before it is classified, each on a scale with a unit."""

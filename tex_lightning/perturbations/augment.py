@@ -16,7 +16,7 @@ class Augmentation:
 
     Attributes:
         kinds: Perturbations of one modality, drawn evenly.
-        share: Of the recordings that are changed.
+        share: Share of the recordings that are changed.
         rate: Sampling rate of signals in Hz; photos have none.
     """
 

@@ -1,7 +1,7 @@
 """Perturbations of a photo by its sensor, its light and its file: (height, width, 3) uint8 RGB.
 
 What ImageNet-C (Hendrycks and Dietterich, 2019) has is done as there, but for any size of photo.
-Results are floats in 0 to 255 or uint8; whoever applies them rounds.
+Results are floats in 0 to 255 or uint8; the caller rounds them.
 """
 
 import cv2

@@ -1,4 +1,4 @@
-"""What a perturbation may use besides the recording itself."""
+"""Further inputs of a perturbation besides the recording."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ class Scene:
     """The circumstances of one recording.
 
     Attributes:
-        rng: Of everything random; seeded by the recording and the perturbation and not by the
-            severity, so that a severer one adds to a milder one instead of being drawn anew.
+        rng: Generator of everything random, seeded by the recording and the perturbation and not by
+            the severity, so that a severer one adds to a milder one instead of being drawn anew.
         rate: Sampling rate of a signal in Hz; 0 for a photo.
         other: Gives a recording of the same modality and another class; for photos of any size.
     """

@@ -15,7 +15,7 @@ BURST_SECONDS, BURST_DECAY = 0.05, 0.008  # of an impact
 
 
 def wrong_rate(trace: Array, percent: float, scene: Scene) -> Array:
-    """The clock ran ``percent`` faster than is believed: everything is lower, and longer."""
+    """The clock ran ``percent`` faster than the stated rate: everything is lower, and longer."""
     return _resampled(trace, 1 + percent / 100)
 
 

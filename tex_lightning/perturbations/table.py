@@ -28,12 +28,12 @@ Function = Callable[[Array, float, Scene], Array]
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One way in which recordings go wrong.
+    """One perturbation of recordings, with its scale.
 
     Attributes:
         name: In ``severities.yaml``, unlike all others.
         modality: What it changes, or :data:`BOTH`.
-        unit: Of its values.
+        unit: Unit of its values.
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
         axes: Number of axes that a signal must have; None for any.
@@ -52,7 +52,7 @@ class Perturbation:
 
     @property
     def effect(self) -> tuple[str, str]:
-        """Of one of :data:`BOTH`, the modality that it hits and what becomes of that."""
+        """Modality and effect of one of :data:`BOTH`."""
         modality, _, becomes = self.name.rpartition("_")
         return modality, becomes
 

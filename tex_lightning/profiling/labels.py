@@ -16,7 +16,7 @@ def agreement(network: nn.Module, twin: WindowNet, x: Tensor, grid: Tensor) -> d
 
     Args:
         network: As trained.
-        twin: Of ``network``.
+        twin: Twin of ``network``.
         x: Input (1, C, H, W).
         grid: Its windows (rows, columns, C, height, width).
 
@@ -41,7 +41,7 @@ def flips(exact: Tensor, rough: Tensor, name: str) -> dict[str, Any]:
     Args:
         exact: Scores (classes, positions) of the network as trained, for one input.
         rough: The same, computed in another way.
-        name: Of that way, for the keys.
+        name: Name of that way, for the keys.
 
     Returns:
         ``flips_NAME`` of ``positions``, and ``vote_flips_NAME``, whether the vote changes.

@@ -36,9 +36,9 @@ def forward_peak_mib(
     The weights are random and nothing is compiled; neither changes the figure of what runs.
 
     Args:
-        card: Of a unimodal classifier.
+        card: Card of a unimodal classifier.
         engine: How it is accelerated.
-        shape: Of the input (1, C, H, W).
+        shape: Shape of the input (1, C, H, W).
         device: Where it runs.
 
     Returns:

@@ -55,7 +55,7 @@ class Layer:
         ms: Median time.
         macs: Multiply-accumulates of the network as it was trained.
         gflops: Rate that follows.
-        roofline_fraction: Of the rate of matrix products.
+        roofline_fraction: Share of the rate of matrix products.
     """
 
     name: str
@@ -80,7 +80,7 @@ def layers(fast: Pass, original: Pass, rate: float, repeats: int) -> list[Layer]
     Args:
         fast: Of the network that is timed, not compiled.
         original: Of the network as it was trained; its multiply-accumulates are counted.
-        rate: Of matrix products, in GFLOP/s.
+        rate: Rate of matrix products, in GFLOP/s.
         repeats: Timed passes.
     """
     macs = _layer_macs(original)

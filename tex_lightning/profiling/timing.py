@@ -15,7 +15,7 @@ class Timing:
     """How long a function took, in ms.
 
     Attributes:
-        median: Of all timed calls.
+        median: Median of all timed calls.
         p95: Their 95th percentile.
         calls: Of every timed call.
     """

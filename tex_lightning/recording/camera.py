@@ -1,4 +1,4 @@
-"""Photos of a camera, or of whatever else OpenCV takes for one."""
+"""Photos of a camera, or of another source that OpenCV reads."""
 
 import cv2
 import numpy as np

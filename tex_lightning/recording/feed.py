@@ -19,7 +19,7 @@ class Feed:
     """Chunks of one length; the thread runs inside a ``with`` block.
 
     Args:
-        name: Of the source, for messages.
+        name: Name of the source, for messages.
         source: Where samples come from.
         seconds: Length of a chunk.
         timeout: Longest time without samples in seconds.

@@ -27,7 +27,7 @@ class Meter:
     Standard error gets the line if it is a terminal.
 
     Args:
-        seconds: Of a whole recording.
+        seconds: Seconds of a whole recording.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -46,9 +46,9 @@ class Meter:
         """Show one chunk.
 
         Args:
-            name: Of the recording; None while it waits for contact.
+            name: Name of the recording; None while it waits for contact.
             time: Recorded so far, in seconds.
-            level: Of the chunk, in the unit of the signal.
+            level: Level of the chunk, in the unit of the signal.
             found: ``label`` and ``probability``, and what else there is; empty without a network.
         """
         self.largest = max(self.largest, level)

@@ -13,7 +13,7 @@ class Session:
     """Fill tracks, again and again.
 
     Args:
-        tracks: Of all senses; the first decides when a recording begins and ends.
+        tracks: Tracks of all senses; the first decides when a recording begins and ends.
         seconds: Length of a recording, or the most of it.
         contact: Begins and ends recordings; None goes by time alone.
         follow: Is told every chunk of the first track.

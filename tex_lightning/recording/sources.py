@@ -20,7 +20,7 @@ class Source(ABC):
     """A signal that comes by and by.
 
     Attributes:
-        rate: In Hz.
+        rate: Rate in Hz.
         lost: Whether samples were lost on the way.
         timed: Whether samples come when they are taken, so that their rate can be measured.
     """
@@ -44,8 +44,8 @@ class ByteSource(Source):
     """Bytes from somewhere, parsed.
 
     Args:
-        parser: Of its format; has the name for messages.
-        rate: Of the samples in Hz.
+        parser: Parser of its format; has the name for messages.
+        rate: Rate of the samples in Hz.
 
     Attributes:
         remedy: What to do if it cannot be opened or breaks off.
@@ -144,7 +144,7 @@ class FileSource(Source):
         rate: What it is said to have in Hz; None takes what it says.
 
     Raises:
-        UserError: If it cannot be read, or nobody says its rate.
+        UserError: If it cannot be read, or its rate is not stated.
     """
 
     def __init__(self, name: str, key: str, path: Path, rate: int | None) -> None:

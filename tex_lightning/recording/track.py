@@ -53,7 +53,7 @@ class Track:
         """What is wrong with it, one sentence each.
 
         Args:
-            ranges: Of the training of a checkpoint; empty without one.
+            ranges: Ranges of the training of a checkpoint; empty without one.
         """
         samples, what = self.samples, name_one(self.modality)
         monitor = TraceMonitor(what)

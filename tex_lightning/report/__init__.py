@@ -1,1 +1,1 @@
-"""What a run leaves behind: results, figures, tables."""
+"""The output of a run: results, figures, tables."""

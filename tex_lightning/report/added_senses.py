@@ -1,4 +1,4 @@
-"""What each further sense costs and repairs: ``senses.csv``, and the marks of the chart."""
+"""Cost and repaired samples of each added sense: ``senses.csv``, and the marks of the chart."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ class AddedSense:
     Attributes:
         before: System without the sense.
         after: System with it.
-        sense: That is added.
+        sense: Sense that is added.
         order: ``together`` asks all senses at once, ``sequential`` the next only if unsure.
         added_ms: Mean latency that it adds.
-        test_samples: That both classify.
+        test_samples: Test samples that both classify.
         repaired: Samples wrong without the sense and correct with it.
         broken: Samples correct without the sense and wrong with it.
-        p_value: Of the exact McNemar test of both.
+        p_value: p of the exact McNemar test of both.
     """
 
     before: str
@@ -42,7 +42,7 @@ class AddedSense:
 
     @property
     def label(self) -> str:
-        """What the chart says of it."""
+        """Its text in the chart."""
         return (
             f"+{self.sense}: {self.repaired} repaired, {self.broken} broken, "
             f"{self.added_ms:+.1f} ms (p = {self.p_value:.2g})"

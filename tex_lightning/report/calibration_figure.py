@@ -1,4 +1,4 @@
-"""How far the probabilities of test samples can be believed, drawn."""
+"""Figure of the reliability of test samples' probabilities."""
 
 from collections.abc import Sequence
 

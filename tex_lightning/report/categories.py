@@ -27,7 +27,7 @@ def categories(counts: Counts, classes: Sequence[str]) -> dict[str, list[int]]:
     called by its most confused class.
 
     Args:
-        counts: Of samples, true class by predicted class.
+        counts: Counts of samples, true class by predicted class.
         classes: Their names.
 
     Returns:

@@ -24,8 +24,9 @@ def pairs_figure(
 
     Args:
         pairs: At least one.
-        outcomes: Of FusionNet, whose samples have all recordings; the first of a class is shown.
-        branches: Of FusionNet, which decode them; the first of each modality does.
+        outcomes: Outcomes of FusionNet, whose samples have all recordings; the first of a class is
+            shown.
+        branches: Branches of FusionNet, which decode them; the first of each modality does.
     """
     first: dict[str, Outcome] = {}
     for outcome in outcomes:

@@ -107,9 +107,9 @@ def class_accuracy_figure(
     Args:
         counts: True class by predicted class.
         classes: Their names.
-        name: Of the network, in whose colour the bars are.
+        name: Name of the network, in whose colour the bars are.
         title: Above them.
-        what: That is counted.
+        what: What is counted.
     """
     totals = counts.sum(axis=1)
     shares = np.diag(counts) / np.maximum(totals, 1)

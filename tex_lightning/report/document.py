@@ -51,7 +51,7 @@ def write_report(
         directory: Where they go.
         runs: Finished run folders.
         command: What repeats them.
-        formats: Of figures.
+        formats: Formats of figures.
     """
     systems = read_systems(runs)
     if not systems:
@@ -73,7 +73,7 @@ def write_report(
 
 
 def _tested(systems: Sequence[System]) -> str:
-    """How many folds and samples each row tested, and how often; alike rows are told together."""
+    """Numbers of folds and samples that each row tested, and how often; equal rows are joined."""
     rows: dict[str, list[str]] = {}
     for system in systems:
         times = Counter(Counter(outcome.sample for outcome in system.outcomes).values())

@@ -1,4 +1,4 @@
-"""Panels that lay what every position of a sense says over its recording."""
+"""Panels that draw the class of every position of a sense over its recording."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ LONGEST = 28  # characters of a class name in a panel
 
 @dataclass(frozen=True)
 class Key:
-    """What classes are called and drawn in.
+    """Names and colours of the classes.
 
     Attributes:
         classes: All names.
@@ -40,16 +40,16 @@ class Key:
     colours: Mapping[int, str]
 
     def name(self, label: int) -> str:
-        """Of a class; the middle of a long one is left out."""
+        """Name of a class; the middle of a long one is left out."""
         name, half = self.classes[label], LONGEST // 2
         return name if len(name) <= LONGEST else f"{name[:half]}…{name[-half:]}"
 
     def colour(self, label: int) -> str:
-        """Of a class, perhaps that of all others."""
+        """Colour of a class, or that of all classes without their own."""
         return self.colours.get(label, OTHERS)
 
     def claim(self, evidence: Evidence, place: tuple[int, int], most: bool) -> str:
-        """What a position said of the class that won, in two lines."""
+        """Lead or lag of the winning class at a position, in two lines."""
         margin = float(evidence.margins(self.label)[place])
         rival = self.name(int(evidence.rivals(self.label)[place]))
         said = "most for" if most else "least for" if margin >= 0 else "most against"

@@ -28,14 +28,14 @@ DPI = 100
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a label is made of.
+    """The dense scores of every sense behind a label.
 
     Attributes:
-        prediction: What ``predict`` says of the sample, of the same pass.
+        prediction: The prediction of ``predict``, from the same pass.
         classes: Names in the order of the scores.
         label: Index of the class that won the vote, also where it was rejected.
-        rival: Index of the class with the largest mean score beside it.
-        senses: Dense scores by the name of each sense that was looked at.
+        rival: Index of the runner-up, the other class with the largest mean score.
+        senses: Dense scores by the name of each sense that was used.
 
     Example:
         >>> import tex_lightning as tl
@@ -65,9 +65,9 @@ class Explanation:
 
     @property
     def contributions(self) -> dict[str, float]:
-        """Return by sense the mean over its positions of the winner's score less the rival's.
+        """Return, by sense, the mean over its positions of the winner's score less the rival's.
 
-        Their sum is by how much the mean score of a FusionNet's vote prefers the winner.
+        Their sum is the lead of the winner in the mean score of a FusionNet's vote.
         """
         return {
             name: float((each.scores[self.label] - each.scores[self.rival]).mean(dtype=np.float64))
@@ -87,7 +87,7 @@ class Explanation:
 
     @styled
     def figure(self, heading: str = "") -> Figure:
-        """Draw the recordings with what was said of every position; see ``docs/why.md``.
+        """Draw the recordings with the class of every position; see ``docs/why.md``.
 
         Args:
             heading: A line above the title, such as the names of the files.
@@ -155,7 +155,7 @@ class Explanation:
             draw_photo(part, evidence, key)
 
     def _draw_fused(self, part: SubFigure, key: Key) -> None:
-        """How much each sense added, and the votes of all together."""
+        """Draw how much each sense added, and the votes of all together."""
         added, votes = part.subplots(1, 2)
         found = self.contributions
         _bars(added, [*found, "sum"], [*found.values(), sum(found.values())], "#666666")

@@ -1,4 +1,4 @@
-"""Figures, drawn without a display and closed by whoever saves them."""
+"""Figures, drawn without a display; the function that saves them closes them."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -183,7 +183,7 @@ def _ink(point: Point) -> str:
 
 
 def _colours(points: Sequence[Point]) -> dict[str, str]:
-    """By name, each its own in every chart; the choice, which is no system, is black."""
+    """Colours by name, the same in every chart; the choice, which is no system, is black."""
     systems = [point.system for point in points if point.kind != PROCEDURE]
     found = {name: look.colour for name, look in looks(systems).items()}
     return {point.system: found.get(point.system, "black") for point in points}
@@ -274,7 +274,7 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
 
 
 def _remarks(points: Sequence[Point]) -> Iterator[str]:
-    """What the accuracies of the chosen system and of the choice say."""
+    """Remarks on the accuracies of the chosen system and of the choice."""
     chosen = next(point for point in points if point.chosen)
     yield (
         f"{chosen.system} is chosen on all votes of the tested folds: its own "

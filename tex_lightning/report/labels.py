@@ -1,4 +1,4 @@
-"""Labels that stand where there is room for them."""
+"""Place labels where there is room for them."""
 
 from collections.abc import Sequence
 
@@ -44,7 +44,7 @@ def name_lines(axes: Axes, ends: Sequence[tuple[str, float, Look]], height: floa
     Args:
         axes: With final limits.
         ends: Of each line name, height in the unit of the axis, and look.
-        height: Of the axes in inches, or a little more.
+        height: Height of the axes in inches, or a little more.
     """
     low, high = axes.get_ylim()
     gap = 1.5 * SIZE / 72 / height * (high - low)

@@ -1,4 +1,4 @@
-"""The paper's results, for tables that show them beside ours."""
+"""The paper's results, for tables that show them beside this package's."""
 
 from pathlib import Path
 from typing import Any

@@ -21,7 +21,7 @@ def sequential_figure(settings: Sequence[Setting], name: str) -> Figure:
 
     Args:
         settings: Thresholds with their counts.
-        name: Of the network, in whose colour the lines are.
+        name: Name of the network, in whose colour the lines are.
     """
     figure = Figure(figsize=(7, 3.4), layout="constrained")
     panels = dict(zip(SHOWN, figure.subplots(1, 2, sharex=True), strict=True))

@@ -1,4 +1,4 @@
-"""One look of all figures, and a colour for each system that is its own in every chart.
+"""The style of all figures, and a colour for each system, the same in every chart.
 
 The colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/). Their yellow cannot be
 seen on white, and their black is kept for what is no system: two of Tol's take their place.
@@ -45,7 +45,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Look:
-    """How a system is drawn.
+    """Colour and marker of a system.
 
     Attributes:
         colour: As ``#rrggbb``.
@@ -57,7 +57,7 @@ class Look:
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Let a function draw in this look; the caller's own settings of Matplotlib stay untouched."""
+    """Let a function draw in this style; the caller's own settings of Matplotlib do not change."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -76,7 +76,7 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
     is taken twice only when all are; then the markers differ.
 
     Args:
-        names: Of systems or networks, in any order, which is kept.
+        names: Names of systems or networks, in any order, which is kept.
     """
     names = list(names)
     found: dict[str, Look] = {}

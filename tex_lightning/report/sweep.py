@@ -1,4 +1,4 @@
-"""Summary of a sweep: a line per job, whatever became of it, pooled folds, means over seeds."""
+"""Summary of a sweep: a line per job, failed ones included, pooled folds, means over seeds."""
 
 import json
 import logging
@@ -55,7 +55,7 @@ COLUMNS = (
 
 
 def note_failure(job: Job, reason: str) -> None:
-    """Leave the reason in the job's folder, for the summary and for whoever looks there."""
+    """Write the reason of a failure into the job's folder, for the summary and the user."""
     log.error("%s", reason)
     text = json.dumps({"error": reason, "overrides": job.overrides}, indent=1)
     write_text(job.directory / FAILURE, text)
@@ -63,7 +63,7 @@ def note_failure(job: Job, reason: str) -> None:
 
 @contextmanager
 def _as_exit() -> Iterator[None]:
-    """Say a mistake as the command line does."""
+    """Turn a user's mistake into the command line's message."""
     try:
         yield
     except UserError as error:
@@ -85,7 +85,7 @@ class SweepSummary(Callback):
         return SweepSummary, ()
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
-        """Refuse what no job of a sweep can do before the first one is run.
+        """Refuse settings that no job of a sweep can run with, before the first one.
 
         Raises:
             SystemExit: Hydra turns other exceptions of callbacks into warnings.
@@ -108,7 +108,7 @@ class SweepSummary(Callback):
             SweepSummary.jobs.update(SweepSummary.jobs.done + 1)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
-        """Collect what the jobs left behind.
+        """Collect the results of the jobs.
 
         Raises:
             SystemExit: If it cannot be written.
@@ -146,7 +146,7 @@ def runs_side_by_side(config: DictConfig) -> bool:
 
 
 def count_jobs(config: DictConfig) -> int | None:
-    """How many jobs a sweep has; None if its sweeper does not say."""
+    """Number of jobs of a sweep; None if its sweeper does not know."""
     sweeper = OmegaConf.to_container(OmegaConf.select(config, "hydra.sweeper"))
     assert isinstance(sweeper, dict)
     if sweeper["_target_"] != GRID:
@@ -159,7 +159,7 @@ def count_jobs(config: DictConfig) -> int | None:
 
 
 def rerun_command(config: DictConfig, directory: Path) -> str:
-    """The command that repeats a sweep, or goes on with it, in its folder."""
+    """The command that repeats or continues a sweep in its folder."""
     overrides = OmegaConf.select(config, "hydra.overrides", default={})
     given = [item for each in ("hydra", "task") for item in written(overrides.get(each, []))]
     kept = [item for item in given if not item.startswith(OWN_KEYS)]

@@ -1,4 +1,4 @@
-"""Tested systems, read back from the run folders that they were tested in."""
+"""Read tested systems back from the run folders of their tests."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ SHARED_KEYS = (
 
 @dataclass(frozen=True)
 class System:
-    """One system and everything it was tested on.
+    """One system and all its tests.
 
     Attributes:
         model: Name of its configuration.
@@ -34,7 +34,7 @@ class System:
         variant: What else was asked for, where one model was run in several ways.
         classes: Class names in order.
         entries: Its entries of ``results.json``, one for each run.
-        outcomes: Of all runs together.
+        outcomes: Outcomes of all runs together.
         directories: Run folders.
     """
 
@@ -50,7 +50,7 @@ class System:
 
     @property
     def seed(self) -> str:
-        """The seed, if it was asked for and runs differ in it; else empty."""
+        """The seed, if the command gave one and runs differ in it; else empty."""
         items = [item for item in self.variant.split(", ") if item.startswith(SEED_KEYS)]
         return items[0].partition("=")[2] if items else ""
 
@@ -62,11 +62,11 @@ class System:
 
     @property
     def successes(self) -> dict[str, bool]:
-        """Whether it was right, by sample."""
+        """Whether each sample's label is correct, by sample."""
         return {outcome.sample: outcome.label == outcome.predicted for outcome in self.outcomes}
 
     def successes_beside(self, other: "System") -> dict[str, bool]:
-        """Whether it was right on the samples of another system, by those samples.
+        """Whether its labels are correct on the samples of another system, by those samples.
 
         Where those have recordings of more senses, this one judges its own of them.
         """

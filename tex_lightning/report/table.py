@@ -82,7 +82,7 @@ def print_table(table: Table) -> None:
 
 
 def print_tables(directory: Path, *tables: Table) -> None:
-    """Print tables, where the results are, and whether they mean anything."""
+    """Print tables, the path of the results, and a note if the run was only a trial."""
     for table in tables:
         print_table(table)
     if is_tiny(run_overrides(directory)):
@@ -91,7 +91,7 @@ def print_tables(directory: Path, *tables: Table) -> None:
 
 
 def run_overrides(directory: Path) -> list[str]:
-    """What was asked for in a run folder, as it was written; nothing if it does not say."""
+    """Overrides of a run folder, as they were written; empty if it has none on record."""
     path = directory / ".hydra" / "overrides.yaml"
     return written(OmegaConf.load(path)) if path.is_file() else []
 
@@ -103,12 +103,12 @@ def written(overrides: Any) -> list[str]:  # noqa: ANN401  (a list, or one of Om
 
 
 def is_tiny(overrides: list[str]) -> bool:
-    """Whether a run was there to try the plumbing only."""
+    """Whether a run only tried the plumbing."""
     return "debug=tiny" in [item.lstrip("+") for item in overrides]
 
 
 def python_command(*arguments: str) -> str:
-    """What one types to run this package with some arguments."""
+    """The command that runs this package with some arguments."""
     return shlex.join(["python", "-m", "tex_lightning", *arguments])
 
 

@@ -1,4 +1,4 @@
-"""The paper's tables with our figures beside its own, as Markdown."""
+"""The paper's tables with this package's figures beside them, as Markdown."""
 
 from collections.abc import Mapping, Sequence
 from statistics import mean, stdev
@@ -183,7 +183,7 @@ def markdown(headings: Sequence[str], lines: list[list[str]]) -> list[str]:
 
 
 def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
-    """The paper's profiling table beside ours, by name of the network."""
+    """The paper's profiling table beside this package's, by name of the network."""
     paper = paper_table("profiling")
     lines = [
         [

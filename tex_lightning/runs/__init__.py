@@ -1,1 +1,1 @@
-"""What tasks share: recordings and networks of one run, one fold, a family of systems."""
+"""Shared parts of tasks: recordings and networks of one run, one fold, a family of systems."""

@@ -1,4 +1,4 @@
-"""What a checkpoint that gets or loses classes goes through: checks, recordings, card, file."""
+"""Change the classes of a checkpoint: checks, recordings, card, file."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,7 +25,7 @@ VALIDATED = ("confidence_threshold", "disagreement")  # of a calibration, for th
 
 
 def forget_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
-    """A copy without some classes; what it has seen of them it has still seen.
+    """Copy a classifier without some classes; its record of their recordings stays.
 
     Raises:
         UserError: If it does not know one of them, or fewer than two would be left.
@@ -56,7 +56,7 @@ def recordings_to_add(
     Args:
         recordings: All that were read, of modalities that the network looks at.
         data: Says what is tested, and how many of a class are used.
-        card: Of the network.
+        card: Card of the network.
         only: Classes that are added; None adds all.
 
     Raises:
@@ -97,11 +97,11 @@ def recordings_to_add(
 
 
 def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> SurfaceClassifier:
-    """A copy on the CPU that knows the classes of the recordings, too, and says so in its card.
+    """Copy a classifier to the CPU, and add the classes of the recordings to it and its card.
 
     Args:
         classifier: On the device that computes the features; it ends on the CPU.
-        rows: Of the new classes.
+        rows: Rows of the new classes.
         store: Where they are decoded.
 
     Raises:
@@ -136,7 +136,7 @@ def write_checkpoint(
         classifier: On the CPU.
         source: Checkpoint that it came from.
         target: The new file.
-        seconds: That the change took, which are added to those of the training.
+        seconds: Seconds that the change took, which are added to those of the training.
     """
     content = read_checkpoint(source)
     content["hyper_parameters"]["card"] = classifier.card.to_dict()

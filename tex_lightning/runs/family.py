@@ -1,4 +1,4 @@
-"""The systems of a family: what each composes to, trained and tested on the same folds."""
+"""Compose the systems of a family, and train and test them on the same folds."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ Pair = tuple[int, int]  # folds that networks are trained without
 
 @dataclass(frozen=True)
 class Member:
-    """One system of the family: its name, its overrides and what they compose to."""
+    """One system of the family: its name, its overrides and its composed configuration."""
 
     name: str
     overrides: tuple[str, ...]
@@ -48,7 +48,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Measured:
-    """What training and testing a member gave.
+    """Results of training and testing a member.
 
     Attributes:
         member: The system.
@@ -74,7 +74,7 @@ class Measured:
 def compose_family(
     frontier: FrontierConfig, job: Job, held: Sequence[str] = ()
 ) -> Iterator[Member]:
-    """Compose the systems asked for, and those ``held``, with whatever else the user asked for.
+    """Compose the requested systems, and those ``held``, with the user's other overrides.
 
     Networks that differ in nothing but how they are run are trained once, in a folder of the run.
 
@@ -135,7 +135,7 @@ def measure_family(
 
     Args:
         members: The systems.
-        folds: That are tested.
+        folds: Folds that are tested.
         directory: Holds a folder for each system.
         opening: Says what was found.
     """
@@ -215,10 +215,10 @@ def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measure
 
 
 def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[str]:
-    """What trains a system with what else the user asked for.
+    """The overrides that train a system, the user's others included.
 
-    One source of weights is meant for the published trunks: a system without goes without it, and
-    without those that a preset names.
+    A single source of weights is meant for published trunks: a system without such a trunk gets
+    neither it nor the weights of a preset.
     """
     without = [item for item in given if not item.startswith("weights=")]
     preset = [item for item in given if item.startswith("experiment=")]
@@ -231,5 +231,5 @@ def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[s
 
 
 def given_overrides(job: Job) -> list[str]:
-    """What the user asked for beside the family."""
+    """The user's overrides beside the family."""
     return [item for item in job.overrides if not item.startswith(OWN_KEYS)]

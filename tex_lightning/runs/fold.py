@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 def results_frame(
     task: str, workspace: Workspace, networks: dict[str, Any], seconds: float
 ) -> dict[str, Any]:
-    """What every training task's ``results.json`` holds around its networks."""
+    """The entries of every training task's ``results.json`` around its networks."""
     recipe = workspace.recipe
     return {
         "task": task,
@@ -50,7 +50,7 @@ def results_frame(
 
 
 def weights(recipe: Recipe) -> dict[str, str]:
-    """By sense where the weights of its network, or of its trunk, came from."""
+    """Source of the weights of its network, or of its trunk, by sense."""
     given = {
         name: recipe.model.checkpoints.get(name) or recipe.weights[name]
         for name in recipe.model.senses
@@ -118,7 +118,7 @@ def _fit_network(
 def make_training(
     workspace: Workspace, card: Card, parts: Split, unimodal: dict[str, Path]
 ) -> Training:
-    """What the training of one network is about."""
+    """Collect the networks, data and settings of one network's training."""
     return Training(
         card, parts, workspace.store, workspace.directory, unimodal, recipe=workspace.recipe
     )

@@ -35,7 +35,7 @@ class Latency(NamedTuple):
 
     Attributes:
         mean: Over the samples: that of a sequential decision is short for some and long for others.
-        median: Of all calls.
+        median: Median of all calls.
         p95: Their 95th percentile.
     """
 

@@ -1,4 +1,4 @@
-"""What weights have seen, which their checkpoint remembers so that it is not tested on."""
+"""Record the training recordings in a checkpoint, and refuse to test on them."""
 
 import json
 from collections import defaultdict
@@ -20,10 +20,10 @@ WHERE = "test_where"
 
 
 def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -> dict[str, Any]:
-    """What the weights of one network will have seen, and the fold that they will not.
+    """Digests of the recordings that one network is trained on, and the fold that is left out.
 
     Args:
-        card: Of the network to train.
+        card: Card of the network to train.
         parts: Recordings by part.
         data: How they were divided.
         source: Where the trunk starts; None is at random.
@@ -42,7 +42,7 @@ def trained_on(card: Card, parts: Split, data: DataConfig, source: str | None) -
 
 
 def trained_on_parts(card: Card, parts: Split, data: DataConfig, *starts: Card) -> dict[str, Any]:
-    """The same of a FusionNet that starts from networks with the cards ``starts``."""
+    """Digests for a FusionNet that starts from networks with the cards ``starts``."""
     begun = [start.trained_on for start in starts]
     trunks = {kind: name for each in begun for kind, name in each.get("trunks", {}).items()}
     return {**_seen(card, parts, data, *begun), **({"trunks": trunks} if trunks else {})}
@@ -62,20 +62,20 @@ def _seen(card: Card, parts: Split, data: DataConfig, *begun: dict[str, Any]) ->
 
 
 def digests(rows: Iterable[Recording]) -> list[str]:
-    """Of each recording that of the content of its file, and which part of that it is."""
+    """Digest of each recording: that of its file's content, and its part of the file."""
     found = ((fingerprint(row.path), row.part) for row in rows)
     return [digest if part is None else f"{digest}#{write_part(part)}" for digest, part in found]
 
 
 def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:
-    """Refuse weights that were trained, or chosen, on what is to be tested.
+    """Refuse weights that were trained, or chosen, on test recordings.
 
     Recordings are compared by content, so that neither another reader nor other folds hide one; two
     parts of one file are the same as far as they overlap.
 
     Args:
         test: What is to be tested.
-        card: Of the checkpoint.
+        card: Card of the checkpoint.
         who: Its name in the message.
         data: How this run was told what to test.
 

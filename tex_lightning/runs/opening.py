@@ -1,4 +1,4 @@
-"""What a task is about to work on, said once before it begins: a dozen lines on standard error."""
+"""Print the data and settings of a task before it begins: a dozen lines on standard error."""
 
 import logging
 import textwrap
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Opening:
-    """What a task works on; no sense is announced twice, whatever systems it opens.
+    """The data of a task; each sense is announced once, however many systems it opens.
 
     Attributes:
         data: Where the recordings come from.

@@ -1,4 +1,4 @@
-"""How far the measuring of a family has come, and about how long it will take yet."""
+"""Progress and remaining time of measuring a family."""
 
 import logging
 import time
@@ -26,7 +26,7 @@ class Remaining:
 
     @contextmanager
     def measuring(self, system: str, pair: tuple[int, int]) -> Iterator[None]:
-        """Say what is measured next, and take its time."""
+        """Announce what is measured next, and time it."""
         own = [name for name, _ in self.left].count(system)
         log.info(
             "System %d of %d (%s), trained without folds %d and %d%s%s.",

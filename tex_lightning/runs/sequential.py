@@ -56,7 +56,7 @@ def pool_sequential(
     config: DecisionConfig,
     formats: Sequence[str],
 ) -> dict[str, Any]:
-    """The same of several folds, from their files; nothing where decisions were not sequential."""
+    """Pool several folds, from their files; nothing where decisions were not sequential."""
     settings = pool(
         item for fold in folds for item in read_settings(fold / FILE) if item.network == name
     )

@@ -1,4 +1,4 @@
-"""What ``task=profile`` measures: unimodal networks, each with one recording to classify."""
+"""The subjects of ``task=profile``: unimodal networks, each with one recording."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -36,7 +36,7 @@ def random_networks(recipe: Recipe, classes: int) -> list[SurfaceClassifier]:
 
 
 def refuse_unused(files: Mapping[str, Any], networks: Sequence[SurfaceClassifier]) -> None:
-    """Refuse recordings that no network looks at.
+    """Refuse recordings that no network reads.
 
     Raises:
         UserError: Naming one.
@@ -67,7 +67,7 @@ def make_subject(classifier: SurfaceClassifier, recording: Array) -> Subject:
 
 
 def learn_statistics(subject: Subject) -> None:
-    """Let features that nobody has trained take their statistics from the recording."""
+    """Let untrained features take their statistics from the recording."""
     branch = only_branch(subject.classifier)
     features: Any = branch.features
     if hasattr(features, "fit"):
@@ -81,7 +81,7 @@ def read_recording(branch: Branch, file: str, data: DataConfig) -> Array:
 
 
 def render_recording(branch: Branch, profile: ProfileConfig, seed: int) -> Array:
-    """What the synthetic tool or camera records."""
+    """Render a recording of the synthetic tool or camera."""
     rng = np.random.default_rng(seed)
     specimen = Specimen(make_materials(2, seed)[0])
     if isinstance(branch.decoder, SignalDecoder):

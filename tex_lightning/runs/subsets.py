@@ -78,7 +78,7 @@ def _name(subset: Sequence[str], order: str) -> str:
 def added_senses(
     senses: Sequence[str], measured: Sequence[Measured], latencies: Mapping[str, float]
 ) -> list[AddedSense]:
-    """What each sense that is added to a subset costs and repairs, as far as both are measured.
+    """Cost and repaired samples of each sense added to a subset, where both are measured.
 
     Args:
         senses: Whose subsets are the family.

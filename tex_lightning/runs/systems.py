@@ -1,4 +1,4 @@
-"""What ``task=stability`` tests: systems from run folders and checkpoints."""
+"""The systems that ``task=stability`` tests, from run folders and checkpoints."""
 
 from collections import Counter
 from dataclasses import replace
@@ -40,7 +40,7 @@ def load_systems(
         wanted: Names the systems.
         data: What they are tested on.
         running: How they run.
-        seed: Of the perturbations.
+        seed: Seed of the perturbations.
 
     Raises:
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on

@@ -37,7 +37,7 @@ def recordings_to_test(data: DataConfig, classifier: SurfaceClassifier, who: str
 
 
 def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:
-    """Where recordings are decoded as a checkpoint says.
+    """Open a store that decodes recordings with a checkpoint's settings.
 
     Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
     """

@@ -1,4 +1,4 @@
-"""Test a checkpoint sample by sample, as prediction would classify it, and write what came out."""
+"""Test a checkpoint sample by sample, as prediction classifies them, and write the outcomes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -45,7 +45,7 @@ def report_network(
         store: Their recordings.
         directory: The run folder.
         running: How it runs and decides.
-        formats: Of figures.
+        formats: Formats of figures.
         unknown: Samples of classes that were held out.
 
     Returns:
@@ -78,7 +78,7 @@ def report_network(
 def calibration_metrics(
     outcomes: Sequence[Outcome], classes: list[str], reject_below: float | None
 ) -> dict[str, Any]:
-    """What ``results.json`` says of the probabilities, and of the samples left without a label."""
+    """Entries of ``results.json`` on the probabilities and the samples left without a label."""
     entry: dict[str, Any] = {"calibration": calibration(outcomes, classes)}
     if reject_below is not None:
         entry["selective"] = selective(outcomes, reject_below)

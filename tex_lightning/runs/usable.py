@@ -1,4 +1,4 @@
-"""Which recordings can be used at all: found out before time is spent on training."""
+"""Find unusable recordings before time is spent on training."""
 
 from collections.abc import Iterable
 
@@ -17,7 +17,7 @@ def find_unusable(
     Args:
         recordings: All that a task will need.
         store: Filled with them.
-        branches: That look at them.
+        branches: Branches that look at them.
         skip_bad: Whether the task goes on without them (``data.skip_bad``).
 
     Raises:
@@ -60,7 +60,7 @@ def _too_small(row: Recording, store: Store, branch: Branch) -> Unusable | None:
 
 
 def _doubt(row: Recording, store: Store, branch: Branch) -> str:
-    """A rate that nobody has stated may be the reason."""
+    """Hint that a rate that no file states may be the reason."""
     if branch.medium != "signal" or (rate := store.rate(row)).source != "assumed":
         return ""
     return (

@@ -1,4 +1,4 @@
-"""What every training task starts with: recordings, store, classifier card, run folder."""
+"""The start of every training task: recordings, store, classifier card, run folder."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -52,11 +52,11 @@ class Workspace:
 
     @property
     def kind(self) -> str:
-        """What the network of all senses is called."""
+        """Name of the network of all senses."""
         return self.recipe.model.kind
 
     def on_fold(self, fold: int, directory: Path) -> "Workspace":
-        """The same with another test fold and run folder."""
+        """Copy it with another test fold and run folder."""
         return replace(self, data=replace(self.data, test_fold=fold), directory=directory)
 
     def parts(self) -> Split:
@@ -77,7 +77,7 @@ def open_workspace(
 
     Args:
         data: Where recordings come from.
-        recipe: Of the networks to train on them.
+        recipe: Recipe of the networks to train on them.
         directory: The run folder.
         opening: Says what was found.
 
@@ -130,7 +130,7 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
 
 
 def check_networks(recipe: Recipe) -> list[Branch]:
-    """Build what will be trained, so that settings and weights that do not fit are said at once.
+    """Build the networks, so that settings and weights that do not fit are refused at once.
 
     Returns:
         The branches, with weights of no meaning.

@@ -1,4 +1,4 @@
-"""A classifier that takes recordings one by one and decides on them in any combination.
+"""Score recordings one by one and decide on them in any combination.
 
 A FusionNet computes its summand of the class scores for each recording once, however many samples
 it is part of, and decides as :meth:`SurfaceClassifier.classify` does.
@@ -20,7 +20,7 @@ from tex_lightning.perturbations.scene import Array
 
 @dataclass(frozen=True)
 class Scores:
-    """What one sense of a classifier made of one recording.
+    """Scores of one recording by one sense of a classifier.
 
     Attributes:
         recording: Signal or photo; a FusionNet draws its tuples by it.
@@ -40,7 +40,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Decision:
-    """What became of one sample.
+    """The decision on one sample.
 
     Attributes:
         label: Class index; None if the classifier refused the sample.
@@ -60,7 +60,7 @@ REFUSED = Decision(None)
 
 
 class Evaluator:
-    """Decide by what was scored of recordings.
+    """Decide by the scores of recordings.
 
     Args:
         classifier: In evaluation mode, as prediction runs it.

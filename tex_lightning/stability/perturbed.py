@@ -17,14 +17,14 @@ from tex_lightning.perturbations.table import Perturbation
 
 @dataclass
 class PerturbedDataset:
-    """Decoded recordings of one store, and what perturbations make of them.
+    """Decoded recordings of one store, clean and perturbed.
 
     Everything random depends on the seed, the perturbation and the content of the file alone, so
     that every system and every severity meets the same chances.
 
     Attributes:
         store: Decoded files.
-        seed: Of everything random.
+        seed: Seed of everything random.
         folds: Into how many the recordings are divided; a partner is looked for in the same one.
     """
 
@@ -39,7 +39,7 @@ class PerturbedDataset:
         self._perturbed: dict[Recording, Array] = {}
 
     def add(self, rows: Iterable[Recording]) -> None:
-        """Take in recordings that may be asked for, and be partners of others."""
+        """Add recordings, which may be classified and may serve as partners of others."""
         self.rows.update((row.source, row) for row in rows)
 
     def clean(self, row: Recording) -> Array:

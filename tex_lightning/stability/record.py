@@ -1,4 +1,4 @@
-"""Decisions of finished trials on disk, so that an interrupted run goes on where it stopped."""
+"""Keep the decisions of finished trials on disk, from which an interrupted run continues."""
 
 import json
 from collections.abc import Sequence

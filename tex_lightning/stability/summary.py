@@ -1,4 +1,4 @@
-"""What many trials say of each system."""
+"""Summaries of the trials of each system."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,7 +20,7 @@ def summarise_system(system: System, trials: Sequence[Trial], reference: Errors)
 
     Args:
         system: The system.
-        trials: Of all systems, severities 0 to 5.
+        trials: Trials of all systems, severities 0 to 5.
         reference: :func:`mean_errors` of the reference system.
     """
     own = [trial for trial in trials if trial.system is system and trial.severity > 0]
@@ -87,7 +87,7 @@ def corruption_error(errors: Errors, reference: Errors) -> dict[str, Any] | None
 
 
 def conflict_summary(system: System, bench: Bench) -> dict[str, Any]:
-    """How well a FusionNet tells recordings of two classes in one sample from those of one.
+    """How well a FusionNet separates samples with recordings of two classes from those of one.
 
     The area under the ROC curve of three scores, each high for a conflict: 1 - agreement of the
     beliefs of its parts, 1 - share of the votes, and 1 - mean probability of the label. Every

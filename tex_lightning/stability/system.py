@@ -16,7 +16,7 @@ See = Callable[[str, Recording], Scores | None]  # of a sense
 
 @dataclass
 class Member:
-    """One classifier and what it is tested on.
+    """One classifier and its test samples.
 
     Attributes:
         checkpoint: Where it was loaded from.
@@ -99,7 +99,7 @@ class System:
 
     @property
     def modalities(self) -> tuple[str, ...]:
-        """What recordings it looks at."""
+        """Modalities of the recordings that it reads."""
         return tuple(dict.fromkeys(self.members[0].evaluator.modalities.values()))
 
     @property
@@ -114,7 +114,7 @@ class System:
 
     @property
     def wanted(self) -> list[int]:
-        """The same as indices of the classes of the classifier that judges it."""
+        """True class of every sample as an index of the classes of its classifier."""
         return [member.evaluator.classes.index(sample.label) for member, sample in self.samples]
 
     def clean(self) -> list[Decision]:

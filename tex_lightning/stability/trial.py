@@ -81,7 +81,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class BreakingPoint:
-    """Where a system falls below the bound, on the scale between whole severities.
+    """The severity, also between whole ones, at which a system falls below the bound.
 
     Attributes:
         clean: Vote accuracy without perturbation.
@@ -101,7 +101,7 @@ class Bench:
 
     Args:
         systems: Those under test.
-        record: Of the trials that are done.
+        record: Record of the trials that are done.
     """
 
     def __init__(self, systems: Sequence[System], record: Record) -> None:

@@ -1,1 +1,1 @@
-"""What a person asks for, one file each."""
+"""The tasks of the command line, one file each."""

@@ -1,4 +1,4 @@
-"""Add classes to a trained network, or take some out, without the recordings it was trained on."""
+"""Add classes to a trained network, or remove some, without its training recordings."""
 
 import logging
 import time

@@ -37,7 +37,7 @@ from tex_lightning.screen import say
 
 @dataclass(frozen=True)
 class Order:
-    """What is exported, and whereto.
+    """The network to export, and the target folder.
 
     Attributes:
         config: The whole configuration.

@@ -1,4 +1,4 @@
-"""A family of systems on the same folds: accuracy against latency, and which of them is enough.
+"""Measure a family of systems on the same folds: accuracy against latency, and a choice.
 
 Each tested fold has a partner that is left out of training with it. The system for use is chosen on
 all votes; how well such a choice does is measured on each fold by the choice on its partner.
@@ -251,7 +251,7 @@ def _member(members: list[Member], name: str) -> Member:
 
 
 def _command(job: Job, member: Member) -> str:
-    """What trains a member on the user's data."""
+    """The command that trains a member on the user's data."""
     overrides = with_system(job, given_overrides(job), member.overrides)
     overrides.sort(key=lambda item: not item.startswith("model="))  # what one looks for first
     return shlex.join(["python", "-m", "tex_lightning", *overrides])

@@ -89,8 +89,8 @@ class _Recorder:
     Args:
         config: The whole configuration.
         folder: Where they are written.
-        tracks: Of the signals, the first of which is followed.
-        camera: Of the photos.
+        tracks: Tracks of the signals, the first of which is followed.
+        camera: Camera of the photos.
         label: The running label.
     """
 
@@ -167,7 +167,7 @@ class _Recorder:
 
 
 class _RunningLabel:
-    """What a checkpoint says while a recording goes on.
+    """The running label of a checkpoint while a recording goes on.
 
     Args:
         config: Names the checkpoint.
@@ -207,7 +207,7 @@ class _RunningLabel:
 
 
 def _tell(files: Sequence[Path], warnings: Sequence[str], **more: object) -> None:
-    """Say what was written, and what is wrong with it."""
+    """Print the files written, and their faults."""
     name, paths = files[0].stem, [str(file) for file in files]
     if prints_lines():
         print_line({"recording": name, **more, "files": paths, "warnings": list(warnings)})

@@ -135,7 +135,7 @@ def _entries(bench: Bench, trials: Sequence[Trial], breaks: Sequence[Break]) -> 
 
 
 def _curves(trials: Sequence[Trial]) -> dict[str, list[tuple[str, int, float]]]:
-    """Of each system perturbation, severity and vote accuracy."""
+    """Perturbation, severity and vote accuracy of each system."""
     curves: dict[str, list[tuple[str, int, float]]] = {}
     for trial in trials:
         title = f"{trial.perturbation.modality}/{trial.perturbation.name}"

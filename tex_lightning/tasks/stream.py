@@ -1,4 +1,4 @@
-"""Classify while a recording goes on: one JSON object per chunk on standard output."""
+"""Classify a recording while it goes on: one JSON object per chunk on standard output."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -76,10 +76,10 @@ def run(config: Config, job: Job) -> None:
 
 @dataclass(frozen=True)
 class Signal:
-    """What is replayed or read.
+    """The signal that is replayed or read.
 
     Attributes:
-        rate: In Hz.
+        rate: Rate in Hz.
         trace: (axes, samples) of a file; None for standard input.
     """
 

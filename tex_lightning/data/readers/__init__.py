@@ -27,9 +27,9 @@ def read_recordings(
 
     Args:
         config: Names the reader.
-        modalities: That a checkpoint needs, for a reader that makes no others; None are those of
-            the configured model.
-        least: Classes that there have to be; telling some apart takes two.
+        modalities: Modalities that a checkpoint needs, for a reader that makes no others; None are
+            those of the configured model.
+        least: Smallest number of classes; classification takes two.
 
     Raises:
         UserError: If the data set is missing, incomplete or has fewer classes than asked for, or

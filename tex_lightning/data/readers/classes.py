@@ -1,4 +1,4 @@
-"""What the readers of published data sets share."""
+"""Shared parts of the readers of published data sets."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
@@ -12,7 +12,7 @@ from tex_lightning.errors import UserError, listed
 
 @dataclass
 class GroupedReader:
-    """Of a data set whose recordings can be grouped in several ways.
+    """Reader of a data set whose recordings can be grouped in several ways.
 
     Attributes:
         root: Folder of the data set.

@@ -134,7 +134,7 @@ def _listed(names: list[str]) -> str:
 
 
 def suffixes_of(modality: str) -> tuple[str, ...]:
-    """Of the files of a modality, in lower case."""
+    """Suffixes of the files of a modality, in lower case."""
     return OWN_SUFFIXES.get(modality, (*TRACE_SUFFIXES, *IMAGE_SUFFIXES))
 
 
@@ -154,7 +154,7 @@ def _sense_folders(directory: Path) -> dict[str, Path]:
 
 
 def _own_folders(directory: Path) -> dict[str, Path]:
-    """Folders of senses of the user's own, by name: others that hold recordings."""
+    """Folders of the user's own senses, by name: all other folders with recordings."""
     return {
         folder.name.casefold(): folder
         for folder in _folders(directory)

@@ -82,7 +82,7 @@ class Lmt108Reader:
 
 
 def _read_sense(folder: Path, modality: str, mark: str) -> list[Recording]:
-    """One recording for each number, after making sure that all ten of each class are there."""
+    """Read one recording for each number; all ten of each class have to be there."""
     pattern, example = NAMES.get(modality, OWN)
     found = _numbered(folder, pattern.format(mark))
     if not found and (modality == "haptic" or modality not in MODALITIES):

@@ -31,8 +31,8 @@ class SyntheticReader:
         classes: How many; None takes the usual number.
         surfaces: What is rendered of each.
         cache_dir: Folder of the cache; None takes the user's.
-        senses: That take part, or their modalities: sounds are rendered if ``sound`` is one of
-            them, and nothing else if it is the only one.
+        senses: Senses in use, or their modalities: sounds are rendered if ``sound`` is one of them,
+            and nothing else if it is the only one.
     """
 
     classes: int | None

@@ -1,1 +1,1 @@
-"""Classification while a recording goes on."""
+"""Classification of a recording that is still going on."""

@@ -78,7 +78,7 @@ class StreamingClassifier:
         self.restart(start_known=not features.skip_impact)
 
     def restart(self, *, start_known: bool) -> None:
-        """Begin another recording; ``start_known`` says that it begins with steady movement."""
+        """Begin another recording; with ``start_known`` it begins with steady movement."""
         self.start_known = start_known
         self.beginning: Tensor | None = None  # all samples, until it is known where to start
         self._start(0)
@@ -95,7 +95,7 @@ class StreamingClassifier:
 
     @property
     def novelty(self) -> Tensor | None:
-        """How unlike the training everything so far is; None without a vote or statistics."""
+        """Novelty of the recording so far; None without a vote or statistics."""
         if self.statistics is None or self.vote is None:
             return None
         return self.statistics.novelty(self.sums / len(self.vote.fragments))

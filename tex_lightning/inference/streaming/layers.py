@@ -24,7 +24,7 @@ from tex_lightning.inference.streaming.convolutions import (
 
 
 class StreamingLayer(Protocol):
-    """What every layer of a stream can do.
+    """The interface of every layer of a stream.
 
     Attributes:
         macs: Multiply-accumulates since the restart.
@@ -88,7 +88,7 @@ class Pointwise:
 
     @property
     def macs(self) -> int:
-        """Of a linear function; others multiply nothing."""
+        """Multiply-accumulates of a linear function; other functions have none."""
         return self.function.macs if isinstance(self.function, Linear) else 0
 
     def push(self, columns: Columns, settled: int) -> tuple[Columns, int]:

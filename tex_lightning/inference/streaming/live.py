@@ -1,4 +1,4 @@
-"""A recording that goes on, as a person follows it: samples in, predictions out."""
+"""A live recording: samples in, predictions out."""
 
 import logging
 import time
@@ -27,14 +27,14 @@ class LiveStream:
     """Take samples as they come and predict from all of them so far, or from the last seconds.
 
     Args:
-        classifier: Accelerated, of the senses that are given.
-        rates: Of the samples in Hz by modality of each signal; None is the checkpoint's.
+        classifier: The accelerated classifier of the given senses.
+        rates: Sampling rate in Hz by modality of each signal; None is the checkpoint's.
         photos: Decoded, by modality, with what is wrong with them; they stay as they are.
         config: Window and waiting.
         top_k: How many classes a prediction lists.
 
     Attributes:
-        signals: By modality, with their ``rate``.
+        signals: The signals by modality, with their ``rate``.
 
     Raises:
         UserError: If the classifier cannot be streamed, or is to reject while samples wait.
@@ -77,7 +77,7 @@ class LiveStream:
 
     @property
     def rate(self) -> float:
-        """In Hz, that samples must have; of several signals the first."""
+        """Sampling rate in Hz that samples must have; with several signals, of the first."""
         return next(iter(self.signals.values())).rate
 
     @property
@@ -97,7 +97,7 @@ class LiveStream:
             **chunks: The same by modality, of several signals as many seconds each.
 
         Returns:
-            A prediction without a label while there is not one fragment, or nothing is touched.
+            A prediction, without a label while there is no fragment yet or nothing is touched.
 
         Raises:
             UserError: If they are no such samples.
@@ -155,7 +155,7 @@ class LiveStream:
 
 @torch.inference_mode()
 def _senses(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Sensed]:
-    """What is said of the photos, once for all."""
+    """Compute the scores of the photos, once for all."""
     return {
         name: classifier.sense(name, photos[branch.modality])
         for name, branch in classifier.branches.items()

@@ -1,4 +1,4 @@
-"""One sense of a live stream: samples as they come from a sensor, at the rate of the training."""
+"""One sense of a live stream: a sensor's samples, resampled to the rate of the training."""
 
 from typing import Any
 
@@ -15,15 +15,15 @@ from tex_lightning.errors import UserError
 
 
 class LiveSignal:
-    """Check, measure and resample what comes.
+    """Check, measure and resample the incoming samples.
 
     Args:
-        branch: Of the sense.
-        rate: Of the samples in Hz; None is the checkpoint's.
-        ranges: Of the training recordings, that warnings compare with.
+        branch: Branch of the sense.
+        rate: Rate of the samples in Hz; None is the checkpoint's.
+        ranges: Ranges of the training recordings, with which warnings compare.
 
     Attributes:
-        rate: In Hz, that samples must have.
+        rate: Rate in Hz that samples must have.
         samples: How many came.
 
     Raises:
@@ -76,14 +76,14 @@ class LiveSignal:
         return None if found is None else torch.from_numpy(found)
 
     def forget(self) -> None:
-        """Say nothing any more of the quality of what came so far."""
+        """Forget the quality of the samples so far."""
         self.monitor = TraceMonitor(self.monitor.what)
 
     def quality(self, level: float | None) -> Quality:
-        """What is wrong with the signal.
+        """Faults of the signal.
 
         Args:
-            level: That is compared with the training; None compares none.
+            level: Level that is compared with the training; None compares none.
         """
         if not self.monitor.count:
             return Quality()

@@ -1,4 +1,4 @@
-"""A vote over the last seconds alone, which begins anew on another surface and after a pause.
+"""A vote over the last seconds, which restarts on another surface and after a pause.
 
 A fragment of HapticNet sees 2 s, so that its scores cannot follow within one. So here the samples
 of the window are classified afresh with every vote, and a spectrogram that is shorter than a
@@ -121,7 +121,7 @@ class WindowVote:
 
     @property
     def levels(self) -> dict[str, float]:
-        """Root of the mean square of what votes, by modality; empty if nothing does."""
+        """Root mean square of the samples that vote, by modality; empty if none do."""
         return {name: _level(self._joined(self.slices)[name]) for name in self.rates if self.slices}
 
     def _length(self, modality: str) -> int:

@@ -1,4 +1,4 @@
-"""Figures of what the network is shown."""
+"""Figures of the network's training inputs."""
 
 from typing import Any
 

@@ -34,5 +34,5 @@ def published(name: str) -> Trunk:
 
 
 def name_trunk(cls: type[Trunk]) -> str:
-    """What a class of trunks goes by: its published name, or the class's own."""
+    """Name of a class of trunks: its published name, or that of the class."""
     return next((name for name, known in TRUNKS.items() if known is cls), cls.__name__)

@@ -1,4 +1,4 @@
-"""What every trunk of VisualNet declares, and the geometry that follows from it."""
+"""The declarations of every trunk of VisualNet, and the geometry that follows from them."""
 
 from collections.abc import Iterable, Mapping
 from itertools import count
@@ -31,7 +31,7 @@ class Trunk(nn.Module):
         imagenet_url: Official ImageNet weights in the torchvision layout, if there are any.
         imagenet_package: Package of Python that holds ImageNet weights as its only file
             ``models/*.pth``, if there is one.
-        imagenet_sha256: Of that file, or its first digits where no more are published.
+        imagenet_sha256: SHA-256 of that file, or its first digits where no more are published.
         out_channels: Channel count of the features.
 
     Args:

@@ -21,7 +21,7 @@ class Stage(NamedTuple):
     Attributes:
         blocks: How many, before the variant's depth.
         kernel: Side of their depthwise kernels.
-        stride: Of the first of them.
+        stride: Stride of the first of them.
         expansion: Factor on the channels inside of them.
         channels: That they give, before the variant's width.
         positions: Those along each axis that one of the last stage stands for.
@@ -86,7 +86,7 @@ class InvertedResidual(nn.Module):
 
 
 def _pooling(patch: int) -> Window:
-    """Of stage 7's positions, those of a fragment; the next fragment is one of them further."""
+    """Pooling over the positions of a fragment in stage 7; the next fragment is one further."""
     return Window(fragment_positions(TO_STAGE7, patch, "efficientnet_lite"))
 
 

@@ -54,7 +54,7 @@ class Fire(nn.Module):
 
 
 def _pooling(patch: int) -> Window:
-    """Of fire9's positions, those of a fragment, which overlap by six sevenths or so."""
+    """Pooling over the positions of a fragment in fire9; fragments overlap by some six sevenths."""
     return Window(fragment_positions(TO_FIRE9, patch, "squeezenet"), max(1, patch // SPACING))
 
 

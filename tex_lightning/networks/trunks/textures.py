@@ -19,9 +19,9 @@ def fragment_positions(windows: Sequence[Window], patch: int, name: str) -> int:
     """Positions of the coarsest maps along each axis of a fragment.
 
     Args:
-        windows: Of the layers up to these maps.
+        windows: Windows of the layers up to these maps.
         patch: Side of a fragment in pixels.
-        name: Of the trunk, for the message.
+        name: Name of the trunk, for the message.
 
     Raises:
         UserError: If a fragment is smaller than a position.
@@ -43,8 +43,8 @@ class TextureFeatures(nn.Module):
     forgets where.
 
     Args:
-        window: Of positions of the coarsest maps, of which a fragment consists.
-        channels: Of all layers together, D.
+        window: Window of positions of the coarsest maps, of which a fragment consists.
+        channels: Channels of all layers together, D.
 
     Attributes:
         mean: (D,) of the features over photos of surfaces, 0 until :meth:`standardise`.
@@ -94,7 +94,7 @@ class TextureFeatures(nn.Module):
 
 
 class RootFeatures(TextureFeatures):
-    """The same of the roots of maps that are not negative.
+    """Mean of the square roots of non-negative maps, over the same windows.
 
     The root, taken first, keeps a few strong responses from outweighing all others (Perronnin et
     al. 2010, for Fisher vectors).
