@@ -2,21 +2,30 @@
 
 import logging
 import os
+import re
 import textwrap
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
+from tex_lightning.errors import printable
 from tex_lightning.ranks import is_rank_zero
 
 QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
 # Whose messages concern the user; others' only from warnings on.
 OWN = ("tex_lightning", "hydra", "hydra_plugins")
 STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
+
+VARYING = re.compile(r"\(.*?\)|\d+")  # of warnings that are alike otherwise, as of many letters
+FILLER = "\0"  # stands for the second column of a wide letter
+
+log = logging.getLogger(__name__)
 
 console = Console(stderr=True, quiet=not is_rank_zero())
 if not console.is_terminal and "COLUMNS" not in os.environ:
@@ -66,10 +75,24 @@ def verbosity(verbose: int) -> Iterator[None]:
         with warnings.catch_warnings():
             if verbose == QUIET:
                 warnings.simplefilter("ignore")
+            warnings.showwarning = _warner()
             yield
     finally:
         Screen.verbose = before
         logger.setLevel(level)
+
+
+def _warner() -> Callable[..., None]:
+    """Log what libraries warn of in one line, and of warnings that are alike the first."""
+    known: set[str] = set()
+
+    def warn(message: Warning, category: Any, filename: str, *_: Any) -> None:  # noqa: ANN401
+        said = " ".join(str(message).split())
+        if (kind := VARYING.sub("", said)) not in known:
+            known.add(kind)
+            log.warning("%s (%s)", said, Path(filename).name)
+
+    return warn
 
 
 def is_interactive() -> bool:
@@ -85,7 +108,7 @@ def is_interactive() -> bool:
 def tell(text: str) -> None:
     """Print what is no result, word for word, unless the user wants results only."""
     if Screen.verbose > QUIET:
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
+        _write(text, wraps=False)
 
 
 def tell_once(text: str) -> None:
@@ -101,6 +124,7 @@ def say(text: str, *, wraps: bool = True) -> None:
 
 
 def _write(text: str, style: str = "", *, wraps: bool) -> None:
+    text = "\n".join(map(printable, text.split("\n")))
     if wraps and console.is_terminal:
         text = wrapped(text, console.width)
     console.print(Text(text, style), soft_wrap=True)
@@ -108,12 +132,15 @@ def _write(text: str, style: str = "", *, wraps: bool) -> None:
 
 def wrapped(text: str, width: int) -> str:
     """Text in lines of whole words; longer words, such as paths, are left whole to be copied."""
-    return "\n".join(
-        textwrap.fill(
-            line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-        )
-        for line in text.split("\n")
-    )
+    options = {"break_long_words": False, "break_on_hyphens": False}
+    lines = [wrap(line, width, subsequent_indent="  ", **options) for line in text.split("\n")]
+    return "\n".join("\n".join(each) for each in lines)
+
+
+def wrap(text: str, width: int, **options: Any) -> list[str]:  # noqa: ANN401
+    """What :func:`textwrap.wrap` does, in a terminal's columns, of which some letters take two."""
+    filled = "".join(each + FILLER * (cell_len(each) - 1) for each in text)
+    return [line.replace(FILLER, "") for line in textwrap.wrap(filled, width, **options)]
 
 
 class ConsoleHandler(logging.Handler):
