@@ -162,3 +162,15 @@ def test_messages_of_others_are_for_whoever_debugs(file, monkeypatch):
         other.info("three")
     other.removeHandler(handler)
     assert file.getvalue() == "two (a_library.of.others)\nthree (a_library.of.others)\n"
+
+
+def test_tables_of_others_are_cut_where_the_terminal_ends(terminal):
+    other, handler = logging.getLogger("a_library.of.others"), ConsoleHandler()
+    other.addHandler(handler)
+    other.setLevel(logging.INFO)
+    other.propagate = False
+    with verbosity(2):
+        other.info("table\n%s\n%s", "-" * 100, "word " * 20)
+    other.removeHandler(handler)
+    assert [len(row) for row in terminal.text.splitlines()][:2] == [5, 80]
+    assert terminal.text.count("\n") == 2

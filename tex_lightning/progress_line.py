@@ -125,7 +125,9 @@ def line(levels: Sequence[Level], width: int) -> Table:
     if bar:
         cells.insert(0, (bar, ProgressBar(1.0, done, width=bar)))
     grid = Table.grid(padding=(0, 1), pad_edge=False)
-    for size, _ in cells:
+    for size, _ in cells[:-1]:
         grid.add_column(width=size, no_wrap=True, overflow="ellipsis")
+    # no wider than it is: where a terminal is narrowed, it would go on in the next line
+    grid.add_column(max_width=room, no_wrap=True, overflow="ellipsis")
     grid.add_row(*(cell for _, cell in cells))
     return grid

@@ -5,7 +5,7 @@ import os
 import re
 import textwrap
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
@@ -41,12 +41,14 @@ class Screen:
         job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
         sweep: Whether a table of all jobs follows.
         told: The block that was printed last.
+        warned: What libraries have warned of, without what varies.
     """
 
     verbose: ClassVar[int] = NORMAL
     job: ClassVar[str] = ""
     sweep: ClassVar[bool] = False
     told: ClassVar[str] = ""
+    warned: ClassVar[set[str]] = set()
 
 
 @contextmanager
@@ -54,13 +56,16 @@ def fresh_screen() -> Iterator[None]:
     """Begin as a new process does, and leave it so."""
     _reset()
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            yield
     finally:
         _reset()
 
 
 def _reset() -> None:
     Screen.verbose, Screen.job, Screen.sweep, Screen.told = NORMAL, "", False, ""
+    Screen.warned = set()
 
 
 @contextmanager
@@ -75,24 +80,27 @@ def verbosity(verbose: int) -> Iterator[None]:
         with warnings.catch_warnings():
             if verbose == QUIET:
                 warnings.simplefilter("ignore")
-            warnings.showwarning = _warner()
+            warnings.showwarning = _warn
             yield
     finally:
         Screen.verbose = before
         logger.setLevel(level)
 
 
-def _warner() -> Callable[..., None]:
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    *_: object,
+    **__: object,
+) -> None:
     """Log what libraries warn of in one line, and of warnings that are alike the first."""
-    known: set[str] = set()
-
-    def warn(message: Warning, category: Any, filename: str, *_: Any) -> None:  # noqa: ANN401
-        said = " ".join(str(message).split())
-        if (kind := VARYING.sub("", said)) not in known:
-            known.add(kind)
-            log.warning("%s (%s)", said, Path(filename).name)
-
-    return warn
+    said = " ".join(str(message).split())
+    kind = VARYING.sub("", said)
+    if kind not in Screen.warned:
+        Screen.warned.add(kind)
+        log.warning("%s (%s:%d)", said, Path(filename).name, lineno)
 
 
 def is_interactive() -> bool:
@@ -123,11 +131,12 @@ def say(text: str, *, wraps: bool = True) -> None:
     _write(text, wraps=wraps)
 
 
-def _write(text: str, style: str = "", *, wraps: bool) -> None:
-    text = "\n".join(map(printable, text.split("\n")))
-    if wraps and console.is_terminal:
+def _write(text: str, style: str = "", *, wraps: bool, crops: bool = False) -> None:
+    text = "\n".join(map(printable, text.expandtabs(1).split("\n")))
+    crops &= console.is_terminal
+    if wraps and not crops and console.is_terminal:
         text = wrapped(text, console.width)
-    console.print(Text(text, style), soft_wrap=True)
+    console.print(Text(text, style), soft_wrap=not crops, no_wrap=True, overflow="ellipsis")
 
 
 def wrapped(text: str, width: int) -> str:
@@ -157,10 +166,12 @@ class ConsoleHandler(logging.Handler):
         grave = record.levelno >= logging.WARNING
         severity = f"{record.levelname.capitalize()}: " if grave else ""
         record.severity = Screen.job + severity
-        text = self.format(record)
-        if not _is_own(record):
+        text, own = self.format(record), _is_own(record)
+        if not own:
             text = f"{text} ({record.name})"
-        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info)
+        # several lines of others are a table, as Lightning's of the layers
+        crops = not (own or grave) and "\n" in text
+        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info, crops=crops)
 
 
 def _is_own(record: logging.LogRecord) -> bool:
