@@ -133,10 +133,12 @@ def say(text: str, *, wraps: bool = True) -> None:
 
 def _write(text: str, style: str = "", *, wraps: bool, crops: bool = False) -> None:
     text = "\n".join(map(printable, text.expandtabs(1).split("\n")))
-    crops &= console.is_terminal
-    if wraps and not crops and console.is_terminal:
+    if crops and console.is_terminal:
+        console.print(Text(text, style), no_wrap=True, overflow="ellipsis")
+        return
+    if wraps and console.is_terminal:
         text = wrapped(text, console.width)
-    console.print(Text(text, style), soft_wrap=not crops, no_wrap=True, overflow="ellipsis")
+    console.print(Text(text, style), soft_wrap=True)
 
 
 def wrapped(text: str, width: int) -> str:
