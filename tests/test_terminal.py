@@ -14,7 +14,7 @@ RUNS = {
     "frontier": ("task=frontier", FRONTIER),
     "sweep": ("-m", "seed=0,1"),
 }
-ALONE = re.compile(r" (Decoding|Rendering surfaces) \d+/")  # before the work that is counted
+ALONE = re.compile(r" (Decoding|Rendering surfaces|Timing) \d+/")  # beside the work that is counted
 SIZES = [(80, 24), (120, 40)]
 
 
