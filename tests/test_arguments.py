@@ -1,9 +1,10 @@
-"""Names of files that Hydra would read as something else."""
+"""Names of files and flags that Hydra would read as something else."""
 
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from tex_lightning.config.arguments import quote_files
+from tex_lightning.config.arguments import quote_files, split_flags
+from tex_lightning.errors import UserError
 
 NAMES = [
     "my file [1].wav",
@@ -47,3 +48,16 @@ def test_everything_else_stays_as_it_is(tmp_path, monkeypatch):
         "haptic=",
     ]
     assert quote_files(arguments) == arguments
+
+
+def test_flags_may_stand_between_overrides():
+    flags = ["-m", "--cfg", "job", "--config-dir=a"]
+    given = ["model=haptic", *flags[:3], "seed=0,1", flags[3], "+x=-1"]
+    assert split_flags(given) == (flags, ["model=haptic", "seed=0,1", "+x=-1"])
+
+
+@pytest.mark.parametrize("given", [["--foo", "seed=1"], ["--cfg", "jab"], ["seed=1", "--package"]])
+def test_flags_that_do_not_exist_are_one_sentence(given):
+    with pytest.raises(UserError, match=r"cannot be read \(.*--hydra-help. lists\.") as found:
+        split_flags(given)
+    assert "\n" not in str(found.value)

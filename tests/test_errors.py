@@ -1,4 +1,6 @@
-from tex_lightning.errors import SHOWN, listed, printable, reason, shorten
+import pickle
+
+from tex_lightning.errors import SHOWN, UserError, listed, printable, reason, shorten
 
 
 def test_names_in_messages_are_short_and_few():
@@ -15,4 +17,15 @@ def test_what_a_library_says_stands_inside_a_sentence():
 
 
 def test_a_name_cannot_steer_the_terminal():
-    assert printable("a\x1b[31m.wav\nnext \udce9") == "a\\x1b[31m.wav\nnext \\udce9"
+    assert printable("a\x1b[31m.wav\nnext \udce9") == "a\\x1b[31m.wav\\nnext \\udce9"
+
+
+def test_each_line_of_a_mistake_is_one_whatever_names_hold():
+    assert str(UserError("File a\nb.wav is empty; replace it.")) == (
+        "File a\\nb.wav is empty; replace it."
+    )
+    several = UserError("2 files cannot be used:", "- a\nb.wav", "- c\x1b[31m.wav")
+    assert str(several).splitlines() == [
+        "2 files cannot be used:", "- a\\nb.wav", "- c\\x1b[31m.wav",
+    ]  # fmt: skip
+    assert str(pickle.loads(pickle.dumps(several))) == str(several)  # from a launcher's process

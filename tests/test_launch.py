@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import hydra
@@ -227,6 +228,9 @@ def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
         monkeypatch.setattr(runfolder, "holds_work", lambda _: False)
         assert command._interrupted() == "Interrupted."
         monkeypatch.setattr(runfolder, "holds_work", lambda _: True)
+        assert f"the same command with {folder} goes on" in command._interrupted()
+        monkeypatch.setattr(command, "STARTED", [job, replace(job, directory=tmp_path / "x")])
+        monkeypatch.setattr(runfolder, "holds_work", lambda path: path == tmp_path)
         assert f"the same command with {folder} goes on" in command._interrupted()
 
 

@@ -162,3 +162,17 @@ def test_messages_of_others_are_for_whoever_debugs(file, monkeypatch):
         other.info("three")
     other.removeHandler(handler)
     assert file.getvalue() == "two (a_library.of.others)\nthree (a_library.of.others)\n"
+
+
+def test_tables_of_others_are_cut_where_the_terminal_ends(terminal):
+    other, handler = logging.getLogger("a_library.of.others"), ConsoleHandler()
+    other.addHandler(handler)
+    other.setLevel(logging.INFO)
+    other.propagate = False
+    with verbosity(2):
+        other.info("table\n%s\n%s", "-" * 100, "word " * 20)
+    other.removeHandler(handler)
+    tell("/folder" * 20)
+    assert "/folder" * 20 in terminal.raw
+    assert [len(row) for row in terminal.text.splitlines()][:2] == [5, 80]
+    assert len([row for row in terminal.text.splitlines() if row.startswith("word")]) == 1

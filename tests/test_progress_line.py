@@ -88,6 +88,11 @@ def test_the_line_fits_any_terminal(width, title):
     assert len(rows[0]) <= width - len("^C")
 
 
+def test_the_line_is_no_wider_than_what_it_says():
+    (row,) = shown(training(), 120)
+    assert len(row.rstrip()) == len(row) < 100
+
+
 def test_80_columns_have_time_levels_and_what_counts():
     levels = training()
     levels[0].seconds_left = lambda: 720.0

@@ -1,10 +1,12 @@
 """How much is said, through the command line; whole words on a terminal."""
 
 import json
+import warnings
 
 import pytest
+from rich.cells import cell_len
 
-from tex_lightning.screen import Screen, wrapped
+from tex_lightning.screen import Screen, fresh_screen, tell, verbosity, wrapped
 
 
 @pytest.fixture
@@ -67,3 +69,27 @@ def test_words_and_paths_stay_whole():
     assert f"  {path}" in rows
     assert max(len(row) for row in rows if path not in row) <= 40
     assert " ".join(" ".join(rows).split()) == " ".join(text.split())
+
+
+def test_letters_of_two_columns_are_counted_as_such():
+    text = "木材 の表面 は 粗い, " * 20
+    rows = wrapped(text, 40).splitlines()
+    assert 30 < max(map(cell_len, rows)) <= 40
+    assert " ".join(" ".join(rows).split()) == text.strip()
+
+
+@pytest.mark.filterwarnings("default")
+def test_warnings_of_libraries_are_one_line_each_and_those_alike_one_in_all(caplog):
+    with fresh_screen(), verbosity(1):
+        for letter in range(3):
+            text = f"Glyph {letter} (\\N{{LETTER {letter}}}) missing\n  from font."
+            warnings.warn(text, UserWarning, stacklevel=1)
+        warnings.warn("Another.", RuntimeWarning, stacklevel=1)
+    first, second = caplog.messages
+    assert first.startswith("Glyph 0 (\\N{LETTER 0}) missing from font. (test_screen.py:")
+    assert second.startswith("Another. (test_screen.py:")
+
+
+def test_names_cannot_steer_the_terminal(capfd):
+    tell("Classes   2: a\x1b[31m, b\nRates")
+    assert capfd.readouterr().err == "Classes   2: a\\x1b[31m, b\nRates\n"

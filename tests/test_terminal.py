@@ -14,7 +14,7 @@ RUNS = {
     "frontier": ("task=frontier", FRONTIER),
     "sweep": ("-m", "seed=0,1"),
 }
-ALONE = re.compile(r" (Decoding|Rendering surfaces) \d+/")  # before the work that is counted
+ALONE = re.compile(r" (Decoding|Rendering surfaces|Timing) \d+/")  # beside the work that is counted
 SIZES = [(80, 24), (120, 40)]
 
 
@@ -52,6 +52,35 @@ def test_one_line_of_progress_that_never_falls_and_a_table_that_fits(
     assert "…" not in text
     assert re.search(r"\d\.\d%", text)
     assert text.splitlines()[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("columns", "rows"), SIZES)
+def test_a_test_of_stability_too(cache, tmp_path, columns, rows):
+    assert run(cache, tmp_path / "fit", ("model=mfcc_nb",)).status == 0
+    systems = f"stability.systems=[{tmp_path / 'fit'}]"
+    arguments = ("task=stability", systems, "stability.only=[low_pass,force]")
+    session = run(cache, tmp_path / "run", arguments, columns, rows)
+    assert session.status == 0, session.screen.text
+    bars = [row for row in session.screen.drawn if not ALONE.search(row)]
+    assert "trial 1/" in bars[0]
+    text = session.screen.text
+    assert max(map(len, without_paths(text))) <= columns
+    assert " % " not in text
+    assert "…" not in text
+    assert "class that suffers most" in text
+
+
+@pytest.mark.slow
+def test_jobs_side_by_side_are_told_apart_and_draw_nothing(cache, tmp_path):
+    sweep = ("-m", "model=haptic", "seed=0,1", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+    session = run(cache, tmp_path / "run", sweep)
+    assert session.status == 0, session.screen.text
+    assert session.screen.drawn == []
+    text = session.screen.text
+    for job in "01":
+        assert f"] Job {job}: Fold 0, haptic network: " in text
+    assert "2 seeds" in text
 
 
 @pytest.mark.slow

@@ -11,11 +11,11 @@ try:
     from omegaconf import DictConfig, OmegaConf
 
     from tex_lightning.config import CONF, register
-    from tex_lightning.config.arguments import quote_files
+    from tex_lightning.config.arguments import quote_files, split_flags
     from tex_lightning.config.job import Job, current_job
     from tex_lightning.config.search import use_config_dir, with_own_senses
     from tex_lightning.config.usage import answer, asks
-    from tex_lightning.errors import UserError, printable
+    from tex_lightning.errors import UserError
     from tex_lightning.launch import as_mistake
     from tex_lightning.progress import finishing
     from tex_lightning.ranks import is_rank_zero, join_quietly
@@ -62,7 +62,7 @@ def run_job(composed: DictConfig) -> float | None:
 def complain(error: Exception) -> int:
     """Print a user's mistake in one sentence and return the exit status for it."""
     if is_rank_zero():
-        say(f"Error: {printable(str(error))}")
+        say(f"Error: {error}")
     return USER_FAULT
 
 
@@ -80,9 +80,10 @@ def _interrupted() -> str:
     """What to say after Ctrl-C: how to go on with what is there."""
     from tex_lightning.runfolder import holds_work
 
-    if not STARTED or not holds_work(STARTED[-1].directory):
+    jobs = [job for job in STARTED if holds_work(job.directory)]
+    if not jobs:
         return "Interrupted."
-    job = STARTED[-1]
+    job = jobs[-1]
     folder = f"hydra.run.dir={job.directory}"
     if job.origin == "sweep":
         folder = f"hydra.sweep.dir={OmegaConf.select(job.hydra, 'hydra.sweep.dir')}"
@@ -122,13 +123,18 @@ def _answer(arguments: list[str]) -> int:
 def _run() -> int:
     """Run the command line and return its exit status."""
     register()
-    sys.argv[1:] = with_own_senses(quote_files(sys.argv[1:]))
+    try:
+        flags, overrides = split_flags(sys.argv[1:])
+    except UserError as error:
+        return complain(error)
+    overrides = with_own_senses(quote_files(overrides))
+    sys.argv[1:] = [*flags, *overrides]
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     try:
         with fresh_screen(), finishing():
             entry()
     except Exception as error:
-        mistake = as_mistake(error, sys.argv[1:], began=bool(STARTED))
+        mistake = as_mistake(error, overrides, began=bool(STARTED))
         if mistake is None:
             raise
         return complain(mistake)

@@ -81,10 +81,10 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
             config = resolve_auto(config.frontier.run, config.data.test_fold, job)
         # a task is imported when it runs: most take Lightning, which predictions do without
         results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job)
-    if results and config.task not in SILENT:  # other ranks have none
-        from tex_lightning.report.page.writing import write_page
+        if results and config.task not in SILENT:  # other ranks have none
+            from tex_lightning.report.page.writing import write_page
 
-        write_page(job.directory)
+            write_page(job.directory)
     if config.task in TRAINING and results:
         return optimized_value(results, config.optimized_metric)
     return None

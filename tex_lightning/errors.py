@@ -12,6 +12,10 @@ class UserError(Exception):
     The message is one plain sentence: what was wrong, where (file or key), and what to do.
     The command line prints it without a traceback and exits with status 2.
 
+    Args:
+        *lines: The sentence, and perhaps a list below it. Each is one line, whatever names of files
+            in it hold.
+
     Example:
         >>> import tex_lightning as tl
         >>> try:
@@ -21,10 +25,13 @@ class UserError(Exception):
         Checkpoint /nowhere.ckpt does not exist; check the path.
     """
 
+    def __str__(self) -> str:
+        return "\n".join(printable(str(line)) for line in self.args)
+
 
 def shorten(value: object) -> str:
     """Text for a message, in one line: a long value keeps its beginning and end."""
-    text = printable(str(value)).replace("\n", "\\n")
+    text = printable(str(value))
     if len(text) <= SHOWN:
         return text
     half = SHOWN // 2
@@ -32,10 +39,8 @@ def shorten(value: object) -> str:
 
 
 def printable(text: str) -> str:
-    """Text whose lines are as they were and whose other signs cannot steer a terminal."""
-    return "".join(
-        each if each.isprintable() or each == "\n" else repr(each)[1:-1] for each in text
-    )
+    """Text in one line whose signs cannot steer a terminal."""
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
 
 
 def reason(error: object) -> str:

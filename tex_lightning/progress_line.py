@@ -6,6 +6,7 @@ Work is nested: folds have networks, networks epochs. A level lists these from t
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -14,6 +15,8 @@ SURE = 1.0  # seconds after which the time that is left is estimated, and down t
 NARROW = 60  # columns, below which there is no bar
 MARGIN = 3  # columns, where a terminal echoes ^C without a new line
 PERCENT, ESTIMATE = 4, 11  # columns of their cells
+
+Cell = tuple[int, ProgressBar | str]
 
 
 @dataclass
@@ -115,17 +118,22 @@ def sentence(levels: Sequence[Level]) -> str:
 def line(levels: Sequence[Level], width: int) -> Table:
     """Bar, share, time that is left, and where the work is, in one line of so many columns."""
     done, left = share(levels), seconds_left(levels)
-    bar = 0 if width < NARROW else width // 10
-    room = width - MARGIN - (bar + 1 if bar else 0) - (PERCENT + 1) - (ESTIMATE + 1)
-    cells: list[tuple[int, ProgressBar | str]] = [
+    cells: list[Cell] = [
         (PERCENT, f"{_percent(levels):>2} %"),
         (ESTIMATE, "" if left is None or left < SURE else f"{format_seconds(left)} left"),
-        (room, describe(levels, room)),
     ]
-    if bar:
-        cells.insert(0, (bar, ProgressBar(1.0, done, width=bar)))
+    if width >= NARROW:
+        cells.insert(0, (width // 10, ProgressBar(1.0, done, width=width // 10)))
+    return one_line(cells, partial(describe, levels), width)
+
+
+def one_line(cells: Sequence[Cell], text: Callable[[int], str], width: int) -> Table:
+    """Cells of so many columns, and a text that is told how many are left of a terminal's."""
+    room = width - MARGIN - sum(size + 1 for size, _ in cells)
     grid = Table.grid(padding=(0, 1), pad_edge=False)
     for size, _ in cells:
         grid.add_column(width=size, no_wrap=True, overflow="ellipsis")
-    grid.add_row(*(cell for _, cell in cells))
+    # no wider than it is: where a terminal is narrowed, it would go on in the next line
+    grid.add_column(max_width=room, no_wrap=True, overflow="ellipsis")
+    grid.add_row(*(cell for _, cell in cells), text(room))
     return grid

@@ -2,21 +2,30 @@
 
 import logging
 import os
+import re
 import textwrap
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
+from tex_lightning.errors import printable
 from tex_lightning.ranks import is_rank_zero
 
 QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
 # Whose messages concern the user; others' only from warnings on.
 OWN = ("tex_lightning", "hydra", "hydra_plugins")
 STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
+
+VARYING = re.compile(r"\(.*?\)|\d+")  # of warnings that are alike otherwise, as of many letters
+FILLER = "\0"  # stands for the second column of a wide letter
+
+log = logging.getLogger(__name__)
 
 console = Console(stderr=True, quiet=not is_rank_zero())
 if not console.is_terminal and "COLUMNS" not in os.environ:
@@ -32,12 +41,14 @@ class Screen:
         job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
         sweep: Whether a table of all jobs follows.
         told: The block that was printed last.
+        warned: What libraries have warned of, without what varies.
     """
 
     verbose: ClassVar[int] = NORMAL
     job: ClassVar[str] = ""
     sweep: ClassVar[bool] = False
     told: ClassVar[str] = ""
+    warned: ClassVar[set[str]] = set()
 
 
 @contextmanager
@@ -45,13 +56,16 @@ def fresh_screen() -> Iterator[None]:
     """Begin as a new process does, and leave it so."""
     _reset()
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            yield
     finally:
         _reset()
 
 
 def _reset() -> None:
     Screen.verbose, Screen.job, Screen.sweep, Screen.told = NORMAL, "", False, ""
+    Screen.warned = set()
 
 
 @contextmanager
@@ -66,10 +80,27 @@ def verbosity(verbose: int) -> Iterator[None]:
         with warnings.catch_warnings():
             if verbose == QUIET:
                 warnings.simplefilter("ignore")
+            warnings.showwarning = _warn
             yield
     finally:
         Screen.verbose = before
         logger.setLevel(level)
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    *_: object,
+    **__: object,
+) -> None:
+    """Log what libraries warn of in one line, and of warnings that are alike the first."""
+    said = " ".join(str(message).split())
+    kind = VARYING.sub("", said)
+    if kind not in Screen.warned:
+        Screen.warned.add(kind)
+        log.warning("%s (%s:%d)", said, Path(filename).name, lineno)
 
 
 def is_interactive() -> bool:
@@ -85,7 +116,7 @@ def is_interactive() -> bool:
 def tell(text: str) -> None:
     """Print what is no result, word for word, unless the user wants results only."""
     if Screen.verbose > QUIET:
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
+        _write(text, wraps=False)
 
 
 def tell_once(text: str) -> None:
@@ -100,7 +131,11 @@ def say(text: str, *, wraps: bool = True) -> None:
     _write(text, wraps=wraps)
 
 
-def _write(text: str, style: str = "", *, wraps: bool) -> None:
+def _write(text: str, style: str = "", *, wraps: bool, crops: bool = False) -> None:
+    text = "\n".join(map(printable, text.expandtabs(1).split("\n")))
+    if crops and console.is_terminal:
+        console.print(Text(text, style), no_wrap=True, overflow="ellipsis")
+        return
     if wraps and console.is_terminal:
         text = wrapped(text, console.width)
     console.print(Text(text, style), soft_wrap=True)
@@ -108,12 +143,15 @@ def _write(text: str, style: str = "", *, wraps: bool) -> None:
 
 def wrapped(text: str, width: int) -> str:
     """Text in lines of whole words; longer words, such as paths, are left whole to be copied."""
-    return "\n".join(
-        textwrap.fill(
-            line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-        )
-        for line in text.split("\n")
-    )
+    options = {"break_long_words": False, "break_on_hyphens": False}
+    lines = [wrap(line, width, subsequent_indent="  ", **options) for line in text.split("\n")]
+    return "\n".join("\n".join(each) for each in lines)
+
+
+def wrap(text: str, width: int, **options: Any) -> list[str]:  # noqa: ANN401
+    """What :func:`textwrap.wrap` does, in a terminal's columns, of which some letters take two."""
+    filled = "".join(each + FILLER * (cell_len(each) - 1) for each in text)
+    return [line.replace(FILLER, "") for line in textwrap.wrap(filled, width, **options)]
 
 
 class ConsoleHandler(logging.Handler):
@@ -130,10 +168,12 @@ class ConsoleHandler(logging.Handler):
         grave = record.levelno >= logging.WARNING
         severity = f"{record.levelname.capitalize()}: " if grave else ""
         record.severity = Screen.job + severity
-        text = self.format(record)
-        if not _is_own(record):
+        text, own = self.format(record), _is_own(record)
+        if not own:
             text = f"{text} ({record.name})"
-        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info)
+        # several lines of others are a table, as Lightning's of the layers
+        crops = not (own or grave) and "\n" in text
+        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info, crops=crops)
 
 
 def _is_own(record: logging.LogRecord) -> bool:

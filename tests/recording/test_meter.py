@@ -6,6 +6,7 @@ import re
 
 import pytest
 from rich.console import Console
+from terminal import Screen
 
 from tex_lightning.recording import meter
 from tex_lightning.recording.meter import Meter
@@ -37,9 +38,29 @@ def test_a_terminal_has_one_line_of_80_columns(terminal, monkeypatch, capsys):
     assert len(rows) == 3
     assert max(map(len, rows)) < 80
     assert "waiting for contact" in rows[0]
-    assert rows[0].count("━") == rows[1].count("━") == 20
+    assert rows[0].count("━") == rows[1].count("━") == 10
     assert "4.9/5 s" in rows[2]
-    assert "oak 0.88" in rows[2]
+    assert "0.88 oak" in rows[2]
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+def test_any_terminal_has_room_for_an_interruption_and_the_label(monkeypatch, columns):
+    screen = Screen(columns)
+    console = Console(file=screen, width=columns, force_terminal=True, color_system=None)
+    monkeypatch.setattr(meter, "console", console)
+    monkeypatch.setattr(meter, "prints_lines", lambda: False)
+    with Meter(5) as shown:
+        shown.show(None, 0.0, 0.01, {})
+        assert "contact" in screen.text
+        found = {"label": "G1SquaredAluminumMesh", "probability": 0.876}
+        shown.show("steel_001", 1.25, 12345.6789, found)
+        (row,) = screen.text.splitlines()
+        assert "1.2/5 s     0.88 G1Squar" in row
+        assert ("G1SquaredAluminum" in row) == (columns >= 80)
+        assert ("steel_001" in row) == (columns >= 60)
+    assert screen.widest <= columns - len("^C")
+    assert screen.text == ""
+    assert not screen.cursor_is_hidden
 
 
 def test_elsewhere_each_chunk_is_a_json_object(capsys):

@@ -94,6 +94,11 @@ def test_without_one_what_is_confused_is_together():
     assert all(name.endswith(" + 7") for name in found)
 
 
+def test_classes_that_are_never_right_are_divided_as_well():
+    groups = categories(1 - np.eye(12, dtype=int), [f"x{n}" for n in range(12)])
+    assert sorted(index for members in groups.values() for index in members) == list(range(12))
+
+
 def test_many_classes_show_the_worst_with_what_they_are_taken_for():
     classes, counts = lmt_names(69), blocks(69, 7)
     counts[40] = 0

@@ -59,6 +59,16 @@ def test_the_block_fits_a_terminal_whatever_it_lists(config, store, rows):
     assert f"Trains {len(config.frontier.systems)} systems: bands, hapticnet" in text
 
 
+def test_a_long_path_of_a_checkpoint_is_known_by_its_end(config, store, rows):
+    file = "/very/long" * 9 + "/checkpoints/haptic.ckpt"
+    (line,) = [
+        line for line in Opening(config.data, file).lines(rows, store, []) if "Tests" in line
+    ]
+    assert line.startswith("Tests     …")
+    assert line.endswith("/long/checkpoints/haptic.ckpt")
+    assert len(line) == 80
+
+
 def test_a_family_announces_each_sense_and_each_left_out_file_once(
     config, store, rows, caplog, capsys
 ):

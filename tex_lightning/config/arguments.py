@@ -1,16 +1,44 @@
-"""Quote file names on the command line that Hydra would misread."""
+"""Quote file names that Hydra would misread, and take flags from between overrides."""
 
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
+from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
+from tex_lightning.errors import UserError, reason
 from tex_lightning.files import matches
 
 # whose values name files
 KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
+
+
+def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The flags of a command line with their values, and its overrides; Hydra wants them apart.
+
+    Raises:
+        UserError: If Hydra does not know a flag, or it lacks its value.
+    """
+
+    def refuse(message: str) -> NoReturn:
+        raise UserError(
+            f"The command line cannot be read ({reason(message)}); give key=value, or a flag that "
+            "`python -m tex_lightning --hydra-help` lists."
+        )
+
+    parser = get_args_parser()
+    parser.error = refuse  # type: ignore[method-assign]
+    overrides = parser.parse_intermixed_args(arguments).overrides
+    flags, left = [], list(overrides)
+    for argument in arguments:
+        if argument in left:
+            left.remove(argument)
+        else:
+            flags.append(argument)
+    return flags, overrides
 
 
 def quote_files(arguments: Sequence[str]) -> list[str]:

@@ -21,6 +21,7 @@ MISTAKES = (HydraException, OmegaConfBaseException, YAMLError)  # the last of a 
 
 OVERRIDE = re.compile(r"^(?P<prefix>[+~]{0,2})(?P<key>[\w./@-]+)(?:=(?P<value>.*))?$", re.DOTALL)
 MERGING = "Error merging override "
+AMBIGUOUS = "Ambiguous value for argument '"
 DIGITS = "integer string conversion"  # what Python says of thousands of digits
 # What OmegaConf says of a value of the wrong type, and what to give instead.
 TYPES = {
@@ -67,6 +68,12 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
         return UserError(f"{given} is not of the right type; give {wanted}.")
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
+    if str(error).startswith(AMBIGUOUS):
+        given = str(error).removeprefix(AMBIGUOUS).partition("'\n")[0]
+        return UserError(
+            f"{shorten(given)} has several values; add -m to run a job for each, or put a list in "
+            "brackets, as in [0,1]."
+        )
     _, rest = split_config_dir(arguments)
     overrides = [argument for argument in rest if not argument.startswith("-")]
     if isinstance(error, RecursionError):
@@ -97,7 +104,7 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
 def _unreadable(override: str) -> UserError:
     given = shorten(repr(override))
     if "=" not in override:
-        return UserError(f"{given} has no value; write it as key=value.")
+        return UserError(f"{given} has no value; write it as key=value, without spaces.")
     return UserError(
         f"{given} cannot be read as key=value; put quotes of two kinds around a value with spaces "
         "or signs, as in 'haptic=\"my file (1).wav\"'."

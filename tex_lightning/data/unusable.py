@@ -21,12 +21,12 @@ class Unusable:
     reason: str
 
 
-def list_files(unusable: Sequence[Unusable]) -> str:
-    """One line for each file, up to a number that a terminal shows."""
+def list_files(unusable: Sequence[Unusable]) -> list[str]:
+    """A line for each file, up to a number that a terminal shows."""
     lines = [f"- {each.reason}" for each in unusable[:MAX_LINES]]
     if len(unusable) > MAX_LINES:
         lines.append(f"… and {len(unusable) - MAX_LINES} more")
-    return "\n".join(lines)
+    return lines
 
 
 def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:

@@ -18,6 +18,7 @@ from tex_lightning.export.recordings import Given
 from tex_lightning.export.tracing import draws
 from tex_lightning.features.proportions import BandProportions
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.progress import track
 
 Array = npt.NDArray[Any]
 Runner = Callable[[Mapping[str, Array]], Mapping[str, Array]]  # inputs to outputs, by name
@@ -67,7 +68,7 @@ def compare(
     """
     fast, same, scores, shares = accelerate(classifier, engine), 0, [0.0], [0.0]
     times: tuple[list[float], list[float]] = ([], [])
-    for place, given in enumerate(samples):
+    for place, given in enumerate(track(samples, "Checking")):
         inputs = feed(classifier, given)
         with torch.inference_mode():
             expected = classifier.logits(**given.decoded)

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from tex_lightning.devices import synchronise
+from tex_lightning.progress import track
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def interleaved(
             function()
     spent: dict[str, list[float]] = {name: [] for name in functions}
     begin = time.perf_counter()
-    for done in range(repeats):
+    for done in track(range(repeats), "Timing"):
         if done >= least and time.perf_counter() - begin > budget_s:
             break
         for name, function in functions.items():

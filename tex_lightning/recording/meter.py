@@ -9,10 +9,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from tex_lightning.lines import print_line
+from tex_lightning.progress_line import NARROW, Cell, one_line
 from tex_lightning.screen import console
 
-WIDTH = 79
-BAR = 20
+NAME, BAR, LEVEL, TIME = 20, 10, 9, 11  # columns of their cells
 DECADES = 2.0  # of level that the bar shows, below the largest so far
 
 
@@ -59,18 +59,15 @@ class Meter:
 
     def _line(self, name: str | None, time: float, level: float, found: dict[str, Any]) -> Table:
         label, probability = found.get("label"), found.get("probability")
-        said = f"{label} {probability:.2f}" if label is not None else ""
-        line = Table.grid(padding=(0, 1), expand=False)
-        for width in (20, BAR, 9, 11, WIDTH - 64):
-            line.add_column(width=width, no_wrap=True, overflow="ellipsis")
-        line.add_row(
-            name or "waiting for contact",
-            ProgressBar(total=1.0, completed=self._share(level), width=BAR),
-            f"{level:.3g}",
-            f"{time:.1f}/{self.seconds:g} s" if name else "",
-            said,
-        )
-        return line
+        said = f"{probability:.2f} {label}" if label is not None else ""
+        cells: list[Cell] = [
+            (LEVEL, f"{level:.3g}"),
+            (TIME, f"{time:.1f}/{self.seconds:g} s" if name else "no contact"),
+        ]
+        if console.width >= NARROW:
+            bar = ProgressBar(total=1.0, completed=self._share(level), width=BAR)
+            cells = [(NAME, name or "waiting for contact"), (BAR, bar), *cells]
+        return one_line(cells, lambda _: said, console.width)
 
     def _share(self, level: float) -> float:
         """Of the bar: logarithmic, full at the largest level so far."""

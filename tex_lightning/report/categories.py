@@ -7,6 +7,7 @@ from math import sqrt
 
 import numpy as np
 from scipy.cluster.hierarchy import leaves_list, linkage
+from scipy.spatial.distance import pdist
 
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.fragments import Counts, Shares
@@ -50,7 +51,8 @@ def _grouped(values: Sequence[str]) -> dict[str, list[int]]:
 def _clusters(counts: Counts, classes: Sequence[str]) -> dict[str, list[int]]:
     """About as many as each has classes, so that what is confused is within them."""
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    order = leaves_list(linkage(shares + shares.T, "ward", optimal_ordering=True))
+    distances = pdist(shares + shares.T)
+    order = leaves_list(linkage(distances, "ward", optimal_ordering=True))
     errors = shares.sum(axis=1) - np.diag(shares)
     ends = _cuts(shares[np.ix_(order, order)], round(sqrt(len(classes))))
     found = {}

@@ -79,6 +79,8 @@ def print_table(table: Table) -> None:
         for column in table.columns:
             column.no_wrap = False
     console.print(table)
+    if table.caption:  # an empty line, which others end with
+        console.print()
 
 
 def print_tables(directory: Path, *tables: Table) -> None:

@@ -1,7 +1,6 @@
 """Print the data and settings of a task before it begins: a dozen lines on standard error."""
 
 import logging
-import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.report.durations import describe_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
-from tex_lightning.screen import console, tell_once
+from tex_lightning.screen import console, tell_once, wrap
 
 WIDTH, NARROWEST, INDENT = 80, 40, 10
 
@@ -60,7 +59,8 @@ class Opening:
             if note.modality in concerned:
                 log.warning("%s", note.text)
         if skipped:
-            log.warning("Going on without %d files:\n%s", len(skipped), list_files(skipped))
+            said = "\n".join([f"Going on without {len(skipped)} files:", *list_files(skipped)])
+            log.warning("%s", said)
         if self.announced and not len(fresh):
             return
         self.announced |= {row.modality for row in recordings}
@@ -115,18 +115,27 @@ def trained_networks(model: ModelConfig) -> str:
 
 
 def _wrapped(title: str, text: str, lines: int) -> list[str]:
-    width = min(WIDTH, max(console.width, NARROWEST))
-    wrapped = textwrap.wrap(text, width - INDENT, max_lines=lines, placeholder=" …")
+    whole = " ".join(_end(word, _room()) for word in text.split())
+    wrapped = wrap(whole, _room(), max_lines=lines, placeholder=" …")
     titles = [title, *[""] * (len(wrapped) - 1)]
     return [f"{name:<{INDENT}}{line}" for name, line in zip(titles, wrapped, strict=True)]
+
+
+def _room() -> int:
+    """Columns behind the titles."""
+    return min(WIDTH, max(console.width, NARROWEST)) - INDENT
 
 
 def _source(data: DataConfig) -> str:
     where = data.manifest or data.root
     if where is None:
         return data.name
-    path, room = str(Path(where).expanduser()), WIDTH - INDENT - len(data.name) - 1
-    return f"{data.name} {path if len(path) <= room else '…' + path[1 - room :]}"
+    return f"{data.name} {_end(str(Path(where).expanduser()), _room() - len(data.name) - 1)}"
+
+
+def _end(path: str, room: int) -> str:
+    """A path that is too long by its end, which says most."""
+    return path if len(path) <= room else f"…{path[1 - room :]}"
 
 
 def _classes(recordings: Recordings) -> str:

@@ -45,7 +45,8 @@ def refuse(unusable: list[Unusable], count: int) -> None:
     """
     raise UserError(
         f"{len(unusable)} of {count} files cannot be used; repair them, take them out or set "
-        f"data.skip_bad=true to go on without them:\n{list_files(unusable)}"
+        "data.skip_bad=true to go on without them:",
+        *list_files(unusable),
     )
 
 

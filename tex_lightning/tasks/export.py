@@ -1,6 +1,7 @@
 """Write a trained network to a file that runs without this package."""
 
 import json
+import logging
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -33,6 +34,8 @@ from tex_lightning.export.web_runtime import runtime_files
 from tex_lightning.files import write_atomically, write_text
 from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.screen import say
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     classifier.card = classifier.card.deciding(config.decision)
     check_unknown(classifier.card, bool(classifier.statistics))
     out = job.directory if config.export.out is None else Path(config.export.out).expanduser()
+    log.info("Exporting the %s as %s.", classifier.card.title, config.export.format)
     entry = FORMATS[config.export.format](Order(config, checkpoint, classifier, out))
     results = {"task": config.task, "format": config.export.format, **entry}
     write_text(out / "export.json", json.dumps(results, indent=1))

@@ -43,7 +43,7 @@ def run(config: Config, job: Job) -> None:
             continue
         print_line({**{name: str(file) for name, file in files.items()}, **said})
     if failures:
-        raise UserError(_failed(failures, len(samples)))
+        raise UserError(*_failed(failures, len(samples)))
 
 
 def _classify(
@@ -75,9 +75,9 @@ def figure_paths(given: str | None, samples: Sequence[Mapping[str, Path]]) -> Se
     return [path.with_name(f"{path.stem}_{name}{path.suffix}") for name in names]
 
 
-def _failed(failures: list[str], samples: int) -> str:
+def _failed(failures: list[str], samples: int) -> list[str]:
     if samples == 1:
-        return failures[0]
+        return failures
     more = [f"… and {len(failures) - MAX_FAILURES} more"] if len(failures) > MAX_FAILURES else []
     title = f"{len(failures)} of {samples} samples could not be classified:"
-    return "\n".join([title, *failures[:MAX_FAILURES], *more])
+    return [title, *failures[:MAX_FAILURES], *more]

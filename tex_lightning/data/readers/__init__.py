@@ -48,7 +48,8 @@ def read_recordings(
         )
     if len(classes) < least:
         raise UserError(
-            f"The data has only the class {', '.join(classes)}; telling classes apart takes two."
+            f"The data has only the class {', '.join(classes)}; telling classes apart takes two; "
+            "add recordings of another."
         )
     recordings = recordings.in_classes(classes[: config.classes])
     if config.test_where is not None:
