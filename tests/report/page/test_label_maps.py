@@ -101,15 +101,18 @@ def test_a_strip_lies_below_the_same_time_of_the_spectrogram(tmp_path, seconds, 
     write_map(
         map_folder(tmp_path, "haptic") / "0/haptic/haptic.png", evidence, CLASSES, *CLASSES[:2]
     )
-    (shown,) = shown_samples(tmp_path, ["haptic"])
-    picture, _ = shown.media
+    (shown,) = shown_samples(tmp_path, ["haptic"], None if suffix == ".wav" else rate)
+    picture, sound = shown.media
     assert picture.name == "spectrogram, label map of haptic"
     found = opened(picture.content)
     brightness = found[: SIDE // 3].sum(axis=2).max(axis=0)
     onset = np.flatnonzero(brightness > brightness.max() / 2)[0]
     turn = np.flatnonzero(np.abs(found[-5] - RED).sum(axis=1) < 60)[0]
-    assert 0 < turn == pytest.approx(onset, abs=5)  # a window is 8 wide at most
-    visible = min(seconds, 5) if suffix == ".wav" else seconds
+    visible = min(seconds, 5)
+    window = 512 / (visible * rate) * SIDE
+    assert 0 < turn == pytest.approx(onset, abs=window)
+    heard, heard_at = soundfile.read(io.BytesIO(base64.b64decode(sound.content.partition(",")[2])))
+    assert len(heard) / heard_at == pytest.approx(visible)
     assert turn == pytest.approx(evidence.edges[1] / visible * SIDE, abs=2)
 
 

@@ -84,19 +84,29 @@ def _data_uri(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def shown_samples(directory: Path, networks: Sequence[str]) -> list[Shown]:
-    """The worst samples of the last network: wrong and sure first, then right and unsure."""
+def shown_samples(
+    directory: Path, networks: Sequence[str], file_rate: float | None = None
+) -> list[Shown]:
+    """The worst samples of the last network: wrong and sure first, then right and unsure.
+
+    Args:
+        directory: A run folder.
+        networks: The names of its networks.
+        file_rate: In Hz, of signals whose files carry none; None assumes 10 kHz.
+    """
     file = directory / "predictions" / f"{networks[-1]}.csv" if networks else directory
     if not file.is_file():
         return []
-    outcomes = read_outcomes(file)
+    outcomes, decoder = read_outcomes(file), SignalDecoder().assuming(file_rate)
     return [
-        _shown(outcomes[row], networks[-1], row, directory)
+        _shown(outcomes[row], networks[-1], row, directory, decoder)
         for row in worst_first(outcomes)[:MOST_SAMPLES]
     ]
 
 
-def _shown(outcome: Outcome, network: str, row: int, directory: Path) -> Shown:
+def _shown(
+    outcome: Outcome, network: str, row: int, directory: Path, decoder: SignalDecoder
+) -> Shown:
     known = outcome.class_probabilities
     return Shown(
         network,
@@ -107,12 +117,12 @@ def _shown(outcome: Outcome, network: str, row: int, directory: Path) -> Shown:
         [
             medium
             for modality, file in outcome.files.items()
-            for medium in _media(Path(file), find_maps(directory, network, row, modality))
+            for medium in _media(Path(file), find_maps(directory, network, row, modality), decoder)
         ],
     )
 
 
-def _media(path: Path, maps: Sequence[Path]) -> Iterator[Medium]:
+def _media(path: Path, maps: Sequence[Path], decoder: SignalDecoder) -> Iterator[Medium]:
     """What can be shown of a file; nothing of one that is gone, or of a part of one."""
     try:
         if path.suffix.lower() in IMAGE_SUFFIXES:
@@ -123,7 +133,7 @@ def _media(path: Path, maps: Sequence[Path]) -> Iterator[Medium]:
                     own = image.resize(small.size)
                 yield Medium("image", f"label map of {each.stem}", _jpeg(own))
         elif path.is_file():
-            samples, source = read_trace(path, SignalDecoder())
+            samples, source = read_trace(path, decoder)
             heard = samples[:, : int(SECONDS * source.hz)]
             name = ", ".join(["spectrogram", *(f"label map of {each.stem}" for each in maps)])
             strips = [_strip(each, heard.shape[1] / samples.shape[1]) for each in maps]

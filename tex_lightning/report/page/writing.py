@@ -62,7 +62,7 @@ def write_page(directory: Path, command: str | None = None) -> None:
         report=shown,
         tables={name: _table(directory / name) for name in TABLES if (directory / name).is_file()},
         figures=_figures(directory, shown),
-        samples=shown_samples(directory, list(networks)),
+        samples=shown_samples(directory, list(networks), _file_rate(settings)),
         legend=LEGEND if networks and map_folder(directory, [*networks][-1]).is_dir() else {},
         settings=settings,
         environment=results.get("environment", {}),
@@ -70,6 +70,11 @@ def write_page(directory: Path, command: str | None = None) -> None:
         command=command or python_command(*given, f"hydra.run.dir={directory}"),
     )
     write_text(directory / PAGE, page)
+
+
+def _file_rate(settings: dict[str, Any]) -> float | None:
+    """At which rate in Hz a run took traces whose files carry none; a manifest may know better."""
+    return settings.get("data.file_rate") or settings.get("data.sampling_rate")
 
 
 def _read(path: Path) -> dict[str, Any]:
