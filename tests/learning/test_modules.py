@@ -133,6 +133,12 @@ def test_an_optimizer_that_cannot_be_made_says_why(node, message):
         module("haptic", optimizer=node).configure_optimizers()
 
 
+@pytest.mark.parametrize("target", [f"{SCHEDULES}.ReduceLROnPlateau", "torch.nn.Identity"])
+def test_what_does_not_go_by_steps_is_no_schedule(target):
+    with pytest.raises(UserError, match=r"fit\.schedule is .* does not go by the number"):
+        module("haptic", schedule={"_target_": target, "_partial_": True}).configure_optimizers()
+
+
 def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():
     model = quiet(module("haptic"))
     model.eval()  # no dropout, so that the network can be asked again
