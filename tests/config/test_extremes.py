@@ -42,7 +42,7 @@ CASES = [
         "task=crossval data.inverted=true", "model=minirocket model.baseline.kernels=1",
     )],
     *[(PHOTO, each) for each in (
-        f"{VISUAL}.patch=1", f"{VISUAL}.patch=2048", f"{VISUAL}.rotation=180",
+        f"{VISUAL}.patch=1", f"{VISUAL}.batch_size=1", f"{VISUAL}.rotation=180",
         f"{VISUAL}.augmentation={{_target_:torch.nn.Flatten}}", "model.visual.width=1e-9",
         "model.visual.head=[1,1]", "model.visual.fc1_kernel=64", "data.half_scale=false",
         "data.half_scale=false data.resize=32",

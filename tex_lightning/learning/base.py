@@ -81,6 +81,12 @@ class SurfaceModule(LightningModule):
         pixels = call(
             self._augmentation_key, self.augmentation, patches * features.std + features.mean
         )
+        shape = tuple(getattr(pixels, "shape", ()))
+        if len(shape) != 4 or shape[:2] != patches.shape[:2]:
+            raise UserError(
+                f"{self._augmentation_key} makes {shape or type(pixels).__name__} of patches "
+                f"{tuple(patches.shape)}; name a class that gives (batch, 3, side, side)."
+            )
         changed: Tensor = (pixels - features.mean) / features.std
         return changed
 
