@@ -146,6 +146,7 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["profile.growth=true"], "profile.growth is read by task=profile alone"),
         (["task=profile", "model=minirocket"], "measures networks, and model=minirocket is none"),
         (["task=predict", "checkpoint=null"], "task=predict needs one: give its file"),
+        (["task=frontier", "frontier.only=[]"], "frontier.only names nothing: leave it null"),
         (
             ["task=frontier", "data.val_fold=2"],
             "task=frontier leaves a fold of its own out: leave it null",
