@@ -64,6 +64,7 @@ CASES = [
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # of Lightning, which a user sees
 @pytest.mark.parametrize(("common", "given"), CASES, ids=[case for _, case in CASES])
 def test_extremes_run_or_are_refused(common, given, cli, surfaces, bands, tmp_path):
     words = [word.replace("BANDS", str(bands)) for word in [*common, *given.split()]]
