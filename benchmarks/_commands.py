@@ -141,7 +141,8 @@ def _json(path: Path) -> Any:  # noqa: ANN401
 
 def _table(path: Path) -> Any:  # noqa: ANN401
     with path.open(newline="", encoding="utf-8") as stream:
-        return _timeless(list(csv.DictReader(stream)))
+        rows = _timeless(list(csv.DictReader(stream)))
+    return sorted(rows, key=str) if path.name == BY_LATENCY else rows
 
 
 def _raw(path: Path) -> str:
@@ -161,6 +162,8 @@ def _follows_times(value: Any) -> bool:  # noqa: ANN401
     """Whether it is the row of the procedure that chooses by latency."""
     return isinstance(value, dict) and value.get("kind") == PROCEDURE
 
+
+BY_LATENCY = "frontier.csv"  # the order of its lines
 
 READERS = {
     ".ckpt": _checkpoint,

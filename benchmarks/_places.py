@@ -5,10 +5,11 @@ Disks are small file systems in memory, which only root can mount.
 """
 
 import random
+import re
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from benchmarks._processes import Running, partial_files, run
 SHARES = (0.02, 0.3, 0.6, 0.9)  # of the space that a command needs
 FAR_ENOUGH = "1g"
 TOGETHER = 8
+SENTENCE = re.compile(r"^\W*([\d:]+\W+)?(Error|Job \d+): [^\n]+\.$", re.MULTILINE)
 
 Fault = Callable[[Reference, Path, random.Random], Iterator[str | None]]
 
@@ -46,12 +48,23 @@ def _mount(*arguments: str | Path) -> None:
 
 def full_disk(reference: Reference, root: Path, rng: random.Random) -> Iterator[str | None]:
     """The disk is full after a share of what is to be written; then there is space."""
+    yield from _filled(reference, root, reference.command.products[-1], SHARES)
+
+
+def full_cache(reference: Reference, root: Path, rng: random.Random) -> Iterator[str | None]:
+    """The same of the disk of an empty cache."""
+    yield from _filled(reference, root, _cache(reference.command), (rng.choice(SHARES),))
+
+
+def _filled(
+    reference: Reference, root: Path, place: Path, shares: Iterable[float]
+) -> Iterator[str | None]:
     command = reference.command
     clear(command)
+    shutil.rmtree(place, ignore_errors=True)
     run(command.arguments, root / "log")
-    place = command.products[-1]
     needed = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
-    for share in SHARES:
+    for share in shares:
         clear(command)
         with disk(place, max(4096, int(share * needed))):
             wrong = _refused(command, root)
@@ -108,7 +121,7 @@ def _refused(command: Command, root: Path) -> str | None:
     if "Traceback" in said:
         return f"it ended with status {ended.status} and said {said}"
     failed = 1 if command.arguments[0] == "-m" else 2  # a sweep goes on, and says how many failed
-    if ended.status not in {2, failed}:
+    if ended.status not in {2, failed} or not SENTENCE.search(said):
         return f"it ended with status {ended.status} and said {said}"
     return None
 
@@ -163,14 +176,16 @@ def two_at_once(reference: Reference, root: Path, rng: random.Random) -> Iterato
 
 
 def many_at_once(reference: Reference, root: Path, rng: random.Random) -> Iterator[str | None]:
-    """Eight processes fill one store."""
+    """Eight processes fill one store, each for a run folder of its own."""
     command = reference.command
+    run_folder, cache = command.products[0], _cache(command)
     clear(command)
-    run_folder, cache = command.products
-    *arguments, _ = command.arguments
+    shutil.rmtree(cache, ignore_errors=True)
+    *arguments, place = command.arguments
     homes = [root / f"many{number}" for number in range(TOGETHER)]
     running = [
-        Running((*arguments, f"hydra.run.dir={home}"), home.with_suffix(".log")) for home in homes
+        Running((*arguments, place.replace(str(run_folder), str(home))), home.with_suffix(".log"))
+        for home in homes
     ]
     ended = [each.end() for each in running]
     for home, each in zip(homes, ended, strict=True):
@@ -180,8 +195,9 @@ def many_at_once(reference: Reference, root: Path, rng: random.Random) -> Iterat
             own = contents(Command("", (), (home,)), str(home), str(run_folder))
             yield None if own == _below(run_folder, reference) else f"{home.name} differs"
         shutil.rmtree(home)
-    left, stored = partial_files(cache), contents(Command("", (), (cache,)))
-    yield f"left {left}" if left else None if stored == _below(cache, reference) else "it differs"
+    left, expected = partial_files(cache), _below(cache, reference)
+    same = not expected or contents(Command("", (), (cache,))) == expected
+    yield f"left {left}" if left else None if same else "it differs"
 
 
 def _below(folder: Path, reference: Reference) -> dict[str, str]:
@@ -191,6 +207,7 @@ def _below(folder: Path, reference: Reference) -> dict[str, str]:
 
 FAULTS: dict[str, Fault] = {
     "full disk": full_disk,
+    "full cache": full_cache,
     "full disk under finished work": full_disk_under_finished_work,
     "read-only folder": read_only,
     "cache deleted": vanishing_cache,
@@ -198,4 +215,4 @@ FAULTS: dict[str, Fault] = {
     "twice at once": two_at_once,
     "eight at once": many_at_once,
 }
-MOUNTED = (full_disk, full_disk_under_finished_work, read_only)
+MOUNTED = (full_disk, full_cache, full_disk_under_finished_work, read_only)

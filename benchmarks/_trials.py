@@ -13,9 +13,11 @@ from benchmarks._attempts import Attempt, Tally, attempt, limit_memory
 from benchmarks._cards import CARDS, damaged_cards
 from benchmarks._layouts import LAYOUTS, damaged_trees
 from benchmarks._mutate import mutated
+from benchmarks._runtime_files import RUNTIME
 from benchmarks._seeds import FORMATS
 
-NAMES = (*FORMATS, *CARDS, *LAYOUTS)
+FILES = {**FORMATS, **RUNTIME}
+NAMES = (*FILES, *CARDS, *LAYOUTS)
 COUNT = 48  # files of each format
 
 
@@ -57,7 +59,7 @@ def attempts(name: str, count: int, folder: Path) -> Iterator[tuple[str, Attempt
         limit_memory()
         yield from damaged_cards(name, count, folder)
         return
-    kind = FORMATS[name]
+    kind = FILES[name]
     path = folder / kind.name
     path.parent.mkdir(exist_ok=True)
     kind.write(path)
@@ -66,7 +68,7 @@ def attempts(name: str, count: int, folder: Path) -> Iterator[tuple[str, Attempt
     if whole.outcome != "accepted":
         raise RuntimeError(f"{name} is refused whole: {whole.why}")
     limit_memory()
-    number = [*FORMATS].index(name)
+    number = [*FILES].index(name)
     total = round(count * kind.weight)
     for way, content in mutated(seed, total, text=kind.text, number=number):
         path.write_bytes(content)

@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks._commands import Command, Reference, clear, contents, difference, prepare
-from benchmarks._places import FAULTS, MOUNTED, can_mount, many_at_once
+from benchmarks._places import FAULTS, MOUNTED, can_mount
 from benchmarks._processes import Ended, Running, files, import_what_it_imports, run
 from tex_lightning.errors import UserError
 
@@ -75,8 +75,6 @@ def measure(rounds: str = "5", only: str = "", kinds: str = "", seed: str = "0")
         for each in chosen([*commands], only):
             reference = undisturbed(commands[each], root)
             for kind in wanted:
-                if FAULTS.get(kind) is many_at_once and each != "store":
-                    continue
                 rng, count = random.Random(f"{seed} {each} {kind}"), Count()
                 for wrong in faults(kind, reference, int(rounds), rng, root):
                     count.add(wrong)

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from own_parts import EpochCounter, MemoryLogger
 
+from tex_lightning.errors import UserError
+from tex_lightning.loggers import open_loggers
+
 VOTES = ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
 
 
@@ -23,6 +26,7 @@ def run(run_once, surfaces) -> Path:
         *arguments(surfaces),
         "+logger.mine._target_=own_parts.MemoryLogger",
         "+callbacks.mine._target_=own_parts.EpochCounter",
+        "decision.unknown=0.05",  # without classes held out, on which a figure could be had
     )
 
 
@@ -37,6 +41,8 @@ def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
     assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
     for name, value in entry["calibration"].items():
         assert logger.metrics[f"test/{name}"] == [value]
+    assert entry["unknown"]["rate"] == 0.05
+    assert "test/unknown_auroc" not in logger.metrics
     assert logger.params["haptic.fit.epochs"] == 2
     assert logger.params["seed"] == 0
     assert logger.images.keys() == {
@@ -58,6 +64,12 @@ def test_the_csv_has_the_same_metrics(run):
     for name in ("train/loss", "val/auroc", "test/ece"):
         written = [float(row[name]) for row in rows if row[name]]
         assert written == pytest.approx(MemoryLogger.kept["haptic"].metrics[name], rel=1e-4)
+
+
+@pytest.mark.parametrize("node", [False, 1, "text", {}])
+def test_a_logger_that_is_none_is_named(node, tmp_path):
+    with pytest.raises(UserError, match=r"logger\.mine has no _target_; name the class there"):
+        open_loggers({"mine": node}, tmp_path, "haptic")
 
 
 @pytest.mark.slow

@@ -104,8 +104,8 @@ def log_test(
         "test/fit_seconds": result["fit_seconds"],
         **{f"test/{key}": value for key, value in result["calibration"].items()},
     }
-    if "unknown" in result:
-        metrics["test/unknown_auroc"] = result["unknown"]["auroc"]
+    if (unknown := result.get("unknown", {}).get("auroc")) is not None:  # of classes held out
+        metrics["test/unknown_auroc"] = unknown
     loggers = open_loggers(nodes, directory, name)
     log_figures(loggers, {f"test/{title}": figure for title, figure in figures.items()})
     for logger in loggers:

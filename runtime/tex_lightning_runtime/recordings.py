@@ -1,6 +1,7 @@
 """Recordings out of files and arrays, to what the graph takes, as ``task=predict`` has them."""
 
 import re
+import warnings
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 Array = np.ndarray[Any, np.dtype[Any]]
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
-NUMBERS = re.compile(r"[-+.,;\s\deE]*\d[-+.,;\s\deE]*")
+ROW = re.compile(r"([;,\s]*[-+]?(\.?\d[\d._]*(e[-+]?\d+)?|nan|inf(inity)?)(?=[;,\s]|$))+", re.I)
 TIME = re.compile(r"(^|[,;#%\s])(time\w*|t|zeit|m?secs?|m?seconds?)([\W_]|$)", re.IGNORECASE)
 CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
 REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
@@ -45,12 +46,11 @@ def decode(given: Any, sense: dict[str, Any], rate: float | None = None) -> Deco
     require(len(raw) in sense["axes"], f"Give a trace of {sense['axes']} axes, not {len(raw)}.")
     trace, what, x = resample(raw, rate, sense["rate"]), sense["what"], raw.astype(np.float64)
     low, high = x.min(axis=1, keepdims=True), x.max(axis=1, keepdims=True)
-    constant = (low == high)[:, 0]
-    if constant.all():
+    (dead,) = (low == high)[:, 0].nonzero()
+    if len(dead) == len(x):
         said = f"The {what} is {'constant' if high.any() else 'silent'}, so nothing was measured; "
         return Decoded(trace, trace, [f"{said}check the sensor."], empty=True)
-    axes = np.flatnonzero(constant) + 1
-    found = [f"Axis {axis} of the {what} is constant; check the sensor." for axis in axes]
+    found = [f"Axis {n + 1} of the {what} is constant; check the sensor." for n in dead]
     flat = (((x == low) | (x == high))[:, 1:] & (x[:, 1:] == x[:, :-1])).sum(axis=1)
     flat[[len(np.unique(values)) < FINE_VALUES for values in x]] = 0
     if (clipped := flat.max() / x.shape[1]) >= FLAT_SHARE:
@@ -121,9 +121,8 @@ def read_trace(given: Any, sense: dict[str, Any], rate: float | None) -> tuple[A
     table = _read(_read_table, given, sense)
     if isinstance(table, tuple):
         (table, own), name, usual = table, given, sense["file_rate"]
-        if (channel := sense["channel"]) is not None and table.ndim == 2:
-            table = table.T if len(table) < table.shape[1] else table
-            table = table[:, channel : channel + 1]  # nothing if there is none, which is refused
+        if (channel := sense["channel"]) is not None and table.ndim == 2:  # or nothing
+            table = (table.T if len(table) < table.shape[1] else table)[:, channel : channel + 1]
         path = Path(given).expanduser().absolute()
         tables = [folder / "rates.csv" for folder in path.parents[:3]]
         for each in (path.with_name(f"{path.name}.json"), path.with_suffix(".json"), *tables):
@@ -144,40 +143,42 @@ def _read(read: Any, given: Any, sense: dict[str, Any]) -> Any:
     there = not file or (file.is_file() and file.stat().st_size)
     require(there, f"File {given} does not exist or is empty; correct the name.")
     try:
-        return read(file) if file else np.asarray(given)
+        with warnings.catch_warnings(action="ignore"):  # of metadata
+            return read(file) if file else np.asarray(given)
     except Exception as error:  # libraries raise in as many ways as there are formats
         name = given if file else f"The {sense['what']}"
-        raise UserError(f"{name} cannot be read ({error}); repair or replace it.") from error
+        said = " ".join(str(error).split()).partition(". ")[0].rstrip(".")  # then comes advice
+        raise UserError(f"{name} cannot be read ({said}); repair or replace it.") from error
 
 
 def _read_table(path: Path) -> tuple[Array, float | None]:
     """Columns of a file, and of sounds their rate in Hz."""
     axes, suffix = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name), path.suffix.lower()
-    if axes and sum(path.with_name(each.join(axes.groups())).is_file() for each in "XYZ") > 1:
-        raise ValueError("it is one axis of several files, make them columns of one")
+    several = axes and sum(path.with_name(f"{axes[1]}{x}{axes[2]}").is_file() for x in "XYZ") > 1
+    require(not several, "it is one axis of several files, make them columns of one")
     if suffix == ".npy":
         return np.asarray(np.load(path)), None
     if suffix in (".txt", ".csv"):
-        return _read_text(path.read_text("utf-8-sig", "replace").replace('"', "")), None
+        name = "latin-1" if "\ufffd" in path.read_text("utf-8", "replace") else "utf-8-sig"
+        return _read_text(path.read_text(name).replace('"', "")), None
     import soundfile
 
     with soundfile.SoundFile(path) as sound:  # which reads a truncated file without an error
-        cut = CUT.search(sound.extra_info)
-        if cut and int(cut[2]) < int(cut[1]) < 0x7FFF0000:  # from there on it was not known
-            raise ValueError("it is truncated")
+        cut = CUT.search(sound.extra_info)  # a length from 0x7FFF0000 on was not known
+        require(not (cut and int(cut[2]) < int(cut[1]) < 0x7FFF0000), "it is truncated")
         return sound.read(dtype="float32", always_2d=True), float(sound.samplerate)
 
 
 def _read_text(text: str) -> Array:
     """One sample a line, columns apart by comma, semicolon or white space, perhaps with names."""
     lines = [line for raw in text.splitlines() if (line := raw.strip().rstrip(";,\t "))]
-    first = next((n for n, line in enumerate(lines) if NUMBERS.fullmatch(line)), len(lines))
-    data = [line for line in lines[first:] if line[0] not in "#%"] or ["no numbers"]
+    plain = [line for line in lines if line[0] not in "#%"]
+    data = next((plain[n:] for n, row in enumerate(plain[:3]) if ROW.fullmatch(row)), ["no number"])
     mark = ";" if ";" in data[0] else "," if "," in data[0] else None
     table = np.loadtxt(data, delimiter=mark, ndmin=2)  # refuses decimal commas
     rising = len(table) > 7 and (np.diff(table[:, 0]) > 0).all()  # fewer may rise by chance
-    if table.shape[1] > 1 and (rising or any(map(TIME.search, lines[:first]))):
-        raise ValueError("it has a column of time, delete it and give rate=HZ")
+    timed = rising or any(map(TIME.search, lines[: lines.index(data[0])]))
+    require(not timed or table.shape[1] == 1, "it has a column of time, delete it and give rate=HZ")
     return table[:, 0] if table.shape[1] == 1 else table
 
 
@@ -185,7 +186,6 @@ def _read_pixels(path: Path) -> Array:
     from PIL import Image, ImageOps
 
     with Image.open(path, formats=("JPEG", "PNG", "BMP", "TIFF", "WEBP")) as image:
-        if image.mode.startswith(("I", "F")):
-            raise ValueError(f"its pixels are {image.mode}, save it with 8 bits")
+        require(image.mode[0] not in "IF", f"its pixels are {image.mode}, save it with 8 bits")
         ImageOps.exif_transpose(image, in_place=True)
         return np.array(image if image.mode == "RGB" else image.convert("RGB"))

@@ -43,6 +43,9 @@ def test_what_fails_on_patches_is_said(batch):
     wrong = module({"_target_": "kornia.augmentation.RandomCrop", "size": "a"})
     with pytest.raises(UserError, match=r"fit\.augmentation"):
         wrong.inputs(batch)
+    flat = module({"_target_": "torch.nn.Flatten"})
+    with pytest.raises(UserError, match=r"makes \(2, 150528\) of patches \(2, 3, 224, 224\); "):
+        flat.inputs(batch)
 
 
 def test_an_augmentation_comes_through_the_command_line(cli, surfaces, tmp_path):

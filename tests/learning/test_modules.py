@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from conftest import make_card
+from conftest import make_card, make_photo, make_trace
 from torch import nn
 
 from tex_lightning.classifier import SurfaceClassifier
@@ -131,6 +131,24 @@ def test_any_optimizer_and_schedule_can_be_named():
 def test_an_optimizer_that_cannot_be_made_says_why(node, message):
     with pytest.raises(UserError, match=message):
         module("haptic", optimizer=node).configure_optimizers()
+
+
+@pytest.mark.parametrize("target", [f"{SCHEDULES}.ReduceLROnPlateau", "torch.nn.Identity"])
+def test_what_does_not_go_by_steps_is_no_schedule(target):
+    with pytest.raises(UserError, match=r"fit\.schedule is .* does not go by the number"):
+        module("haptic", schedule={"_target_": target, "_partial_": True}).configure_optimizers()
+
+
+@pytest.mark.parametrize("kind", ["haptic", "fusion"])
+def test_whole_recordings_are_scored_in_the_precision_of_the_training(kind):
+    classifier = module(kind).eval().classifier
+    given = {"haptic": torch.from_numpy(make_trace(0, 0))[None]}
+    if kind == "fusion":
+        given["image"] = torch.from_numpy(make_photo(0, 0))
+    with torch.no_grad():
+        single, exact = classifier.logits(**given), classifier.double().logits(**given)
+    assert (single.dtype, exact.dtype) == (torch.float32, torch.float64)
+    torch.testing.assert_close(single.double(), exact, rtol=0, atol=1e-4)
 
 
 def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():

@@ -10,7 +10,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.progress import ProgressBar
-from tex_lightning.learning.train import train_network
+from tex_lightning.learning.train import _fit, train_network
 from tex_lightning.learning.trainer import CheckpointFiles, _settle_progress_bar
 from tex_lightning.progress import Work
 from tex_lightning.progress_line import share
@@ -23,6 +23,16 @@ class Unsaveable:
         raise OSError(28, "no space left on device")
 
 
+@pytest.fixture
+def batch_norm_of_one() -> SimpleNamespace:
+    """A trainer whose only step normalises a single position."""
+
+    def fit(*_: object, **__: object) -> None:
+        torch.nn.BatchNorm2d(3)(torch.ones(1, 3, 1, 1))
+
+    return SimpleNamespace(progress_bar_callback=None, fit=fit)
+
+
 def test_a_checkpoint_is_the_one_that_lightning_would_write(tmp_path: Path) -> None:
     checkpoint = {"epoch": 3, "state_dict": {"weight": torch.arange(5.0)}}
     CheckpointFiles().save_checkpoint(checkpoint, tmp_path / "new" / "here.ckpt")
@@ -33,6 +43,13 @@ def test_a_checkpoint_is_the_one_that_lightning_would_write(tmp_path: Path) -> N
     )
     assert ours["epoch"] == theirs["epoch"] == 3
     assert torch.equal(ours["state_dict"]["weight"], theirs["state_dict"]["weight"])
+
+
+def test_a_batch_of_one_position_is_said(batch_norm_of_one: SimpleNamespace) -> None:
+    card = SimpleNamespace(kind="visual")
+    module = SimpleNamespace(classifier=SimpleNamespace(card=card))
+    with pytest.raises(UserError, match=r"raise model\.visual\.fit\.batch_size"):
+        _fit(batch_norm_of_one, module, None, None)
 
 
 def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) -> None:

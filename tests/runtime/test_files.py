@@ -7,6 +7,7 @@ from conftest import make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
+from tex_lightning.errors import UserError as PackageError
 from tex_lightning_runtime import UserError
 from tex_lightning_runtime.recordings import decode, read_trace, resample
 
@@ -74,12 +75,30 @@ def test_text_is_that_of_the_package(tmp_path, mark, header, axes):
         ("1 2\n3 4\n5 6\n7 8\n", "one axis or three"),
         ("1\nnan\n", "cannot be read|NaN"),
         ("1\n1e12\n", "at sample 1"),
+        ("x,y,z\nnan,2,3\n4,5,6\n", "at sample 0"),
+        ("x\n-Inf\n4\n", "at sample 0"),
+        ("x,y,z\n1,2,3a\n1 b,2,3\n4,5,6\n", "cannot be read"),
         ("", "empty"),
     ],
 )
 def test_text_that_is_unclear_is_refused(tmp_path, text, message):
     with pytest.raises(UserError, match=message):
         read(write(tmp_path / "a.csv", text))
+
+
+@pytest.mark.parametrize(
+    "text", ["Kan\xe4le\n1\n2\n", "1\x85\xe4\x852\n3\n", "x;y;z\n0.\x851;2;3\xff\x854;5;6\n"]
+)
+def test_text_that_is_not_utf_8_is_that_of_the_package(tmp_path, text):
+    path = tmp_path / "a.csv"
+    path.write_bytes(text.encode("latin-1"))
+    try:
+        expected = SignalDecoder().decode(path)[0]
+    except PackageError:
+        with pytest.raises(UserError):
+            read(path)
+    else:
+        np.testing.assert_array_equal(decoded(path), expected)
 
 
 def test_files_that_only_the_package_reads_are_refused(tmp_path):
@@ -125,6 +144,20 @@ def test_photos_are_those_of_the_package(tmp_path, mode):
     image.save(path, exif=exif)
     expected = decode_image(path, PhotoDecoder(False))
     np.testing.assert_array_equal(decode(path, PHOTO).array, expected)
+
+
+def test_libraries_are_quoted_in_one_sentence_and_warn_of_nothing(tmp_path):
+    photo, array = tmp_path / "a.jpg", tmp_path / "a.npy"
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    Image.fromarray(make_photo(0, 0)).save(photo, exif=exif)
+    content = photo.read_bytes()
+    place = content.index(b"Exif") + 12  # of where the metadata begin
+    photo.write_bytes(content[:place] + b"\xff" + content[place + 1 :])
+    decode(photo, PHOTO)  # a warning would be an error
+    np.save(array, np.array([{}]), allow_pickle=True)
+    with pytest.raises(UserError, match=r"^[^.]*/a\.npy cannot be read \([^.;]*\); [^.]*\.$"):
+        read(array)
 
 
 def test_photos_that_are_none_are_refused(tmp_path):

@@ -272,10 +272,10 @@ class Branch(ABC):
         return in_tiles(features, x, windows, affordable(windows, self.tile))[0]
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
-        """Features (1, D, *positions), float32, of a network input."""
+        """Features (1, D, *positions) of a network input: float32, of float64 weights float64."""
         weights = next(self.network.parameters(), x)
         found: Tensor = self.network.features(x.to(weights.dtype), level)  # type: ignore[operator]
-        return found.float()
+        return found if found.dtype == torch.float64 else found.float()
 
 
 def as_tensor(recording: Tensor | Array) -> Tensor:

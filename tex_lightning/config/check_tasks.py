@@ -189,6 +189,8 @@ def _frontier(config: Config) -> Iterator[str]:
     listed = isinstance(frontier.senses, list)
     if listed and not frontier.senses:
         yield "frontier.senses names nothing: give senses, auto, or null"
+    if frontier.only is not None and not frontier.only:
+        yield "frontier.only names nothing: leave it null for all systems"
     for name in frontier.senses if listed else [frontier.senses]:
         allowed = config.model.known if listed else (EVERY_SENSE, None, "a list of senses")
         yield from choice("frontier.senses", name, allowed)

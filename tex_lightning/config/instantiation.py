@@ -79,7 +79,7 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
 
 
 def _check_named(where: str, node: Mapping[str, Any]) -> None:
-    if TARGET not in node:
+    if not isinstance(node, Mapping) or TARGET not in node:
         raise UserError(
             f"{where} has no _target_; name the class there, as in package.module.Name."
         )

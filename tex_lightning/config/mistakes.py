@@ -158,7 +158,7 @@ def _check(
         return None
     values: Any = OmegaConf.to_container(config, resolve=False)
     keys = list(_keys(values))
-    if renamed(key) is None and (key in keys or prefix == "+"):
+    if key in keys or (prefix == "+" and renamed(key) is None):
         return None
     return unknown_key(key, config, keys, groups)
 

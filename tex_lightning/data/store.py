@@ -34,6 +34,7 @@ from tex_lightning.threads import computing_threads
 FINGERPRINT_BYTES = 65_536
 LAYOUT = 3  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
+EMPTIED = (FileNotFoundError, FileExistsError)  # its folder is deleted while an entry is written
 RATE_BYTES = 152  # of three numbers as .npy, which end the entry of a trace
 
 Decoded = tuple[npt.NDArray[Any], SourceRate | None]
@@ -175,7 +176,12 @@ class Store:
         return cut_part(array, recording.part, recording.path), rate
 
     def _save(self, recording: Recording, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
-        write_atomically(self._entry(recording), lambda path: _save(path, array, rate))
+        entry = self._entry(recording)
+        try:
+            write_atomically(entry, lambda path: _save(path, array, rate))
+        except UserError as error:
+            if not isinstance(error.__cause__, EMPTIED):
+                raise
 
 
 def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:

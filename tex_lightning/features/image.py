@@ -64,7 +64,7 @@ class ImageFeatures(nn.Module):
         # side by side, as remap wants them: from two planes its own copy takes twice as long
         grid = cos.new_empty(len(crops), cos.shape[2], cos.shape[2], 2)
         pixels = remap(
-            crops.contiguous().float(),  # planes of colours are turned faster than pixels
+            crops.contiguous().to(cos.dtype),  # planes of colours are turned faster than pixels
             torch.sub(cos, sin.mT, out=grid[..., 0]),
             torch.add(sin, cos.mT, out=grid[..., 1]),
             padding_mode="border",

@@ -6,6 +6,7 @@ from typing import Any, cast
 import torch
 from lightning import LightningModule
 from torch import Tensor, nn
+from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics import MetricCollection
 
 from tex_lightning.card import LEFT_OUT, Card
@@ -13,6 +14,7 @@ from tex_lightning.classifier import SurfaceClassifier, own_state
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import Vote
+from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures
 from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
 from tex_lightning.loggers import log_figures
@@ -79,6 +81,12 @@ class SurfaceModule(LightningModule):
         pixels = call(
             self._augmentation_key, self.augmentation, patches * features.std + features.mean
         )
+        shape = tuple(getattr(pixels, "shape", ()))
+        if len(shape) != 4 or shape[:2] != patches.shape[:2]:
+            raise UserError(
+                f"{self._augmentation_key} makes {shape or type(pixels).__name__} of patches "
+                f"{tuple(patches.shape)}; name a class that gives (batch, 3, side, side)."
+            )
         changed: Tensor = (pixels - features.mean) / features.std
         return changed
 
@@ -171,6 +179,9 @@ class SurfaceModule(LightningModule):
 
         The scheduler steps after every batch. It gets the number of steps and the largest rates of
         both groups where its class takes them.
+
+        Raises:
+            UserError: If one of the two cannot be made, or is none.
         """
         fit, rate = self.fit_config, self.fit_config["learning_rate"]
         groups = [
@@ -186,6 +197,11 @@ class SurfaceModule(LightningModule):
             max_lr=[group["lr"] for group in groups],
         )  # fmt: skip
         scheduler = call("fit.schedule", make_scheduler, optimizer)
+        if isinstance(scheduler, ReduceLROnPlateau) or not isinstance(scheduler, LRScheduler):
+            raise UserError(
+                f"fit.schedule is {type(scheduler).__name__}, which does not go by the number of "
+                "the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
+            )
         return {
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},

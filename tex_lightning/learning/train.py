@@ -32,6 +32,8 @@ from tex_lightning.progress import hidden
 
 log = logging.getLogger(__name__)
 
+ONE_VALUE = "Expected more than 1 value per channel"  # says PyTorch of batch normalisation
+
 
 def train_network(training: Training, *watchers: Callback) -> Path:
     """Train unless the checkpoint is there already; return its path.
@@ -90,6 +92,14 @@ def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path 
         with nullcontext() if own else hidden():
             # The folder holds only this package's own checkpoints of plain values and tensors.
             trainer.fit(module, datamodule=data, ckpt_path=last, weights_only=True)
+    except ValueError as error:
+        if ONE_VALUE not in str(error):
+            raise
+        kind = module.classifier.card.kind
+        raise UserError(
+            "Batch normalisation takes more than one position of a batch; raise "
+            f"model.{kind}.fit.batch_size, or set norm=none of what is trained."
+        ) from error
     except SystemExit as stop:  # Lightning's answer to Ctrl-C
         raise KeyboardInterrupt from stop
     if trainer.state.status == TrainerStatus.INTERRUPTED:
@@ -152,6 +162,7 @@ def _finish(
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
         module.val_loss = float(cast(torch.Tensor, keeper.best_model_score))
+    module.float()  # whatever it was trained in
     if trainer.is_global_zero:
         _keep_statistics(training, module)
     trainer.save_checkpoint(training.final, weights_only=True)
