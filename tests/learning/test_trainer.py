@@ -10,7 +10,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.progress import ProgressBar
-from tex_lightning.learning.train import _fit, train_network
+from tex_lightning.learning.train import _fit, _refuse_diverged, train_network
 from tex_lightning.learning.trainer import CheckpointFiles, _settle_progress_bar
 from tex_lightning.progress import Work
 from tex_lightning.progress_line import share
@@ -103,3 +103,15 @@ def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path:
     (working / "last.ckpt").touch()
     assert train_network(SimpleNamespace(final=final, working=working)) == final
     assert not working.exists()
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e30])
+def test_weights_that_are_no_numbers_end_a_training_in_a_sentence(value: float) -> None:
+    layer = torch.nn.Linear(2, 1)
+    torch.nn.init.constant_(layer.bias, value)
+    layer.classifier = SimpleNamespace(card=SimpleNamespace(kind="fusion"))
+    if value == 1e30:
+        _refuse_diverged(layer)
+        return
+    with pytest.raises(UserError, match=r"diverged, .*; lower model\.fusion\.fit\.learning_rate"):
+        _refuse_diverged(layer)

@@ -151,6 +151,15 @@ def _features_are_untrained(training: Training) -> bool:
     return training.fit_values["epochs"] == 0 and all(parts)
 
 
+def _refuse_diverged(module: SurfaceModule) -> None:
+    if not all(bool(each.isfinite().all()) for each in module.state_dict().values()):
+        kind = module.classifier.card.kind
+        raise UserError(
+            f"Training of the {kind} network diverged, its weights are NaN or infinite; lower "
+            f"model.{kind}.fit.learning_rate."
+        )
+
+
 def _finish(
     training: Training, trainer: Trainer, module: SurfaceModule, keeper: ModelCheckpoint | None
 ) -> None:
@@ -162,6 +171,7 @@ def _finish(
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
         module.load_state_dict(best["state_dict"])
         module.val_loss = float(cast(torch.Tensor, keeper.best_model_score))
+    _refuse_diverged(module)
     module.float()  # whatever it was trained in
     if trainer.is_global_zero:
         _keep_statistics(training, module)
