@@ -133,6 +133,7 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
     axes.yaxis.set_major_formatter(lambda share, _: f"{100 * share:.4g}%" if share <= 1 else "")
     for formatter in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
         formatter(LogFormatter(minor_thresholds=(2, 0.5)))
+    axes.tick_params(axis="x", which="both", length=2)  # else their labels lie at two heights
     axes.grid(which="both")
     places = {item.system: (item.latency_ms_mean, item.vote_accuracy) for item in points}
     mark_added_senses(axes, steps, places)
