@@ -8,7 +8,6 @@ import os
 import subprocess
 import sys
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import hydra
@@ -223,13 +222,13 @@ def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
     hydra_config = OmegaConf.create({"hydra": {"sweep": {"dir": "SWEEP"}}})
     folders = {"command": f"hydra.run.dir={tmp_path}", "sweep": "hydra.sweep.dir=SWEEP"}
     for origin, folder in folders.items():
-        job = Job((), tmp_path, origin, False, (), hydra_config)
+        job = tmp_path, command._goes_on(Job((), tmp_path, origin, False, (), hydra_config))
         monkeypatch.setattr(command, "STARTED", [job])
         monkeypatch.setattr(runfolder, "holds_work", lambda _: False)
         assert command._interrupted() == "Interrupted."
         monkeypatch.setattr(runfolder, "holds_work", lambda _: True)
         assert f"the same command with {folder} goes on" in command._interrupted()
-        monkeypatch.setattr(command, "STARTED", [job, replace(job, directory=tmp_path / "x")])
+        monkeypatch.setattr(command, "STARTED", [job, (tmp_path / "x", "")])
         monkeypatch.setattr(runfolder, "holds_work", lambda path: path == tmp_path)
         assert f"the same command with {folder} goes on" in command._interrupted()
 

@@ -3,6 +3,7 @@
 import logging
 import os
 import sys
+from pathlib import Path
 
 INTERRUPTED = 130
 
@@ -27,7 +28,9 @@ except KeyboardInterrupt:  # Ctrl-C before anything has begun
 USER_FAULT = 2
 FAILED_SWEEP = 1
 
-STARTED: list[Job] = []  # of this process; none means that Hydra could not make a run folder
+# Of every job of this process its run folder, and the override that goes on with it; none means
+# that Hydra could not make a run folder.
+STARTED: list[tuple[Path, str]] = []
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +46,7 @@ def run_job(composed: DictConfig) -> float | None:
     from tex_lightning.report.sweep import FAILURE, note_failure
 
     job = current_job()
-    STARTED.append(job)
+    STARTED.append((job.directory, _goes_on(job)))
     (job.directory / FAILURE).unlink(missing_ok=True)
     try:
         return run_task(composed, job)
@@ -80,14 +83,17 @@ def _interrupted() -> str:
     """What to say after Ctrl-C: how to go on with what is there."""
     from tex_lightning.runfolder import holds_work
 
-    jobs = [job for job in STARTED if holds_work(job.directory)]
-    if not jobs:
-        return "Interrupted."
-    job = jobs[-1]
-    folder = f"hydra.run.dir={job.directory}"
+    for directory, override in reversed(STARTED):
+        if holds_work(directory):
+            again = f"the same command with {override}"
+            return f"Interrupted; {again} goes on after the last finished epoch."
+    return "Interrupted."
+
+
+def _goes_on(job: Job) -> str:
     if job.origin == "sweep":
-        folder = f"hydra.sweep.dir={OmegaConf.select(job.hydra, 'hydra.sweep.dir')}"
-    return f"Interrupted; the same command with {folder} goes on after the last finished epoch."
+        return f"hydra.sweep.dir={OmegaConf.select(job.hydra, 'hydra.sweep.dir')}"
+    return f"hydra.run.dir={job.directory}"
 
 
 def _main() -> int:

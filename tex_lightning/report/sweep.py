@@ -103,7 +103,8 @@ class SweepSummary(Callback):
             SweepSummary.jobs = begin("job", count_jobs(config))
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:  # noqa: ANN401
-        """Count a job."""
+        """Count a job, and forget its configuration, half a megabyte that Hydra would keep."""
+        job_return.cfg = job_return.hydra_cfg = None
         if SweepSummary.jobs is not None:
             SweepSummary.jobs.update(SweepSummary.jobs.done + 1)
 
