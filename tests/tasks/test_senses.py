@@ -61,6 +61,7 @@ def test_it_predicts_by_whichever_are_given(cli, every, files, senses):
     assert prediction["fragments"] == 50 or len(given) == 1  # `debug=tiny` draws so many tuples
 
 
+@pytest.mark.slow
 def test_a_sweep_trains_one_set_after_the_other(cli, tmp_path):
     sets = SUBSETS[2:5:2]  # sound, and haptic with sound
     swept = ",".join(map(listed, sets))
