@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from tex_lightning.inference.evidence import Evidence, Floats, PhotoEvidence, SignalEvidence
+from tex_lightning.report.labels import brief
 
 OTHERS = "#bbbbbb"  # of classes without a colour of their own
 SHOWN = 300  # pixels of a photo's longer side that are drawn
@@ -41,8 +42,7 @@ class Key:
 
     def name(self, label: int) -> str:
         """Name of a class; the middle of a long one is left out."""
-        name, half = self.classes[label], LONGEST // 2
-        return name if len(name) <= LONGEST else f"{name[:half]}…{name[-half:]}"
+        return brief(self.classes[label], LONGEST)
 
     def colour(self, label: int) -> str:
         """Colour of a class, or that of all classes without their own."""
