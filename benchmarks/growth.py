@@ -4,8 +4,9 @@
 --recordings 20``. Tables of two senses and outcomes of one fold are made up in memory; nothing is
 decoded or trained. Each step is timed at a quarter, a half and all of the classes with all
 recordings of each, and the same of the recordings with all classes. Its exponent is the slope of
-log time over log size: 1 where twice the data take twice the time. Confusion matrices and the
-probabilities of all classes are tables over pairs of classes, and so grow with 2 in the classes.
+log time over log size: 1 where twice the data take twice the time. Scores of a fragment have an
+entry for each class and confusion matrices one for each pair of them, so that votes and these
+matrices grow with 2 in the classes where each class has as many recordings.
 At last a narrow HapticNet is trained and tested on a hundredth and on a tenth as many short traces.
 """
 
@@ -42,6 +43,7 @@ from tex_lightning.evaluation.outcomes import (
     write_outcomes,
 )
 from tex_lightning.evaluation.pairing import difference
+from tex_lightning.evaluation.samples import kept_probabilities
 from tex_lightning.learning.statistics import left_out_novelties
 from tex_lightning.networks.statistics import FeatureStatistics
 from tex_lightning.report.calibration_figure import calibration_figure
@@ -108,13 +110,15 @@ class Simulated:
             wrong = rng.random() < 0.1
             predicted = self.names[rng.integers(self.classes)] if wrong else sample.label
             drawn = rng.exponential(size=self.classes)
-            known = dict(zip(self.names, (drawn / drawn.sum()).tolist(), strict=True))
+            known = torch.from_numpy(drawn / drawn.sum())
+            truth, won = self.names.index(sample.label), self.names.index(predicted)
             votes = {predicted: FRAGMENTS - 1, self.names[rng.integers(self.classes)]: 1}
             found.append(
                 Outcome(
                     {name: str(row.path) for name, row in sample.recordings.items()},
                     sample.label, predicted, 0.9, FRAGMENTS, FRAGMENTS - 1, 1.0,
-                    json.dumps(votes), probabilities=json.dumps(known), novelty=0.5,
+                    json.dumps(votes), novelty=0.5,
+                    probabilities=kept_probabilities(known, self.names, {truth, won}),
                 )
             )  # fmt: skip
         return found

@@ -54,6 +54,8 @@ def overlaps(figure) -> list[tuple[str, str]]:
         (12, True), (69, True), (69, False),
         pytest.param(108, True, marks=pytest.mark.slow),
         pytest.param(108, False, marks=pytest.mark.slow),
+        pytest.param(1000, True, marks=pytest.mark.slow),
+        pytest.param(1000, False, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_no_text_lies_over_another(count, named):
@@ -97,6 +99,15 @@ def test_without_one_what_is_confused_is_together():
 def test_classes_that_are_never_right_are_divided_as_well():
     groups = categories(1 - np.eye(12, dtype=int), [f"x{n}" for n in range(12)])
     assert sorted(index for members in groups.values() for index in members) == list(range(12))
+
+
+def test_a_matrix_of_very_many_classes_is_no_larger():
+    """Of a thousand it would take two gigabytes, and no picture so large is read again."""
+    names, counts = [f"m{at % 10} {at}" for at in range(400)], np.eye(400, dtype=np.int64)
+    largest = confusion_figure(counts[:150, :150], names[:150], "t")
+    figure = confusion_figure(counts, names, "t")
+    assert figure.get_size_inches() == pytest.approx(largest.get_size_inches())
+    assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == []
 
 
 def test_many_classes_show_the_worst_with_what_they_are_taken_for():

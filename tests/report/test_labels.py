@@ -17,6 +17,15 @@ def test_places_are_apart_in_their_order_and_no_further_than_needed(places, gap)
         np.testing.assert_allclose(found, places, atol=1e-9)
 
 
+@given(st.lists(st.floats(0, 100), min_size=1, max_size=12), st.floats(0.1, 9))
+def test_places_stay_on_their_axis(places, gap):
+    """Twelve of them 9 apart take 99."""
+    found = np.array(spaced(places, gap, 0, 100))
+    assert (np.diff(found[np.argsort(places, kind="stable")]) >= gap - 1e-9).all()
+    assert found.min() >= -1e-9
+    assert found.max() <= 100 + 1e-9
+
+
 def test_the_middle_of_a_long_name_is_left_out():
     assert brief("abcdefgh", 8) == "abcdefgh"
     assert brief("abcdefghi", 8) == "abcd…fghi"

@@ -21,7 +21,8 @@ from tex_lightning.files import write_rows, write_text
 
 RANDOM = "random weights"  # in place of the file that weights came from
 FILES = "files"
-MAX_FIELD = 1 << 30  # characters; the probabilities of 1000 classes take more than csv's own limit
+KEPT_CLASSES = 128  # whose probabilities are kept of a sample
+MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
 LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 
@@ -39,7 +40,8 @@ class Outcome:
         latency_ms: Time from decoded recordings to the label.
         votes: Number of fragments for each class that has any, as JSON.
         relative_macs: Arithmetic done, as a share of what all fragments take.
-        probabilities: Mean class probabilities of the fragments, as JSON.
+        probabilities: Mean class probabilities of the fragments, as JSON: those of the 128 most
+            probable classes, the true one and the one that won.
         novelty: How unlike the training the sample is, from 0; NaN if not known.
     """
 
@@ -57,7 +59,7 @@ class Outcome:
 
     @property
     def class_probabilities(self) -> dict[str, float]:
-        """Mean probability of each class."""
+        """Mean probability of each class that is kept."""
         probabilities: dict[str, float] = json.loads(self.probabilities)
         return probabilities
 

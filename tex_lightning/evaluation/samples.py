@@ -5,6 +5,8 @@ import math
 import time
 from collections.abc import Sequence
 
+from torch import Tensor
+
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.loading import load_sample
@@ -12,10 +14,11 @@ from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import synchronise
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.evaluation.outcomes import KEPT_CLASSES, Outcome
 from tex_lightning.progress import track
 
 WARM_UP = 2
+NOT_TRAINED = -1  # index of a class that is none of the classifier's
 
 
 def classify_sample(
@@ -50,7 +53,7 @@ def run_test(
     outcomes = []
     for sample in track(samples, "Testing"):
         vote, latency = classify_sample(classifier, sample, store)
-        truth = index.get(sample.label, -1)
+        truth = index.get(sample.label, NOT_TRAINED)
         outcomes.append(
             Outcome(
                 files={name: row.source for name, row in sample.recordings.items()},
@@ -62,13 +65,27 @@ def run_test(
                 latency_ms=latency,
                 votes=_votes(vote, classes),
                 relative_macs=vote.relative_macs,
-                probabilities=json.dumps(
-                    dict(zip(classes, vote.probabilities.tolist(), strict=True))
+                probabilities=kept_probabilities(
+                    vote.probabilities, classes, {vote.label, truth} - {NOT_TRAINED}
                 ),
                 novelty=math.nan if vote.novelty is None else vote.novelty,
             )
         )
     return outcomes
+
+
+def kept_probabilities(probabilities: Tensor, classes: Sequence[str], also: set[int]) -> str:
+    """As JSON those of the most probable classes and of others, since all are too many.
+
+    Args:
+        probabilities: (classes,), each 0 to 1.
+        classes: Their names.
+        also: Indices of further classes.
+    """
+    most = probabilities.topk(min(len(classes), KEPT_CLASSES)).indices.tolist()
+    kept = sorted({*most, *also})
+    values = probabilities[kept].tolist()
+    return json.dumps({classes[at]: value for at, value in zip(kept, values, strict=True)})
 
 
 def _votes(vote: Vote, classes: list[str]) -> str:

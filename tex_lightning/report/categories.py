@@ -49,12 +49,12 @@ def _grouped(values: Sequence[str]) -> dict[str, list[int]]:
 
 
 def _clusters(counts: Counts, classes: Sequence[str]) -> dict[str, list[int]]:
-    """About as many as each has classes, so that what is confused is within them."""
+    """About as many as each has classes, at most 15, so that what is confused is within them."""
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     distances = pdist(shares + shares.T)
     order = leaves_list(linkage(distances, "ward", optimal_ordering=True))
     errors = shares.sum(axis=1) - np.diag(shares)
-    ends = _cuts(shares[np.ix_(order, order)], round(sqrt(len(classes))))
+    ends = _cuts(shares[np.ix_(order, order)], min(MOST, round(sqrt(len(classes)))))
     found = {}
     for begin, end in pairwise([0, *ends]):
         members = order[begin:end].tolist()

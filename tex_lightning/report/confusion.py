@@ -21,6 +21,7 @@ LONGEST = 26  # characters of a class name beside a row
 PAD = 0.15  # inches beside a matrix; the layout falls some 0.05 short of its long names
 GAMMA = 0.5  # power of the shares whose colours are seen among many that are zero
 ROW = 0.1  # inches of one class of many
+NAMES = 150  # classes up to which each is named; the matrix of more is no larger
 CELL = 0.42  # inches of a category
 SIZE, NAME = 5.5, 7  # points, of the names of many classes and of categories
 LARGE = 72  # classes from which on the names of categories grow
@@ -32,7 +33,8 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     """Confusion matrix, rows normalised to 1; counts are written in where they are legible.
 
     Of more than 30 classes these stand in the order of their categories, whose confusion with each
-    other is drawn beside them; see :func:`~tex_lightning.report.categories.categories`.
+    other is drawn beside them (:func:`~tex_lightning.report.categories.categories`); up to 150
+    classes are named.
     """
     if len(classes) > NAMED:
         return _grouped_confusion(counts, classes, title)
@@ -63,16 +65,17 @@ def _grouped_confusion(counts: Counts, classes: Sequence[str], title: str) -> Fi
     starts = np.cumsum([0, *map(len, groups.values())])
     ordered = counts[np.ix_(order, order)]
     pooled = np.add.reduceat(np.add.reduceat(ordered, starts[:-1], axis=0), starts[:-1], axis=1)
-    scale = max(1, len(classes) / LARGE)  # what is read at a glance grows with the figure
-    wide, narrow = ROW * len(classes), max(CELL * scale * len(groups), 3)
+    rows = min(len(classes), NAMES)
+    scale = max(1, rows / LARGE)  # what is read at a glance grows with the figure
+    wide, narrow = ROW * rows, max(CELL * scale * len(groups), 3)
     words = LETTER * scale * max(map(len, groups))
     size = (wide + narrow + LETTER * LONGEST + 2 * words + 2.6, wide + words + 1)
     figure = Figure(figsize=size, layout=ConstrainedLayoutEngine(w_pad=PAD))
     left, right = figure.subplots(1, 2, width_ratios=(wide, narrow))
-    names = [brief(classes[index], LONGEST) for index in order]
+    names = [brief(classes[index], LONGEST) for index in order if len(order) == rows]
     draw_shares(left, _shares(ordered), names, names, {}, None, GAMMA)
     left.tick_params(axis="y", labelsize=SIZE, length=0, pad=1)
-    _mark_categories(left, list(groups), starts - 0.5, NAME * scale)
+    _mark_categories(left, list(groups), starts - 0.5, NAME * scale, wide / len(classes))
     left.set(xlabel="predicted", ylabel="true", title=f"{len(classes)} classes")
     _draw_counts(right, pooled, list(groups), GAMMA)
     right.tick_params(labelsize=NAME * scale)
@@ -84,13 +87,18 @@ def _grouped_confusion(counts: Counts, classes: Sequence[str], title: str) -> Fi
 
 
 def _mark_categories(
-    axes: Axes, names: Sequence[str], edges: npt.NDArray[np.float64], size: float
+    axes: Axes, names: Sequence[str], edges: npt.NDArray[np.float64], size: float, row: float
 ) -> None:
-    """Lines between the categories of a matrix, and their names below and to the right."""
+    """Lines between the categories of a matrix, and their names below and to the right.
+
+    The ``size`` of the names is in points, that of a ``row`` in inches.
+    """
     for edge in edges[1:-1]:
         axes.axhline(edge, color="white", linewidth=0.4)
         axes.axvline(edge, color="white", linewidth=0.4)
-    places = spaced(((edges[1:] + edges[:-1]) / 2).tolist(), 1.3 * size / 72 / ROW)
+    middles = ((edges[1:] + edges[:-1]) / 2).tolist()
+    gap = 1.3 * size / 72 / row
+    places = spaced(middles, gap, edges[0] + gap / 2, edges[-1] - gap / 2)
     axes.set_xticks(places, names, fontsize=size, rotation=90)
     beside = axes.secondary_yaxis("right")
     beside.set_yticks(places, names, fontsize=size)

@@ -1,6 +1,7 @@
 """Place labels where there is room for them."""
 
 from collections.abc import Sequence
+from math import inf
 
 from matplotlib.axes import Axes
 
@@ -16,20 +17,31 @@ def brief(name: str, longest: int) -> str:
     return name if len(name) <= longest else f"{name[:half]}…{name[-half:]}"
 
 
-def spaced(places: Sequence[float], gap: float) -> list[float]:
+def spaced(
+    places: Sequence[float], gap: float, least: float = -inf, most: float = inf
+) -> list[float]:
     """Places at least ``gap`` apart, in the same order, each group of close ones about its mean.
 
     Args:
         places: Along an axis, in any order.
         gap: In the unit of the places.
+        least: Where the axis begins.
+        most: Where it ends; groups are moved to lie between both, if there is room.
     """
+
+    def centred(members: list[int]) -> float:
+        half = gap * (len(members) - 1) / 2
+        mean = sum(places[each] for each in members) / len(members)
+        return min(max(mean, least + half), most - half)
+
     order = sorted(range(len(places)), key=lambda index: places[index])
     groups: list[tuple[float, list[int]]] = []  # the centre of each, and its members
     for index in order:
-        centre, members = places[index], [index]
+        members = [index]
+        centre = centred(members)
         while groups and centre - groups[-1][0] < gap * (len(members) + len(groups[-1][1])) / 2:
             members = groups.pop()[1] + members
-            centre = sum(places[each] for each in members) / len(members)
+            centre = centred(members)
         groups.append((centre, members))
     found = list(places)
     for centre, members in groups:
