@@ -34,6 +34,7 @@ SENSES = {
     "fusion": ["haptic", "visual"],
     "three": ["haptic", "visual", "sound"],
 }
+VOTES = ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
 PIECES = {"haptic": 240, "visual": 224, "sound": 256}
 
 
@@ -165,6 +166,21 @@ def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():
     ]
     assert logits.shape[2] == 4
     torch.testing.assert_close(loss, torch.stack(by_hand).mean())
+
+
+def test_metrics_are_logged_after_an_epoch_and_not_after_every_sample():
+    """Lightning moves all that a logged metric keeps, which would be quadratic in the samples."""
+    model, logged = quiet(module("haptic").eval()), {}
+    model.log = lambda name, value, **_: logged.setdefault(name, value)
+    model._trainer.world_size = 1
+    recordings = {"haptic": torch.from_numpy(make_trace(0, 0))[None]}
+    label = model.classifier.logits(**recordings).mean(dim=1).argmax()
+    for truth in (label, label, (label + 1) % 3):
+        model.validation_step({"label": truth, "recordings": recordings}, 0)
+    assert list(logged) == ["val/loss"]
+    model.on_validation_epoch_end()
+    assert list(logged) == [f"val/{name}" for name in VOTES]
+    assert float(logged["val/vote_accuracy"].compute()) == pytest.approx(2 / 3)
 
 
 def test_fusion_keeps_the_statistics_of_batch_normalisation():

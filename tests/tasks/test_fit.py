@@ -244,6 +244,7 @@ def test_an_epoch_that_is_not_the_best_is_kept_too(cli, surfaces, tmp_path, monk
     with monkeypatch.context() as patch:
         patch.setattr(SurfaceModule, "training_step", interrupted)
         patch.setattr(SurfaceModule, "validation_step", worse)
+        patch.setattr(SurfaceModule, "on_validation_epoch_end", lambda self: None)
         assert cli(*validated, *tiny(surfaces, tmp_path)).status == 130
     signal.signal(signal.SIGINT, handler)
     kept = tmp_path / "checkpoints" / "haptic"

@@ -86,6 +86,7 @@ class Store:
     def __init__(self, root: Path, decoders: Mapping[str, Decoder]) -> None:
         self.root = root / "decoded"
         self.decoders = decoders
+        self.entries: dict[Recording, Path] = {}  # of what it was filled with, as it was then
 
     def load(self, recording: Recording) -> npt.NDArray[Any]:
         """A recording as a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
@@ -135,7 +136,8 @@ class Store:
     def _try(self, recording: Recording) -> Unusable | None:
         """Decode a file unless the cache has it; a full disk is no fault of the file."""
         try:
-            if self._entry(recording).is_file():
+            entry = self.entries[recording] = self._identify(recording)
+            if entry.is_file():
                 return None
             decoded = self._decode(recording)
         except UserError as error:
@@ -144,6 +146,10 @@ class Store:
         return None
 
     def _entry(self, recording: Recording) -> Path:
+        return self.entries.get(recording) or self._identify(recording)
+
+    def _identify(self, recording: Recording) -> Path:
+        """The entry of a recording's files as they are now."""
         files = axis_files(recording.path)
         try:
             status = [file.stat() for file in files]

@@ -161,12 +161,19 @@ class SurfaceModule(LightningModule):
         # Lightning rounds the mean number of samples of the processes down; this divides evenly
         count = self.trainer.world_size
         self.log(f"{stage}/loss", loss, prog_bar=True, batch_size=count, sync_dist=True)
+
+    def on_validation_epoch_end(self) -> None:
+        """Log the metrics of the votes, once: Lightning looks at all they keep each time."""
+        self._log_votes(self.val_metrics)
+
+    def _log_votes(self, metrics: MetricCollection) -> None:
         for name, metric in metrics.items():
-            if name != f"{stage}/{CONFUSION}":
-                self.log(name, metric, on_epoch=True, prog_bar=True, batch_size=count)
+            if not name.endswith(CONFUSION):
+                self.log(name, metric, prog_bar=True)
 
     def on_test_epoch_end(self) -> None:
-        """Draw the confusion matrix for the loggers."""
+        """Log the metrics of the votes, and draw the confusion matrix for the loggers."""
+        self._log_votes(self.test_metrics)
         confusion = self.test_metrics[CONFUSION]
         counts = confusion.compute().cpu().numpy()
         confusion.reset()

@@ -7,6 +7,7 @@ from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.errors import UserError
+from tex_lightning.progress import track
 
 
 def find_unusable(
@@ -25,10 +26,10 @@ def find_unusable(
     """
     damaged = store.fill(recordings)
     readable = recordings.without(each.recording for each in damaged)
+    seen = [(row, branch) for branch in branches for row in readable.of(branch.modality)]
     small = [
         found
-        for branch in branches
-        for row in readable.of(branch.modality)
+        for row, branch in track(seen, "Checking")
         if (found := _too_small(row, store, branch)) is not None
     ]
     unusable = list({each.recording: each for each in (*damaged, *small)}.values())
