@@ -277,6 +277,10 @@ def test_budget_is_answered_with_a_command(measured, given, cli):
             ["task=frontier", "frontier.systems.mfcc_nb=null", "frontier.only=[mfcc_nb]"],
             "does not have",
         ),
+        (
+            ["task=frontier", "+frontier.systems.x='model=haptic task=predict'"],
+            "frontier.systems.x has task=predict",
+        ),
         (["model=auto", "task=crossval"], "use task=fit"),
         (["model=auto", "frontier.run=nowhere"], "no finished frontier"),
         (["model=auto", "data.inverted=true"], "leaves model=auto none to choose on"),

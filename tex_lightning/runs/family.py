@@ -29,7 +29,8 @@ from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.remaining import Remaining
 from tex_lightning.runs.workspace import Workspace, open_workspace
 
-OWN_KEYS = ("task=", "frontier", "model=", "crossval.", "data.val_fold", "hydra")
+TASK_KEYS = ("task=", "frontier", "hydra")
+OWN_KEYS = (*TASK_KEYS, "model=", "crossval.", "data.val_fold")
 DONE = "measured.json"
 NETWORKS = "networks"
 
@@ -92,7 +93,7 @@ def compose_family(
     for name in family:
         if only and name not in (*only, *held):
             continue
-        overrides = tuple(family[name].split())
+        overrides = _split_overrides(name, family[name])
         training = with_system(job, given_overrides(job), overrides)
         member = read_config(job.compose([*training, "task=frontier"]))
         crossval = replace(member.crossval, share=str(job.directory / NETWORKS))
@@ -102,6 +103,17 @@ def compose_family(
         check_config(member)
         trust(member)
         yield Member(name, overrides, member.data, member.recipe)
+
+
+def _split_overrides(name: str, given: str) -> tuple[str, ...]:
+    overrides = tuple(given.split())
+    for item in overrides:
+        if item.startswith(TASK_KEYS):
+            raise UserError(
+                f"frontier.systems.{name} has {item}, but says only what is trained and how it is "
+                "run; leave it out."
+            )
+    return overrides
 
 
 def check_libraries(members: Sequence[Member]) -> None:
