@@ -6,7 +6,6 @@ import torch
 from torch import Tensor, nn
 from torchmetrics import Metric, MetricCollection
 from torchmetrics.classification import (
-    BinaryAUROC,
     BinaryCalibrationError,
     MulticlassAccuracy,
     MulticlassConfusionMatrix,
@@ -17,6 +16,8 @@ from tex_lightning.decision.voting import Vote
 from tex_lightning.evaluation.calibration import BINS
 
 CONFUSION = "confusion"  # a matrix, which is drawn and not logged
+CUT_BITS = 16  # of a float32 probability; what is left has 8 significant ones, as bfloat16 has
+LEVELS = (0x3F800000 >> CUT_BITS) + 1  # of probabilities up to 1, whose bits are these
 
 Inputs = tuple[Tensor, Tensor]  # predictions and targets, as torchmetrics takes them
 
@@ -47,6 +48,34 @@ class VoteMetric(WrapperMetric):
         """Forget all samples."""
         super().reset()
         self.metric.reset()
+
+
+class HistogramAUROC(Metric):
+    """Area under the ROC curve, in memory that grows with neither samples nor classes.
+
+    Probabilities are told apart to 8 significant bits; where a positive and a negative one are
+    equal to these, they count half.
+    """
+
+    counts: Tensor  # (2, levels), of negatives and positives
+
+    def __init__(self) -> None:
+        super().__init__()
+        zeros = torch.zeros(2, LEVELS, dtype=torch.int64)
+        self.add_state("counts", zeros, dist_reduce_fx="sum")
+
+    def update(self, probabilities: Tensor, target: Tensor) -> None:
+        """Add probabilities (n,) float32, 0 to 1, and what is true of each, 0 or 1."""
+        levels = probabilities.view(torch.int32) >> CUT_BITS
+        for truth, counts in enumerate(self.counts):
+            counts += levels[target == truth].bincount(minlength=LEVELS)
+
+    def compute(self) -> Tensor:
+        """Compute the chance that a positive is more probable than a negative, 0 to 1."""
+        negative, positive = self.counts
+        twice_below = 2 * negative.cumsum(dim=0) - negative
+        twice: Tensor = (positive * twice_below).sum() / (positive.sum() * negative.sum())
+        return twice / 2
 
 
 def _fragments(vote: Vote, label: Tensor) -> Inputs:
@@ -95,7 +124,7 @@ def vote_metrics(classes: int, stage: str) -> MetricCollection:
         "fragment_accuracy": VoteMetric(_accuracy(classes), _fragments),
         "vote_accuracy": VoteMetric(_accuracy(classes), _winner),
         "ece": VoteMetric(BinaryCalibrationError(BINS, validate_args=False), _confidence),
-        "auroc": VoteMetric(BinaryAUROC(validate_args=False), _one_against_rest),
+        "auroc": VoteMetric(HistogramAUROC(), _one_against_rest),
     }
     if stage == "test":
         confusion = MulticlassConfusionMatrix(classes, validate_args=False)
