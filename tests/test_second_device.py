@@ -152,14 +152,14 @@ alone = pytest.mark.skipif(ALONE not in os.environ, reason="runs in a process of
 
 @pytest.mark.slow
 def test_training_in_a_process_of_its_own():
-    arguments = [__file__, "-n=0", "-m=slow", "-k=test_alone", "-p=no:cacheprovider"]
+    arguments = [__file__, "-n=0", "-m=slow", "-k=test_alone", "-p", "no:cacheprovider"]
     finished = subprocess.run(
         [sys.executable, "-m", "pytest", *arguments],
         env={**os.environ, ALONE: "1"},
         capture_output=True,
         text=True,
     )
-    assert finished.returncode == 0, finished.stdout
+    assert finished.returncode == 0, finished.stdout + finished.stderr
     assert "3 passed" in finished.stdout
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from filelock import FileLock
 
 from tex_lightning.card import read_checkpoint
-from tex_lightning.files import write_atomically
+from tex_lightning.files import unwritable, write_atomically
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
 
@@ -27,6 +27,9 @@ def train_shared(training: Training, folder: Path) -> Path:
     Args:
         training: What is trained.
         folder: The shared folder; made if it does not exist.
+
+    Raises:
+        UserError: If it cannot be made.
     """
     if training.final.is_file():
         return training.final
@@ -42,7 +45,10 @@ def train_shared(training: Training, folder: Path) -> Path:
         recipe["starts"] = [_digest(path) for path in training.unimodal.values()]
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
     place = folder / f"{training.card.kind}-{digest}"
-    place.mkdir(parents=True, exist_ok=True)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
     with FileLock(place / "lock"):
         checkpoint = train_network(replace(training, directory=place))
     write_atomically(training.final, lambda partial: _copy(checkpoint, partial))
