@@ -66,6 +66,17 @@ def test_a_changed_file_or_setting_is_decoded_anew(store, tmp_path):
     assert chosen._entry(row) != store._entry(row)
 
 
+def test_a_store_keeps_to_the_files_that_it_was_filled_with(store, tmp_path):
+    """As they were at the beginning of a task: looking at each again costs as much as reading."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.ones(100))
+    row = Recording("a", "haptic", path, 0)
+    store.fill([row])
+    path.unlink()
+    assert store.load(row).max() == 1
+    assert store.rate(row).source == "assumed"
+
+
 def test_a_change_of_any_axis_is_decoded_anew_and_seen(store, tmp_path):
     folder = tmp_path / "data" / "a" / "haptic"
     folder.mkdir(parents=True)

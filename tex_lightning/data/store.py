@@ -78,6 +78,8 @@ def fingerprint(path: Path) -> str:
 class Store:
     """Decoded recordings: signals float32, photos uint8.
 
+    Files that it was filled with stay for it what they were then.
+
     Args:
         root: The cache folder; see :func:`cache_root`.
         decoders: How files are decoded, by modality.
