@@ -73,7 +73,7 @@ def test_area_under_the_curve_of_many_classes_is_scikit_learns(spread):
 
 def test_area_under_the_curve_of_certain_and_equal_probabilities():
     metric = HistogramAUROC()
-    metric.update(torch.tensor([1.0, 0, 0, 0.5, 0.5]), torch.tensor([1, 0, 0, 1, 0]))
+    metric.update(torch.tensor([1.0, -0.0, torch.nan, 0.5, 0.5]), torch.tensor([1, 0, 0, 1, 0]))
     assert float(metric.compute()) == pytest.approx(5.5 / 6)
 
 

@@ -65,8 +65,11 @@ class HistogramAUROC(Metric):
         self.add_state("counts", zeros, dist_reduce_fx="sum")
 
     def update(self, probabilities: Tensor, target: Tensor) -> None:
-        """Add probabilities (n,) float32, 0 to 1, and what is true of each, 0 or 1."""
-        levels = probabilities.view(torch.int32) >> CUT_BITS
+        """Add probabilities (n,) float32, 0 to 1, and what is true of each, 0 or 1.
+
+        NaN, of a training that diverges, counts as 0.
+        """
+        levels = probabilities.nan_to_num().abs().view(torch.int32) >> CUT_BITS  # -0 has a sign
         for truth, counts in enumerate(self.counts):
             counts += levels[target == truth].bincount(minlength=LEVELS)
 
