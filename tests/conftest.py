@@ -140,8 +140,12 @@ def run_main(patch: pytest.MonkeyPatch, *arguments: object) -> int:
 
 
 @pytest.fixture
-def cli(cache, monkeypatch, capfd) -> Callable[..., Outcome]:
-    """Run the command line in this process, with the tests' cache and one thread."""
+def cli(cache, monkeypatch, tmp_path_factory, capfd) -> Callable[..., Outcome]:
+    """Run the command line in this process, with the tests' cache and one thread.
+
+    In a folder of its own, so that no path among the arguments leads into the checkout.
+    """
+    monkeypatch.chdir(tmp_path_factory.mktemp("cwd"))
 
     def run(*arguments: object) -> Outcome:
         common = [f"data.cache_dir={cache}"]

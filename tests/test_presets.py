@@ -6,6 +6,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, register
 from tex_lightning.report.paper import paper_table
+from tex_lightning.tasks.frontier import _tested_folds
 
 EXPERIMENTS = sorted(
     str(path.relative_to(CONF / "experiment").with_suffix(""))
@@ -59,10 +60,12 @@ def test_subsets_of_senses_are_of_the_model_that_is_asked_for(given, model):
 
 
 def test_tiny_frontier_has_two_folds_and_a_tiny_cross_validation_all():
-    assert composed("task=frontier", "debug=tiny").crossval.only == [0, 5]
-    assert composed("task=frontier", "debug=tiny", "crossval.only=[3]").crossval.only == [3]
+    for folds in (3, 4, 10):
+        config = composed("task=frontier", "debug=tiny", f"data.folds={folds}")
+        assert _tested_folds(config) == [0, folds // 2]
+    assert _tested_folds(composed("task=frontier", "debug=tiny", "crossval.only=[3]")) == [3]
+    assert _tested_folds(composed("task=frontier")) == list(range(10))
     assert composed("task=crossval", "debug=tiny").crossval.only is None
-    assert composed("task=frontier").crossval.only is None
 
 
 def test_all_of_the_papers_rows_are_swept():

@@ -104,7 +104,9 @@ def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     assert _view(darker, 0, module).mean() < 0.99 * view.mean()
 
 
-@pytest.mark.parametrize("model", ["visual_squeezenet", "visual_efficientnet"])
+@pytest.mark.parametrize(
+    "model", ["visual_squeezenet", pytest.param("visual_efficientnet", marks=pytest.mark.slow)]
+)
 def test_a_head_without_hidden_layers_from_the_command_line(cli, surfaces, tmp_path, model):
     outcome = cli(
         f"model={model}", "data=folder", f"data.root={surfaces}", "data.half_scale=false",

@@ -4,6 +4,7 @@ Lightning starts the second process by the command line of the first, so every r
 """
 
 import csv
+import functools
 import json
 import os
 import signal
@@ -73,19 +74,33 @@ def wait_for(condition) -> None:
 
 
 @pytest.fixture(scope="module")
-def one(surfaces, cache, tmp_path_factory):
-    directory = tmp_path_factory.mktemp("one") / "run"
-    finished = run(*command(surfaces, cache, directory, "model=fusion", "trainer.accelerator=cpu"))
-    assert finished.returncode == 0, finished.stderr
-    return directory
+def alone(surfaces, cache, tmp_path_factory):
+    """Make a run in one process."""
+
+    @functools.cache
+    def make(model: str) -> Path:
+        directory = tmp_path_factory.mktemp("one") / "run"
+        single = [f"model={model}", "trainer.accelerator=cpu"]
+        finished = run(*command(surfaces, cache, directory, *single))
+        assert finished.returncode == 0, finished.stderr
+        return directory
+
+    return make
 
 
-def test_two_processes_train_three_networks_as_one_does(one, surfaces, cache, tmp_path):
-    two = tmp_path / "two"
-    finished = run(*command(surfaces, cache, two, "model=fusion", *TWO))
+@pytest.mark.parametrize(
+    ("model", "kinds"),
+    [
+        ("haptic", ["haptic"]),
+        pytest.param("fusion", ["haptic", "visual", "fusion"], marks=pytest.mark.slow),
+    ],
+)
+def test_two_processes_train_as_one_does(alone, surfaces, cache, tmp_path, model, kinds):
+    one, two = alone(model), tmp_path / "two"
+    finished = run(*command(surfaces, cache, two, f"model={model}", *TWO))
     assert finished.returncode == 0, finished.stderr
     assert finished.stderr.count("Results in") == 1
-    for kind in ("haptic", "visual", "fusion"):
+    for kind in kinds:
         left, right = weights(one, kind), weights(two, kind)
         assert left.keys() == right.keys()
         for key in left:
@@ -98,13 +113,13 @@ def test_two_processes_train_three_networks_as_one_does(one, surfaces, cache, tm
 
 
 @pytest.mark.slow
-def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(one, surfaces, cache, tmp_path):
+def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(alone, surfaces, cache, tmp_path):
     starter = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     arguments = command(surfaces, cache, tmp_path / "run", "model=haptic", *TWO)
     finished = run(*starter, *arguments)
     assert finished.returncode == 0, finished.stderr
     assert finished.stderr.count("Results in") == 1
-    assert votes(one, "haptic") == votes(tmp_path / "run", "haptic")
+    assert votes(alone("haptic"), "haptic") == votes(tmp_path / "run", "haptic")
     folder = f"hydra.run.dir={tmp_path / 'run'}"
     refused = run(*starter, *(each for each in arguments if each != folder))
     assert refused.stderr.count("share a run folder; give hydra.run.dir") == 1
