@@ -77,6 +77,38 @@ def test_a_store_keeps_to_the_files_that_it_was_filled_with(store, tmp_path):
     assert store.rate(row).source == "assumed"
 
 
+def test_what_is_decoded_anew_is_kept_under_what_its_file_is_then(store, tmp_path):
+    """Where the cache is emptied in the middle of a task, and a backup brings a file back later."""
+    path = tmp_path / "a.npy"
+    np.save(path, np.ones(100))
+    first, row = path.stat(), Recording("a", "haptic", path, 0)
+    store.fill([row])
+    shutil.rmtree(store.root)
+    np.save(path, np.full(100, 2.0))
+    assert store.load(row).max() == 2
+    np.save(path, np.ones(100))
+    os.utime(path, ns=(first.st_atime_ns, first.st_mtime_ns))
+    assert Store(store.root.parent, store.decoders).load(row).max() == 1
+
+
+def test_what_changes_while_it_is_decoded_is_not_kept(store, tmp_path, monkeypatch):
+    path = tmp_path / "a.npy"
+    np.save(path, np.ones(100))
+    row = Recording("a", "haptic", path, 0)
+    decode = SignalDecoder.decode
+
+    def slow(self, *given):
+        found = decode(self, *given)
+        np.save(path, np.full(200, 2.0))
+        return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SignalDecoder, "decode", slow)
+        assert store.fill([row]) == []
+    assert not [*store.root.rglob("*.npy")]
+    assert store.load(row).max() == 2
+
+
 def test_a_change_of_any_axis_is_decoded_anew_and_seen(store, tmp_path):
     folder = tmp_path / "data" / "a" / "haptic"
     folder.mkdir(parents=True)

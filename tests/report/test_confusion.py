@@ -96,6 +96,13 @@ def test_without_one_what_is_confused_is_together():
     assert all(name.endswith(" + 7") for name in found)
 
 
+@pytest.mark.parametrize("count", [40, 108])
+def test_names_that_differ_in_the_middle_lose_no_class(count):
+    names = [f"material_{at:04}_variant" for at in range(count)]
+    groups = categories(blocks(count, 4), names)
+    assert sorted(index for members in groups.values() for index in members) == list(range(count))
+
+
 def test_classes_that_are_never_right_are_divided_as_well():
     groups = categories(1 - np.eye(12, dtype=int), [f"x{n}" for n in range(12)])
     assert sorted(index for members in groups.values() for index in members) == list(range(12))
@@ -119,3 +126,15 @@ def test_many_classes_show_the_worst_with_what_they_are_taken_for():
     assert axes.get_yticklabels()[0].get_text().endswith("40 (10)")
     assert axes.texts[0].get_text().startswith("10 taken for G")
     assert len(axes.patches) == 25
+
+
+def test_classes_without_a_sample_are_not_the_worst():
+    classes, counts = lmt_names(69), np.zeros((69, 69), np.int64)
+    counts[60:65, 60:65] = 7 * np.eye(5)
+    counts[64, 3] = 2
+    (axes,) = class_accuracy_figure(counts, classes, "haptic", "t").axes
+    assert axes.get_title().endswith("the 5 classes that were tested")
+    assert [label.get_text()[-3:] for label in axes.get_yticklabels()] == ["(9)"] + ["(7)"] * 4
+    counts[:30, 2] = 3
+    (axes,) = class_accuracy_figure(counts, classes, "haptic", "t").axes
+    assert "the 25 worst of 35 classes that were tested; the other 10" in axes.get_title()

@@ -43,10 +43,11 @@ def test_the_telling_samples_are_the_first_of_those_with_a_label_map(count, righ
     assert rows[: len(first)] == first
 
 
-def test_without_samples_to_explain_there_is_no_label_map_and_an_older_one_goes(tmp_path):
+def test_without_samples_to_explain_nothing_is_drawn_and_what_was_goes(tmp_path):
     older = map_folder(tmp_path, "haptic") / "0" / "haptic" / "haptic.png"
-    older.parent.mkdir(parents=True)
-    older.write_bytes(b"of another test")
+    for path in (older, tmp_path / "figures" / "haptic_why_2.png"):
+        path.parent.mkdir(parents=True)
+        path.write_bytes(b"of another test")
     outcomes = [outcome("a", "b", 1.0, 0.9)]
     assert drawn_rows(outcomes, 0) == []
     draw_explanations([], outcomes, None, None, "haptic", 0, tmp_path, ["png"])

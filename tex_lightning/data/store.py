@@ -78,7 +78,7 @@ def fingerprint(path: Path) -> str:
 class Store:
     """Decoded recordings: signals float32, photos uint8.
 
-    Files that it was filled with stay for it what they were then.
+    Files that it was filled with stay for it what they were then, as long as the cache has them.
 
     Args:
         root: The cache folder; see :func:`cache_root`.
@@ -99,7 +99,7 @@ class Store:
             array, _ = self._write(recording)
             array.flags.writeable = False
             with suppress(*UNREADABLE):  # someone is emptying the cache
-                array = np.load(entry, mmap_mode="r", allow_pickle=False)
+                array = np.load(self._entry(recording), mmap_mode="r", allow_pickle=False)
         return array
 
     def extent(self, recording: Recording) -> float:
@@ -144,7 +144,7 @@ class Store:
             decoded = self._decode(recording)
         except UserError as error:
             return Unusable(recording, str(error))
-        self._save(recording, *decoded)
+        self._keep(recording, entry, decoded)
         return None
 
     def _entry(self, recording: Recording) -> Path:
@@ -174,8 +174,9 @@ class Store:
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
 
     def _write(self, recording: Recording) -> Decoded:
+        entry = self._identify(recording)
         decoded = self._decode(recording)
-        self._save(recording, *decoded)
+        self._keep(recording, entry, decoded)
         return decoded
 
     def _decode(self, recording: Recording) -> Decoded:
@@ -183,10 +184,14 @@ class Store:
         array, rate = decoder.decode(recording.path, recording.sampling_rate)
         return cut_part(array, recording.part, recording.path), rate
 
-    def _save(self, recording: Recording, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
-        entry = self._entry(recording)
+    def _keep(self, recording: Recording, entry: Path, decoded: Decoded) -> None:
+        """Write what was decoded, unless its files are no longer those that the entry names."""
+        if self._identify(recording) != entry:
+            return
+        if recording in self.entries:
+            self.entries[recording] = entry
         try:
-            write_atomically(entry, lambda path: _save(path, array, rate))
+            write_atomically(entry, lambda path: _save(path, *decoded))
         except UserError as error:
             if not isinstance(error.__cause__, EMPTIED):
                 raise

@@ -43,6 +43,7 @@ class Outcome:
         probabilities: Mean class probabilities of the fragments, as JSON: those of the 128 most
             probable classes, the true one and the one that won.
         novelty: How unlike the training the sample is, from 0; NaN if not known.
+        rates: Sampling rates in Hz of the files of signals by modality, as JSON.
     """
 
     files: Mapping[str, str]
@@ -56,6 +57,13 @@ class Outcome:
     relative_macs: float = 1.0
     probabilities: str = "{}"
     novelty: float = math.nan
+    rates: str = "{}"
+
+    @property
+    def file_rates(self) -> dict[str, float]:
+        """Sampling rates in Hz of the files of signals, by modality."""
+        rates: dict[str, float] = json.loads(self.rates)
+        return rates
 
     @property
     def class_probabilities(self) -> dict[str, float]:

@@ -69,6 +69,7 @@ def run_test(
                     vote.probabilities, classes, {vote.label, truth} - {NOT_TRAINED}
                 ),
                 novelty=math.nan if vote.novelty is None else vote.novelty,
+                rates=_rates(sample, store),
             )
         )
     return outcomes
@@ -91,3 +92,8 @@ def kept_probabilities(probabilities: Tensor, classes: Sequence[str], also: set[
 def _votes(vote: Vote, classes: list[str]) -> str:
     counts = vote.fragments.bincount(minlength=len(classes)).tolist()
     return json.dumps({name: n for name, n in zip(classes, counts, strict=True) if n})
+
+
+def _rates(sample: Sample, store: Store) -> str:
+    signals = {name: row for name, row in sample.recordings.items() if store.is_signal(row)}
+    return json.dumps({name: store.rate(row).hz for name, row in signals.items()})

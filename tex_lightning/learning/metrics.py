@@ -16,7 +16,7 @@ from tex_lightning.decision.voting import Vote
 from tex_lightning.evaluation.calibration import BINS
 
 CONFUSION = "confusion"  # a matrix, which is drawn and not logged
-CUT_BITS = 16  # of a float32 probability; what is left has 8 significant ones, as bfloat16 has
+CUT_BITS = 14  # of a float32 probability; what is left has 10 significant ones
 LEVELS = (0x3F800000 >> CUT_BITS) + 1  # of probabilities up to 1, whose bits are these
 
 Inputs = tuple[Tensor, Tensor]  # predictions and targets, as torchmetrics takes them
@@ -53,8 +53,8 @@ class VoteMetric(WrapperMetric):
 class HistogramAUROC(Metric):
     """Area under the ROC curve, in memory that grows with neither samples nor classes.
 
-    Probabilities are told apart to 8 significant bits; where a positive and a negative one are
-    equal to these, they count half.
+    Probabilities are told apart to 10 significant bits, a thousandth of themselves; a positive and
+    a negative one that are equal to these count half.
     """
 
     counts: Tensor  # (2, levels), of negatives and positives
@@ -74,7 +74,10 @@ class HistogramAUROC(Metric):
             counts += levels[target == truth].bincount(minlength=LEVELS)
 
     def compute(self) -> Tensor:
-        """Compute the chance that a positive is more probable than a negative, 0 to 1."""
+        """Compute the chance that a positive is more probable than a negative, 0 to 1.
+
+        NaN where one of both has not occurred.
+        """
         negative, positive = self.counts
         twice_below = 2 * negative.cumsum(dim=0) - negative
         twice: Tensor = (positive * twice_below).sum() / (positive.sum() * negative.sum())

@@ -55,11 +55,14 @@ def _clusters(counts: Counts, classes: Sequence[str]) -> dict[str, list[int]]:
     order = leaves_list(linkage(distances, "ward", optimal_ordering=True))
     errors = shares.sum(axis=1) - np.diag(shares)
     ends = _cuts(shares[np.ix_(order, order)], min(MOST, round(sqrt(len(classes)))))
-    found = {}
+    found: dict[str, list[int]] = {}
     for begin, end in pairwise([0, *ends]):
         members = order[begin:end].tolist()
         worst = max(members, key=lambda index: errors[index])
-        found[f"{brief(classes[worst], LONGEST)} + {len(members) - 1}"] = members
+        name = f"{brief(classes[worst], LONGEST)} + {len(members) - 1}"
+        if name in found:  # names that differ where they were shortened
+            name += f" ({len(found) + 1})"
+        found[name] = members
     return found
 
 

@@ -121,12 +121,10 @@ def class_accuracy_figure(
     """
     totals = counts.sum(axis=1)
     shares = np.diag(counts) / np.maximum(totals, 1)
-    shown = np.arange(len(classes))
+    shown, note = np.arange(len(classes)), ""
     if len(classes) > NAMED:
-        shown = np.argsort(shares, kind="stable")[:WORST]
-        rest = len(classes) - WORST
-        title += f"\nthe {WORST} worst of {len(classes)} classes; the other {rest} reach at least "
-        title += f"{shares[shown[-1]]:.0%}"
+        shown, note = _worst(shares, totals)
+        title += f"\n{note}"
     figure = Figure(figsize=(7, 1.2 + 0.19 * len(shown)), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(shown))
@@ -136,10 +134,22 @@ def class_accuracy_figure(
     axes.margins(y=0.02)
     axes.invert_yaxis()
     axes.xaxis.set_major_formatter(PercentFormatter(1))
-    if len(classes) > NAMED:
+    if note:
         _say_mistakes(axes, counts[shown], shown.tolist(), classes)
     axes.set(xlim=(0, 1), xlabel=f"{what} accuracy (number of {what}s in brackets)", title=title)
     return figure
+
+
+def _worst(shares: Shares, totals: Counts) -> tuple[npt.NDArray[np.intp], str]:
+    """Indices of the classes of the lowest shares, among those that were tested, and a note."""
+    tested = np.flatnonzero(totals)
+    shown = tested[np.argsort(shares[tested], kind="stable")][:WORST]
+    rest = len(tested) - len(shown)
+    those = f"{len(tested)} classes" + " that were tested" * (len(tested) < len(totals))
+    if not rest:
+        return shown, f"the {those}"
+    note = f"the {WORST} worst of {those}; the other {rest} reach at least {shares[shown[-1]]:.0%}"
+    return shown, note
 
 
 def _say_mistakes(axes: Axes, rows: Counts, shown: Sequence[int], classes: Sequence[str]) -> None:

@@ -1,5 +1,6 @@
 """Pictures of what the network said of the test samples that it took for something else."""
 
+import glob
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -78,6 +79,8 @@ def draw_explanations(
         The pictures, for other uses; nothing is drawn of a baseline.
     """
     shutil.rmtree(map_folder(directory, name), ignore_errors=True)
+    for older in (directory / "figures").glob(f"{glob.escape(name)}_why_*"):
+        older.unlink()
     figures, chosen = {}, telling(outcomes, count)
     for classifier, samples in tested:
         if classifier.card.baseline:

@@ -126,7 +126,9 @@ def _dataset(
     for each in datasets:
         decoders = {**store.decoders, **each.store.decoders}
         if decoders == {**decoders, **store.decoders}:
-            each.store = Store(cache_root(data.cache_dir), decoders)
+            if decoders != each.store.decoders:
+                known, each.store = each.store.entries, Store(cache_root(data.cache_dir), decoders)
+                each.store.entries |= known
             return each
     datasets.append(PerturbedDataset(store, seed, data.folds))
     return datasets[-1]

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 
 import numpy as np
 import pytest
@@ -36,8 +37,9 @@ def pixels(path) -> np.ndarray:
         return np.asarray(image).astype(float)
 
 
-def outcome(file) -> Outcome:
-    return Outcome({"haptic": str(file)}, "alpha", "beta", 1.0, 1, 0, 1.0)
+def outcome(file, rate: float = 10_000) -> Outcome:
+    rates = json.dumps({"haptic": rate})
+    return Outcome({"haptic": str(file)}, "alpha", "beta", 1.0, 1, 0, 1.0, rates=rates)
 
 
 def opened(content: str) -> np.ndarray:
@@ -97,11 +99,11 @@ def test_a_strip_lies_below_the_same_time_of_the_spectrogram(tmp_path, seconds, 
         np.save(file, tone)
     else:
         soundfile.write(file, tone, rate)
-    write_outcomes([outcome(file)], tmp_path / "predictions" / "haptic.csv")
+    write_outcomes([outcome(file, rate)], tmp_path / "predictions" / "haptic.csv")
     write_map(
         map_folder(tmp_path, "haptic") / "0/haptic/haptic.png", evidence, CLASSES, *CLASSES[:2]
     )
-    (shown,) = shown_samples(tmp_path, ["haptic"], None if suffix == ".wav" else rate)
+    (shown,) = shown_samples(tmp_path, ["haptic"])
     picture, sound = shown.media
     assert picture.name == "spectrogram, label map of haptic"
     found = opened(picture.content)

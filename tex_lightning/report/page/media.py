@@ -84,30 +84,25 @@ def _data_uri(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def shown_samples(
-    directory: Path, networks: Sequence[str], file_rate: float | None = None
-) -> list[Shown]:
+def shown_samples(directory: Path, networks: Sequence[str]) -> list[Shown]:
     """The worst samples of the last network: wrong and sure first, then right and unsure.
 
     Args:
         directory: A run folder.
         networks: The names of its networks.
-        file_rate: In Hz, of signals whose files carry none; None assumes 10 kHz.
     """
     file = directory / "predictions" / f"{networks[-1]}.csv" if networks else directory
     if not file.is_file():
         return []
-    outcomes, decoder = read_outcomes(file), SignalDecoder().assuming(file_rate)
+    outcomes = read_outcomes(file)
     return [
-        _shown(outcomes[row], networks[-1], row, directory, decoder)
+        _shown(outcomes[row], networks[-1], row, directory)
         for row in worst_first(outcomes)[:MOST_SAMPLES]
     ]
 
 
-def _shown(
-    outcome: Outcome, network: str, row: int, directory: Path, decoder: SignalDecoder
-) -> Shown:
-    known = outcome.class_probabilities
+def _shown(outcome: Outcome, network: str, row: int, directory: Path) -> Shown:
+    known, rates = outcome.class_probabilities, outcome.file_rates
     return Shown(
         network,
         outcome.label,
@@ -117,13 +112,18 @@ def _shown(
         [
             medium
             for modality, file in outcome.files.items()
-            for medium in _media(Path(file), find_maps(directory, network, row, modality), decoder)
+            for medium in _media(
+                Path(file), find_maps(directory, network, row, modality), rates.get(modality)
+            )
         ],
     )
 
 
-def _media(path: Path, maps: Sequence[Path], decoder: SignalDecoder) -> Iterator[Medium]:
-    """What can be shown of a file; nothing of one that is gone, or of a part of one."""
+def _media(path: Path, maps: Sequence[Path], rate: float | None) -> Iterator[Medium]:
+    """What can be shown of a file; nothing of one that is gone, or of a part of one.
+
+    Its ``rate`` in Hz is the one that it was tested at, if it is a signal.
+    """
     try:
         if path.suffix.lower() in IMAGE_SUFFIXES:
             small = _thumbnail(path)
@@ -133,7 +133,7 @@ def _media(path: Path, maps: Sequence[Path], decoder: SignalDecoder) -> Iterator
                     own = image.resize(small.size)
                 yield Medium("image", f"label map of {each.stem}", _jpeg(own))
         elif path.is_file():
-            samples, source = read_trace(path, decoder)
+            samples, source = read_trace(path, SignalDecoder().assuming(rate))
             heard = samples[:, : int(SECONDS * source.hz)]
             name = ", ".join(["spectrogram", *(f"label map of {each.stem}" for each in maps)])
             strips = [_strip(each, heard.shape[1] / samples.shape[1]) for each in maps]

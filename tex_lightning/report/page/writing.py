@@ -1,6 +1,7 @@
 """Write ``report.html`` from what a run folder holds."""
 
 import csv
+import math
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from tex_lightning.report.table import (
     TINY,
     is_tiny,
     python_command,
+    run_flags,
     run_overrides,
 )
 
@@ -62,19 +64,15 @@ def write_page(directory: Path, command: str | None = None) -> None:
         report=shown,
         tables={name: _table(directory / name) for name in TABLES if (directory / name).is_file()},
         figures=_figures(directory, shown),
-        samples=shown_samples(directory, list(networks), _file_rate(settings)),
+        samples=shown_samples(directory, list(networks)),
         legend=LEGEND if networks and map_folder(directory, [*networks][-1]).is_dir() else {},
         settings=settings,
         environment=results.get("environment", {}),
         seconds=results.get("wall_seconds"),
-        command=command or python_command(*given, f"hydra.run.dir={directory}"),
+        command=command
+        or python_command(*run_flags(directory), *given, f"hydra.run.dir={directory}"),
     )
     write_text(directory / PAGE, page)
-
-
-def _file_rate(settings: dict[str, Any]) -> float | None:
-    """At which rate in Hz a run took traces whose files carry none; a manifest may know better."""
-    return settings.get("data.file_rate") or settings.get("data.sampling_rate")
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -138,12 +136,14 @@ def _short(value: str | None) -> str:
 
 
 def _drawn(curve: Curve, width: int = 560, height: int = 150) -> dict[str, Any]:
-    """A curve with the corners of its polyline in a box of so many units."""
-    low, high = min(curve.values), max(curve.values)
+    """A curve with the corners of its polyline in a box of so many units; NaN has none."""
+    finite = [value for value in curve.values if math.isfinite(value)]
+    low, high = min(finite, default=math.nan), max(finite, default=math.nan)
     across, span = max(1, len(curve.values) - 1), (high - low) or 1
     corners = [
         f"{index / across * width:.1f},{height - (value - low) / span * height:.1f}"
         for index, value in enumerate(curve.values)
+        if math.isfinite(value)
     ]
     return {
         "curve": curve,
