@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import torch
 from hydra.experimental.callback import Callback as HydraCallback
 from lightning import Callback
 from lightning.pytorch.loggers import Logger
@@ -42,6 +43,10 @@ class MemoryLogger(Logger):
         self.images[key] = images
 
 
+class NothingOfLightning:
+    """Neither a logger nor a callback."""
+
+
 class EpochCounter(Callback):
     """Counts the epochs of all trainings."""
 
@@ -49,6 +54,13 @@ class EpochCounter(Callback):
 
     def on_train_epoch_end(self, *_: Any) -> None:
         EpochCounter.epochs += 1
+
+
+def halved_at_the_end(optimizer: torch.optim.Optimizer, total_steps: int) -> Any:
+    """A schedule that is no class."""
+    return torch.optim.lr_scheduler.LambdaLR(
+        optimizer, lambda step: 1.0 if step < total_steps else 0.5
+    )
 
 
 class JobReturns(HydraCallback):

@@ -54,6 +54,19 @@ def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
     assert pixels.std() > 10  # something is drawn
 
 
+@pytest.mark.parametrize(
+    ("key", "base"),
+    [("logger.mine", "logger.Logger"), ("callbacks.mine", "callback.Callback")],
+)
+def test_what_does_not_derive_from_lightnings_class_is_refused(cli, surfaces, tmp_path, key, base):
+    wrong = f"+{key}._target_=own_parts.NothingOfLightning"
+    outcome = cli(*arguments(surfaces), wrong, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 2, outcome.err
+    (said,) = [line for line in outcome.err.splitlines() if line.startswith("Error: ")]
+    assert f"{key} names own_parts.NothingOfLightning, which does not derive from light" in said
+    assert f".{base};" in said
+
+
 def test_a_users_callback_is_called(run):
     assert EpochCounter.epochs == 2
 
@@ -87,3 +100,22 @@ def test_mlflow_gets_metrics_figures_and_hyper_parameters(cli, surfaces, tmp_pat
     assert logged.data.params["seed"] == "0"
     figures = {Path(each.path).stem for each in client.list_artifacts(logged.info.run_id, "test")}
     assert figures == {"confusion", "class_accuracy", "calibration"}
+
+
+def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
+    outcome = cli(
+        "task=evaluate", f"checkpoint={run}/checkpoints/haptic.ckpt", "data=folder",
+        f"data.root={surfaces}", "+logger.mine._target_=own_parts.MemoryLogger",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    logger = MemoryLogger.kept["haptic"]
+    entry = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]
+    assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
+    assert logger.params["data.root"] == str(surfaces)
+    assert not [name for name in logger.params if name.startswith("haptic")]
+    assert logger.images.keys() >= {"test/confusion", "test/class_accuracy"}
+    assert [*tmp_path.glob("tensorboard/haptic/events*")]
+    with (tmp_path / "metrics/haptic/metrics.csv").open() as stream:
+        (line,) = csv.DictReader(stream)
+    assert float(line["test/vote_accuracy"]) == entry["vote_accuracy"]

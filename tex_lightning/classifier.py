@@ -23,7 +23,7 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.decision.voting import RULES, Vote, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
-from tex_lightning.networks.blocks import Head, Level
+from tex_lightning.networks.blocks import Head, Level, score_layer_of
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.statistics import FeatureStatistics
 
@@ -276,7 +276,7 @@ class SurfaceClassifier(nn.Module):
     def described_level(self, name: str) -> Level:
         """Return the layer of :meth:`described`."""
         level = self.level(name)
-        if level == "fc3" and hasattr(self.branch(name).network, "score_layer"):
+        if level == "fc3" and score_layer_of(self.branch(name).network) is not None:
             return "fc2"  # fusion on FC2, which removes that layer, is there already
         return level
 
@@ -358,7 +358,7 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
     if isinstance(head := getattr(network, "head", None), Head):
         scores: Tensor = head.scores(features[None, :, :, None])
         return scores[0, :, :, 0]
-    layer: Any = network.score_layer
+    layer: Any = score_layer_of(network)
     found: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
     return found
 

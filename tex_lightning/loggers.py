@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tex_lightning.config import flatten
-from tex_lightning.config.instantiation import build
+from tex_lightning.config.instantiation import build_derived
 
 HPARAM_TYPES = (bool, int, float, str)
 
@@ -49,11 +49,12 @@ def close_loggers(directory: Path, name: str) -> None:
 
 def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
     offered = {"save_dir": str(directory), "run_name": name}
-    logger: Logger = build(where, node, **offered, version=name)
+    logger: Logger = build_derived(where, node, Logger, **offered, version=name)
     earlier = Path(logger.log_dir or "").is_dir() if isinstance(logger, CSVLogger) else False
     if earlier:  # it would write over them
         count = len(list(Path(str(logger.log_dir)).parent.glob(f"{name}*")))
-        logger = build(where, node, **offered, version=f"{name}_resumed{count}")
+        again = f"{name}_resumed{count}"
+        logger = build_derived(where, node, Logger, **offered, version=again)
     return logger
 
 
@@ -93,7 +94,7 @@ def log_test(
         nodes: ``logger`` of the configuration.
         directory: The run folder.
         name: Name of the network: its sense, or ``fusion``.
-        config: The whole configuration as plain values.
+        config: The whole configuration as plain values, or what of it was read.
         result: The network's entry of ``results.json``.
         figures: Matplotlib figures by title.
     """
@@ -155,6 +156,8 @@ def log_stability(
 
 
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
-    """Flat plain values of what this network was trained with."""
-    chosen = {"seed": config["seed"], "data": config["data"], name: config["model"][name]}
+    """Flat plain values of what this network was trained with, or of what it is tested on."""
+    chosen = {"seed": config["seed"], "data": config["data"]}
+    if "model" in config:
+        chosen[name] = config["model"][name]
     return {key: value for key, value in flatten(chosen).items() if isinstance(value, HPARAM_TYPES)}

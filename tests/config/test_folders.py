@@ -1,6 +1,11 @@
 """Senses that are found in a user's folders."""
 
-from tex_lightning.config.search import register_folders, with_own_senses
+from tex_lightning.config.search import (
+    register_folders,
+    repeated_arguments,
+    use_config_dir,
+    with_own_senses,
+)
 
 
 def test_senses_of_the_users_folders_are_composed_once(tmp_path):
@@ -12,3 +17,23 @@ def test_senses_of_the_users_folders_are_composed_once(tmp_path):
     found = with_own_senses(given)
     assert found == [*given, "+branch@model.force=force"]
     assert with_own_senses(found) == found
+
+
+def test_another_command_finds_the_same_folders(tmp_path):
+    register_folders()
+    senses = {}
+    for folder, name in (("given", "force"), ("searched", "smell")):
+        (tmp_path / folder / "branch").mkdir(parents=True)
+        (tmp_path / folder / "branch" / f"{name}.yaml").touch()
+        senses[folder] = f"+branch@model.{name}={name}"
+    use_config_dir(["--config-dir", str(tmp_path / "given")])
+    try:
+        # the command line's own folder is on Hydra's path as well
+        paths = [f"file://{tmp_path}/{folder}" for folder in senses]
+        given = ["seed=1", *senses.values(), "+branch@model.grip=haptic"]
+        assert repeated_arguments(given, paths) == [
+            "--config-dir", f"{tmp_path}/given", f'hydra.searchpath=["file://{tmp_path}/searched"]',
+            "seed=1", "+branch@model.grip=haptic",
+        ]  # fmt: skip
+    finally:
+        use_config_dir([])

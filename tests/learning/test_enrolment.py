@@ -144,3 +144,7 @@ def test_a_network_without_a_score_layer_says_so():
     classifier.network = Bare(classifier.network)
     with pytest.raises(UserError, match="Bare of haptic has no score_layer"):
         add_classes(classifier, NEW, features)
+    for layer in (torch.nn.Conv1d(4, 3, 3), torch.nn.Conv1d(4, 3, 1, bias=False)):
+        classifier.network.score_layer = layer
+        with pytest.raises(UserError, match="a convolution of kernel 1 with a bias"):
+            add_classes(classifier, NEW, features)

@@ -120,10 +120,19 @@ def test_any_optimizer_and_schedule_can_be_named():
     assert rates(model, 101)[100] == pytest.approx((0, 0))  # T_max is the number of steps
 
 
+def test_a_schedule_may_be_a_function():
+    halved = {"_target_": "own_parts.halved_at_the_end", "_partial_": True}
+    found = rates(module("haptic", schedule=halved), 101)
+    assert [found[step][0] for step in (0, 99, 100)] == [1e-3, 1e-3, 5e-4]  # it knows the steps
+
+
 @pytest.mark.parametrize(
     ("node", "message"),
     [
-        ({"_target_": "torch.optim.Adan", "_partial_": True}, "fit.optimizer cannot be made: "),
+        (
+            {"_target_": "torch.optim.Adan", "_partial_": True},
+            "^model.haptic.fit.optimizer cannot be made: ",
+        ),
         ({"_target_": "torch.optim.SGD", "_partial_": True, "x": 1}, "unexpected keyword argument"),
         ({"lr": 1}, "fit.optimizer has no _target_"),
         ({"_target_": "datetime.timedelta"}, "add _partial_: true"),
@@ -136,7 +145,9 @@ def test_an_optimizer_that_cannot_be_made_says_why(node, message):
 
 @pytest.mark.parametrize("target", [f"{SCHEDULES}.ReduceLROnPlateau", "torch.nn.Identity"])
 def test_what_does_not_go_by_steps_is_no_schedule(target):
-    with pytest.raises(UserError, match=r"fit\.schedule is .* does not go by the number"):
+    with pytest.raises(
+        UserError, match=r"^model\.haptic\.fit\.schedule is .* does not go by the number"
+    ):
         module("haptic", schedule={"_target_": target, "_partial_": True}).configure_optimizers()
 
 

@@ -5,6 +5,7 @@ import torch
 from conftest import visualnet
 
 from tex_lightning.networks import FusionNet, HapticNet
+from tex_lightning.networks.blocks import score_layer_of
 
 CLASSES = 5
 
@@ -230,3 +231,21 @@ def test_fused_networks_lose_the_scores_that_are_not_fused():
         gone = whole.state_dict().keys() - part.state_dict().keys()
         scores = {"head.scores.1.weight", "head.scores.1.bias"}
         assert gone == (set() if isinstance(whole, OwnNet) else scores)
+
+
+@pytest.mark.parametrize(
+    "layer",
+    [
+        torch.nn.Conv1d(2, CLASSES, 1, bias=False), torch.nn.Conv1d(2, CLASSES, 3),
+        torch.nn.Sequential(torch.nn.Conv1d(2, CLASSES, 1)),
+    ],
+)  # fmt: skip
+def test_a_score_layer_of_another_form_is_fused_on_the_scores(layer):
+    own = OwnNet(CLASSES)
+    own.score_layer = layer
+    fused = FusionNet(unimodal()[0], own, classes=CLASSES, level="fc2")
+    assert fused.levels == ["fc2", "fc3"]
+    assert fused.sizes[1] == CLASSES
+    assert score_layer_of(own) is None
+    own.score_layer = torch.nn.Conv1d(2, CLASSES, 1)
+    assert score_layer_of(own) is own.score_layer

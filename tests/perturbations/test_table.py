@@ -15,7 +15,12 @@ from scipy.signal import resample_poly
 
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations.scene import Scene
-from tex_lightning.perturbations.table import SEVERITIES, perturbations, read_severities
+from tex_lightning.perturbations.table import (
+    SEVERITIES,
+    Perturbation,
+    perturbations,
+    read_severities,
+)
 
 RATE = 10_000.0
 TABLE = perturbations()
@@ -285,3 +290,59 @@ def test_a_users_table_names_any_modality(tmp_path):
 def test_a_users_table_is_refused_in_one_sentence(tmp_path, text, said):
     with pytest.raises(UserError, match=said):
         own(tmp_path, text)
+
+
+def returns_nothing(recording, value, scene):
+    return None
+
+
+def loses_an_axis(recording, value, scene):
+    return recording[0]
+
+
+def turns_it_round(recording, value, scene):
+    return recording.T
+
+
+def takes_one(recording):
+    return recording
+
+
+def raises(recording, value, scene):
+    raise LookupError("nothing there")
+
+
+def gives_a_list(recording, value, scene):
+    return recording.tolist()
+
+
+def of_a_user(name: str, modality: str) -> Perturbation:
+    return Perturbation("mine", modality, "a", (0, 1, 2, 3, 4, 5), function=f"{__name__}.{name}")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("returns_nothing", "returned no array"),
+        ("loses_an_axis", "returned"),
+        ("turns_it_round", "returned"),
+        ("takes_one", "raised TypeError: .*takes 1 positional argument"),
+        ("raises", "raised LookupError: nothing there"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("modality", "kind"), [("force", r"axes \(axes, samples\)"), ("image", "photo ")]
+)
+def test_a_users_function_that_makes_no_recording_is_named(name, said, modality, kind):
+    own = of_a_user(name, modality)
+    made = make_photo(0, 0)[:20] if modality == "image" else trace(3)
+    line = rf"^The perturbation mine of {modality} .*\.{name} {said}.* must return a .*{kind}"
+    with pytest.raises(UserError, match=line):
+        own.apply(made, 3, scene())
+
+
+@pytest.mark.parametrize("modality", ["force", "image"])
+def test_a_users_function_may_give_anything_that_is_a_recording(modality):
+    made = make_photo(0, 0) if modality == "image" else trace(3)
+    found = of_a_user("gives_a_list", modality).apply(made, 3, scene())
+    assert (found.dtype, found.shape) == (made.dtype, made.shape)

@@ -113,6 +113,7 @@ def test_a_sense_of_the_user_is_fused(fused):
     assert found["force"]["vote_accuracy"] == 1  # its budget is not that of debug=tiny
     assert found["fusion"]["test_samples"] == 3
     assert found["fusion"]["parameters"] > found["force"]["parameters"] > 0
+    assert f"tex_lightning --config-dir {CONF[1]} " in (fused / "report.html").read_text()
 
 
 def test_it_is_crossvalidated_alone(cli, data, tmp_path):
@@ -122,6 +123,7 @@ def test_it_is_crossvalidated_alone(cli, data, tmp_path):
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert [each["fold"] for each in results(tmp_path)["networks"]["force"]["folds"]] == [0, 4]
+    assert f"tex_lightning --config-dir {CONF[1]} " in (tmp_path / "report.md").read_text()
 
 
 def test_it_evaluates_predicts_and_is_perturbed(cli, fused, data, flat, tmp_path):
@@ -145,6 +147,55 @@ def test_it_evaluates_predicts_and_is_perturbed(cli, fused, data, flat, tmp_path
     assert outcome.status == 0, outcome.err
     found = results(tmp_path / "s")["systems"]
     assert [*found["fusion"]["perturbation_errors"]] == ["drift", "stains", "fewer_pairs"]
+
+
+@pytest.mark.parametrize("kind", ["force", "fusion"])
+def test_classes_are_added_to_the_senses_of_a_user(cli, fused, data, flat, tmp_path, kind):
+    outcome = cli(
+        *CONF, *data, "trusted=[my_ext]", "task=enroll", f"hydra.run.dir={tmp_path}",
+        f"checkpoint={fused}/checkpoints/{kind}.ckpt", "enroll.forget=[gamma]",
+        "enroll.only=[gamma]", "data.per_class=5",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    model = tl.load(tmp_path, trusted=["my_ext"])
+    assert model.classifier.card.classes == [*CLASSES]
+    old = tl.load(fused / "checkpoints" / f"{kind}.ckpt", trusted=["my_ext"]).classifier
+    force = torch.from_numpy(np.load(flat / "beta_9.npy"))[None]
+    before, after = (each.summand("force", force) for each in (old, model.classifier))
+    torch.testing.assert_close(after[:2], before[:2])
+    for label in ("beta", "gamma"):  # also of this sense alone
+        assert model.predict(force=flat / f"{label}_9.npy").label == label
+
+
+GREY = ["model=fusion", "model.senses=[grey]"]
+
+
+@pytest.fixture(scope="module")
+def grey(run_once, data) -> Path:
+    augmentation = "{_target_: kornia.augmentation.RandomHorizontalFlip, p: 1}"
+    return run_once(*CONF, *data, *GREY, f"+model.grey.fit.augmentation={augmentation}")
+
+
+def test_photos_with_features_of_the_user_train_and_predict(cli, grey, flat):
+    assert results(grey)["networks"]["grey"]["test_samples"] == 3
+    known = [*CONF, "trusted=[my_ext]", f"checkpoint={grey}"]
+    outcome = cli(*known, "task=predict", f"image={flat}/beta_0.png")
+    assert json.loads(outcome.out)["label"] in CLASSES
+
+
+def test_a_network_of_the_user_with_too_many_scores_ends_before_training(cli, data, tmp_path):
+    where = f"hydra.run.dir={tmp_path}"
+    outcome = cli(*CONF, *data, *GREY, "+model.grey.network.surplus=1", where)
+    assert outcome.status == 2
+    assert "Error: GreyNet of grey gives 4 scores at each position, and there are 3" in outcome.err
+    assert not (tmp_path / "checkpoints").exists()
+
+
+def test_too_short_a_piece_for_a_network_of_the_user_is_said(cli, data, tmp_path):
+    small = ["model=fusion", "model.senses=[force]", "model.force.fit.frames=4"]
+    outcome = cli(*CONF, *data, *small, f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 2
+    assert "ForceNet of force, trained on pieces of 4, raised RuntimeError: Calc" in outcome.err
 
 
 def test_hydras_search_path_brings_senses_too(cli, flat, tmp_path):
@@ -183,6 +234,7 @@ def test_a_sweep_tests_a_fold_of_the_users_data(cli, data, tmp_path):
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert results(tmp_path / "0")["networks"]["visual"]["folds"][0]["fold"] == 3
+    assert f"tex_lightning -m --config-dir {CONF[1]} " in (tmp_path / "report.md").read_text()
 
 
 def test_help_and_near_matches_know_the_users_files(cli, tmp_path):

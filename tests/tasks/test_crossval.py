@@ -110,6 +110,18 @@ def rows(directory: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+def test_a_moved_run_goes_on_with_its_own_networks(cli, surfaces, directory, tmp_path):
+    moved = tmp_path / "moved"
+    shutil.copytree(directory, moved)
+    shutil.rmtree(directory / "folds")
+    arguments = ["task=crossval", "crossval.only=[0,3]", *tiny(surfaces), "explained_samples=1"]
+    outcome = cli(*arguments, f"hydra.run.dir={moved}")
+    assert outcome.status == 0, outcome.err
+    entry = json.loads((moved / "results.json").read_text())["networks"]["haptic"]
+    assert [Path(each["checkpoint"]).is_relative_to(moved) for each in entry["folds"]] == [True] * 2
+    assert len([*(moved / "label_maps/haptic").iterdir()]) == 6
+
+
 def test_one_failing_job_does_not_hide_the_others(cli, surfaces, tmp_path):
     outcome = cli("-m", *tiny(surfaces), "data.test_fold=0,77,2", f"hydra.sweep.dir={tmp_path}")
     assert outcome.status == 1

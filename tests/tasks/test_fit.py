@@ -2,7 +2,9 @@
 
 import csv
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -251,6 +253,23 @@ def test_an_epoch_that_is_not_the_best_is_kept_too(cli, surfaces, tmp_path, monk
     epochs = {name: torch.load(kept / f"{name}.ckpt")["epoch"] for name in ("best", "last")}
     assert epochs == {"best": 0, "last": 1}
     assert cli(*validated, *tiny(surfaces, tmp_path)).status == 0
+
+
+def test_a_training_that_diverges_after_its_best_epoch_says_so(
+    cli, surfaces, tmp_path, monkeypatch
+):
+    original = SurfaceModule.training_step
+
+    def diverging(self, batch, batch_idx):
+        return original(self, batch, batch_idx) * (math.nan if self.current_epoch > 0 else 1)
+
+    monkeypatch.setattr(SurfaceModule, "training_step", diverging)
+    many = ["model=haptic", "model.haptic.fit.epochs=3", "data.val_fold=1"]
+    outcome = cli(*many, *tiny(surfaces, tmp_path))
+    assert outcome.status == 0, outcome.err
+    assert "the haptic network diverged; its weights are those of epoch 1" in outcome.err
+    assert all(bool(each.isfinite().all()) for each in weights(tmp_path).values())
+    assert not re.search(r'points="[^"]*nan', (tmp_path / "report.html").read_text())
 
 
 @pytest.mark.parametrize("val_fold", ["1", pytest.param("null", marks=pytest.mark.slow)])

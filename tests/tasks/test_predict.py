@@ -1,5 +1,7 @@
 """Prediction and evaluation from a checkpoint alone."""
 
+import base64
+import io
 import json
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import decode_image
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.evaluation.outcomes import read_outcomes
+from tex_lightning.report.page.media import shown_samples
 
 
 def data(surfaces: Path) -> list[str]:
@@ -191,6 +194,11 @@ def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):
     assert again.status == 0, again.err
     evaluated = read_outcomes(tmp_path / "e" / "predictions" / "haptic.csv")
     assert [o.fragments for o in evaluated] == [o.fragments for o in tested]
+    for name in "re":  # the page plays each at its rate
+        for shown in shown_samples(tmp_path / name, ["haptic"]):
+            _, sound = shown.media
+            content = io.BytesIO(base64.b64decode(sound.content.partition(",")[2]))
+            assert soundfile.info(content).duration == pytest.approx(4)
     prediction = json.loads(cli("task=predict", given, f"haptic={tested[0].files['haptic']}").out)
     assert prediction["fragments"] == tested[0].fragments
     assert prediction["label"] == tested[0].predicted

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shlex
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,6 +87,18 @@ def test_every_subset_of_the_senses_in_the_data_is_a_system(measured):
     assert results["senses"] == ["haptic", "force"]
     assert set(results["systems"]) == SYSTEMS
     assert "model.senses=" in results["command"]
+
+
+def test_the_command_that_it_prints_trains_what_was_chosen(measured, cli, tmp_path):
+    results = json.loads((measured / "results.json").read_text())
+    program, *arguments = shlex.split(results["command"].removeprefix("python -m "))
+    assert program == "tex_lightning"
+    assert not [each for each in arguments if each.startswith("+branch@")]
+    if results["chosen"] != "force":  # which is the one that needs the user's folder
+        arguments.append("model.senses=[force]")
+    outcome = cli(*arguments, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 0, outcome.err
+    assert list(json.loads((tmp_path / "r/results.json").read_text())["networks"]) == ["force"]
 
 
 def test_each_network_is_trained_once(measured):

@@ -11,7 +11,11 @@ from scipy.stats import binomtest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config import CONF
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.weights import read_config
 from tex_lightning.evaluation.outcomes import read_outcomes
+from tex_lightning.runs.systems import load_systems
 
 ONLY = ("white_noise", "shorter_trace", "rotated_axes", "jpeg", "haptic_missing", "image_swapped")
 COLUMNS = (
@@ -72,6 +76,17 @@ def test_the_table_has_every_trial_with_its_interval(tested):
             assert float(line["flip_rate"]) == 0
     met = {line["perturbation"] for line in lines if line["system"] == "visual"}
     assert met == {"jpeg"}
+
+
+def test_a_file_is_looked_at_once_for_all_folds_and_systems(surfaces, fused, folds, cache):
+    given = f"stability.systems=[{folds},{fused}]"
+    overrides = ["task=stability", given, *data(surfaces), f"data.cache_dir={cache}"]
+    config = read_config(compose_config(CONF, overrides))
+    systems = load_systems(config.stability, config.data, config.running, config.seed)
+    (dataset,) = {
+        id(each.dataset): each.dataset for one in systems for each in one.members
+    }.values()
+    assert set(dataset.store.entries) == set(dataset.rows.values())
 
 
 def test_clean_accuracy_is_that_of_the_test_after_training(tested, fused, folds):

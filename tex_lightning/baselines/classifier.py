@@ -75,6 +75,10 @@ class Movement(nn.Module):
         return axes
 
 
+class Pixels(nn.Identity):
+    """Photos as they are, 8 bits each, which baselines take in place of network input."""
+
+
 class FittedBaseline(nn.Module):
     """A baseline as a network: it scores one recording at a time, on the CPU.
 
@@ -144,7 +148,7 @@ class BaselineClassifier(SurfaceClassifier):
         decoder = kind.make_decoder(values["decode"])
         network = FittedBaseline(self.baseline)
         if medium == PhotoBranch.medium:
-            return {sense: PixelBranch(sense, values["modality"], decoder, nn.Identity(), network)}
+            return {sense: PixelBranch(sense, values["modality"], decoder, Pixels(), network)}
         self.baseline.sampling_rate = decoder.sampling_rate
         moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
         return {sense: MovementBranch(sense, values["modality"], decoder, moving, network)}

@@ -47,6 +47,11 @@ def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
     if (bands := getattr(features, "bands", None)) is not None:
         offered["bands"] = bands
     network = _make_part(f"{where}.network", node["network"], offered)
+    if not callable(getattr(network, "features", None)):
+        raise UserError(
+            f"{where}.network names {node['network'][TARGET]}, which has no method "
+            "features(x, level); add one that gives class scores at level fc3."
+        )
     return cls(name, node["modality"], cls.make_decoder(node["decode"]), features, network)
 
 

@@ -1,7 +1,7 @@
 """The base class of branches, for any sensor."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, ClassVar
@@ -10,14 +10,23 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.branches.contract import (
+    PartFault,
+    blamed,
+    check_input,
+    check_output,
+    is_own,
+)
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder
 from tex_lightning.data.quality import Quality, Ranges
 from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.networks.blocks import Level
 from tex_lightning.networks.tiles import affordable, in_tiles, layer_windows
+
+Change = Callable[[Tensor], Tensor]
 
 GEOMETRY = ("window_size", "min_size", "stride", "output_size")  # that a network may declare
 
@@ -110,8 +119,21 @@ class Branch(ABC):
         """
 
     @abstractmethod
-    def training_input(self, pieces: Mapping[str, Tensor], size: int) -> Tensor:
-        """Network input (batch, ...) of what the bank has cut."""
+    def training_input(
+        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+    ) -> Tensor:
+        """Network input (batch, ...) of what the bank has cut.
+
+        Args:
+            pieces: What the bank has cut.
+            size: Length or side of a piece.
+            change: What photos (batch, 3, side, side) in [0, 1] become before they are normalised;
+                None leaves them, and of signals there is none.
+        """
+
+    @abstractmethod
+    def repeated(self, recording: Tensor) -> Tensor:
+        """A recording repeated until it is long or large enough for any usual network."""
 
     @abstractmethod
     def decode_input(
@@ -141,8 +163,23 @@ class Branch(ABC):
 
     def __call__(self, recording: Tensor) -> Tensor:
         """Network input of a decoded recording, on the device of the branch."""
-        found: Tensor = self.features(recording.to(self.device))
+        return self.read(recording.to(self.device))
+
+    def read(self, x: Tensor, batch: int = 1) -> Tensor:
+        """What the features give for ``batch`` recordings on their device.
+
+        Raises:
+            PartFault: If a user's fail, or give no network input.
+        """
+        with blamed(self.features, self.name):
+            found: Tensor = self.features(x)
+        if not is_own(self.features):
+            check_input(found, self.features, self.name, batch, self.medium)
         return found
+
+    def as_weights(self, x: Tensor) -> Tensor:
+        """A network input in the precision of the network's weights."""
+        return x.to(next(self.network.parameters(), x).dtype)
 
     def check(self, recording: Tensor | Array) -> None:
         """Refuse a decoded recording that is too small for one fragment.
@@ -176,14 +213,28 @@ class Branch(ABC):
         return self._dense_grid(self.dense_input(recording), level)
 
     def _tried(self, recording: Tensor, level: Level) -> Tensor:
-        """Features by a network that does not say how much it needs."""
+        """Features by a network that does not say how much it needs.
+
+        A user's part that fails on this recording and on a much larger one is at fault itself.
+        """
         try:
             found = self._dense_grid(self.dense_input(recording), level)
+        except PartFault as fault:
+            if self._fails(self.repeated(recording), level):
+                raise
+            raise self._unusable(recording, reason(fault.__cause__ or fault)) from fault
         except RuntimeError as error:  # of a kernel that is larger than its input
             raise self._unusable(recording, " ".join(str(error).split())) from error
         if not found[0].numel():
             raise self._unusable(recording, "it gives no position")
         return found
+
+    def _fails(self, recording: Tensor, level: Level) -> bool:
+        try:
+            self._dense_grid(self.dense_input(recording), level)
+        except PartFault:
+            return True
+        return False
 
     def _unusable(self, recording: Tensor, why: str) -> UserError:
         extent = f"{self.decoder.extent(content(recording)):.3g} {self.decoder.unit}"
@@ -206,6 +257,11 @@ class Branch(ABC):
         """Rows and columns of positions that a decoded recording gives."""
         rows, columns = self._declared("output_size")(*self.input_size(recording))
         return rows, columns
+
+    @property
+    def is_own(self) -> bool:
+        """Whether the classes of its features and network are this package's."""
+        return is_own(self.features, self.network)
 
     @property
     def declares_geometry(self) -> bool:
@@ -266,15 +322,18 @@ class Branch(ABC):
             found = self._features(part, level)
             return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
 
-        if self.tile is None or not self.declares_geometry:
+        if self.tile is None or not self.declares_geometry or x.dim() != 4:  # or not of two axes
             return features(x)[0]
         windows = layer_windows(self.network, 0), layer_windows(self.network, 1)
         return in_tiles(features, x, windows, affordable(windows, self.tile))[0]
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
         """Features (1, D, *positions) of a network input: float32, of float64 weights float64."""
-        weights = next(self.network.parameters(), x)
-        found: Tensor = self.network.features(x.to(weights.dtype), level)  # type: ignore[operator]
+        x = self.as_weights(x)
+        with blamed(self.network, self.name, self.features):
+            found: Tensor = self.network.features(x, level)  # type: ignore[operator]
+        if not is_own(self.network):
+            check_output(found, self.network, self.name, len(x))
         return found if found.dtype == torch.float64 else found.float()
 
 

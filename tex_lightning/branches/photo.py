@@ -1,5 +1,6 @@
 """The branch of a sense whose recordings are photos."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -7,7 +8,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from tex_lightning.branches.base import Branch
+from tex_lightning.branches.base import Branch, Change
 from tex_lightning.data.arrays import as_photo
 from tex_lightning.data.banks import PhotoBank
 from tex_lightning.data.decode import Array, PhotoDecoder, decode_image
@@ -15,18 +16,22 @@ from tex_lightning.data.quality import Quality, Ranges, photo_quality
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import ImageFeatures, crop_side
+from tex_lightning.features.image import ImageFeatures, crop_side, rotated_photos
 from tex_lightning.networks.blocks import Level
 from tex_lightning.perturbations.augment import Augmentation
 
+LARGE = 1024  # pixels a side, more than a network takes for one fragment
+
 
 class PhotoBranch(Branch):
-    """Photos (height, width, 3) uint8; features map (1, 3, height, width) to inputs as large."""
+    """Photos (height, width, 3) uint8; features map (1, 3, height, width) to inputs as large.
+
+    In training they map batches of turned patches (batch, 3, side, side), uint8 as well.
+    """
 
     medium: ClassVar[str] = "photo"
     windowed: ClassVar[bool] = True
     decoder: PhotoDecoder
-    features: ImageFeatures
 
     @classmethod
     def make_decoder(cls, decode: Mapping[str, Any]) -> PhotoDecoder:
@@ -58,7 +63,7 @@ class PhotoBranch(Branch):
         return _planes(recording)
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
-        pixels: Tensor = self.features(x.to(self.device)) if x.dtype == torch.uint8 else x
+        pixels = self.read(x.to(self.device), len(x)) if x.dtype == torch.uint8 else x
         return super()._features(pixels, level)
 
     def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
@@ -92,9 +97,30 @@ class PhotoBranch(Branch):
         rotation = fit["rotation"]
         return PhotoBank(rows, store, crop_side(size, rotation), rotation, augmentation)
 
-    def training_input(self, pieces: Mapping[str, Tensor], size: int) -> Tensor:
-        """Rotated, normalised patches (batch, 3, size, size)."""
-        return self.features.rotated(pieces["crop"], pieces["degrees"], size)
+    def training_input(
+        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+    ) -> Tensor:
+        """Features of rotated patches (batch, 3, size, size); see the base class.
+
+        Other features than this package's get photos to read, as in a prediction.
+        """
+        crops, degrees, features = pieces["crop"], pieces["degrees"], self.features
+        if (
+            isinstance(features, ImageFeatures) and type(features).forward is ImageFeatures.forward
+        ):  # which rotate and normalise in one pass
+            patches = features.rotated(crops, degrees, size)
+            if change is None:
+                return patches
+            return (change(patches * features.std + features.mean) - features.mean) / features.std
+        photos = rotated_photos(crops, degrees, size)
+        if change is not None:
+            photos = (change(photos / 255) * 255).round().clamp(0, 255).to(torch.uint8)
+        return self.read(photos, len(photos))
+
+    def repeated(self, recording: Tensor) -> Tensor:
+        """At least 1024 pixels a side; see the base class."""
+        height, width = recording.shape[:2]
+        return recording.repeat(math.ceil(LARGE / height), math.ceil(LARGE / width), 1)
 
     def decode_input(
         self,

@@ -1,5 +1,6 @@
 """The branch of a sense whose recordings are signals: traces of acceleration, sounds, forces."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -9,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tex_lightning.branches.base import Branch, as_tensor
+from tex_lightning.branches.base import Branch, Change, as_tensor
+from tex_lightning.branches.contract import blamed
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
@@ -21,6 +23,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.perturbations.augment import Augmentation
 from tex_lightning.progress import track
+
+LONG = 60  # seconds, more than a network takes for one fragment
 
 
 class SignalBranch(Branch):
@@ -114,13 +118,15 @@ class SignalBranch(Branch):
         """
         if learn and hasattr(self.features, "learn"):
             signals = (load_recording(row, store).to(self.device) for row in rows)
-            self.features.learn(signals)  # type: ignore[operator]  # of features that have one
+            with blamed(self.features, self.name):
+                self.features.learn(signals)  # type: ignore[operator]  # of features that have one
         store.root.mkdir(parents=True, exist_ok=True)
         clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
         perturbed = self._perturbed(rows, store, fit, seed)
         raw = InputBank(chain(clean, perturbed), 1, folder=store.root).inputs
         if learn and hasattr(self.features, "fit"):
-            self.features.fit(raw[: len(rows)])  # type: ignore[operator]  # of features with one
+            with blamed(self.features, self.name):
+                self.features.fit(raw[: len(rows)])  # type: ignore[operator]  # of those with one
         versions = len(raw) // len(rows)
         return InputBank(map(self._normalised, raw), size, versions, store.root)
 
@@ -129,14 +135,18 @@ class SignalBranch(Branch):
         """Features (..., frames), before normalisation if that is apart."""
         measure = getattr(self.features, "magnitudes", None)
         recording = recording.to(self.device)
-        found: Tensor = self.features(recording)[0] if measure is None else measure(recording)
+        if measure is None:
+            return self.read(recording)[0].detach()
+        with blamed(self.features, self.name):
+            found: Tensor = measure(recording)
         return found
 
     def _normalised(self, raw: Tensor) -> Tensor:
         """Network input (..., frames) on the CPU."""
         if hasattr(self.features, "magnitudes"):
             raw = raw.to(self.device)
-            raw = self.features.normalise(raw)[None]  # type: ignore[operator]  # they have both
+            with blamed(self.features, self.name):
+                raw = self.features.normalise(raw)[None]  # type: ignore[operator]  # they have both
         return raw.cpu()
 
     def _tracked(self, rows: Sequence[Recording]) -> Iterable[Recording]:
@@ -158,9 +168,16 @@ class SignalBranch(Branch):
                 except UserError:  # hardly anything was left of it
                     yield self._raw(load_recording(row, store))
 
-    def training_input(self, pieces: Mapping[str, Tensor], size: int) -> Tensor:
+    def training_input(
+        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+    ) -> Tensor:
         """The sub-samples as they are."""
         return pieces["input"]
+
+    def repeated(self, recording: Tensor) -> Tensor:
+        """At least a minute of it; see the base class."""
+        samples = LONG * self.decoder.sampling_rate
+        return recording.repeat(1, math.ceil(samples / max(1, recording.shape[1])))
 
     def decode_input(
         self,

@@ -79,7 +79,9 @@ class Config:
         default=None,
     )
     own: dict[str, Any] = key(
-        "files of your own senses to predict from, by modality; +NAME=FILE adds one", factory=dict
+        "files of your own senses to predict from, stream or profile with, by modality; "
+        "+NAME=FILE adds one",
+        factory=dict,
     )
     top_k: int = key("candidates listed by task=predict", least=1)
     weights: Any = key(

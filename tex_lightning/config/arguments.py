@@ -14,6 +14,7 @@ from tex_lightning.files import matches
 
 # whose values name files
 KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
+OWN_SENSE = re.compile(r"\+\w+")  # a key beside those of the schema
 
 
 def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -50,7 +51,8 @@ def quote_files(arguments: Sequence[str]) -> list[str]:
     parser, quoted = OverridesParser.create(), []
     for argument in arguments:
         key, _, value = argument.partition("=")
-        if key in KEYS and _names_files(value) and _misread(parser, argument):
+        names_files = key in KEYS or OWN_SENSE.fullmatch(key)
+        if names_files and _names_files(value) and _misread(parser, argument):
             escaped = re.sub(r'(\\*)("|$)', _escaped, value)
             argument = f'{key}="{escaped}"'
         quoted.append(argument)

@@ -13,7 +13,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from tex_lightning.config import Config, flatten
 from tex_lightning.config.check_ranges import beyond
 from tex_lightning.config.check_sections import check_data, check_flags, check_model
-from tex_lightning.config.check_tasks import AUTO, check_decision, check_task
+from tex_lightning.config.check_tasks import AUTO, READ_FILES, check_decision, check_task
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.keys import walk
 from tex_lightning.config.mistakes import unknown_key
@@ -49,7 +49,7 @@ def _may_be_own(given: DictConfig, prefix: str, key: str) -> bool:
     if prefix == "model.":
         return OmegaConf.is_dict(given[key]) and TARGET in given[key]
     starts = prefix == "model.fusion." and key.endswith("_checkpoint")
-    recording = not prefix and given.task == "predict"
+    recording = not prefix and given.task in READ_FILES
     return prefix == "trainer." or starts or recording
 
 

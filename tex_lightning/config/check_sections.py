@@ -7,6 +7,7 @@ from typing import Any
 
 from tex_lightning.config import DataConfig, ModelConfig, TrainerConfig
 from tex_lightning.config.check_ranges import choice, least, nearest
+from tex_lightning.config.check_senses import check_senses
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.errors import shorten
 from tex_lightning.perturbations.augment import trainable
@@ -88,6 +89,7 @@ def check_model(model: ModelConfig) -> Iterator[str]:
             network = find_class(f"model.{sense}.network", branch.network)
             fewest = 0 if hasattr(network, "fit") else 1
             yield from least(f"model.{sense}.fit.epochs", branch.fit.epochs, fewest)
+    yield from check_senses(model)
     # and FusionNet's sum
     fewest = 0 if model.fusion.head_start == "scores" else 1
     yield from least("model.fusion.fit.epochs", model.fusion.fit.epochs, fewest)

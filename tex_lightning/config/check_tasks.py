@@ -24,6 +24,8 @@ PROFILED = (
 )
 NEED_CHECKPOINTS = ("evaluate", "enroll", "predict", "stream", "export")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile", "record")
+READ_FILES = ("predict", "profile", "record", "stream")  # or sensors, by modality
+RECORDED = ("haptic", "sound", "image")
 # Keys that the other tasks would pass over in silence, and the tasks that read them.
 READ_BY = {
     "data.hold_out": ("fit", "crossval", "evaluate"),
@@ -69,7 +71,7 @@ def check_task(config: Config) -> Iterator[str]:
             "model.fusion.haptic_checkpoint"
         )
     yield from _stream(config)
-    if config.files and config.task not in ("predict", "profile", "record", "stream"):
+    if config.files and config.task not in READ_FILES:
         yield (
             f"{' and '.join(config.files)}: files are read by task=predict and task=profile, not "
             f"by task={config.task}"
@@ -127,7 +129,9 @@ def _record(config: Config) -> Iterator[str]:
     if not config.files:
         yield "nothing is recorded: give haptic=SOURCE, sound=SOURCE or image=camera:0"
     for modality, given in config.files.items():
-        if isinstance(given, list | dict):
+        if modality not in RECORDED:
+            yield f"{modality} is not recorded: task=record takes {', '.join(RECORDED)}"
+        elif isinstance(given, list | dict):
             yield f"{modality}={given} is several: task=record takes one source of each sense"
     if settings.least_seconds > settings.seconds:
         yield (

@@ -3,8 +3,9 @@
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from hydra.errors import InstantiationException
@@ -16,6 +17,7 @@ from tex_lightning.config.check_ranges import nearest
 from tex_lightning.errors import UserError, listed, shorten
 
 TARGET = "_target_"
+HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 OWN = "tex_lightning."
 INSTALL = "pip install 'tex_lightning[baselines]'"
 
@@ -25,31 +27,51 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
 
     Args:
         where: The node's key, for messages.
-        node: ``_target_`` and arguments, which may be such nodes again.
-        offered: Further arguments, of which those are passed that the class takes and the node
+        node: ``_target_`` and arguments, which may be such nodes again. With ``_partial_: true``
+            the target may be a function.
+        offered: Further arguments, of which those are passed that the target takes and the node
             does not give.
 
     Raises:
         UserError: If the class does not exist, lacks a library, or refuses the arguments.
     """
     _check_named(where, node)
+    # a function can stand for what is called later; a checkpoint names classes alone
+    find = find_callable if node.get("_partial_") else find_class
     with _making(where):
-        taken = inspect.signature(find_class(where, node)).parameters if offered else {}
+        taken = inspect.signature(find(where, node)).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
         return instantiate({"_convert_": "all", **node}, **more)
+
+
+def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: Any) -> Any:  # noqa: ANN401
+    """Build an object whose class has to derive from ``base``.
+
+    Raises:
+        UserError: As :func:`build`, and if it does not.
+    """
+    made = build(where, node, **offered)
+    if not isinstance(made, base):
+        raise UserError(
+            f"{where} names {shorten(node[TARGET])}, which does not derive from "
+            f"{base.__module__}.{base.__name__}; name a class that does."
+        )
+    return made
 
 
 def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
     """Build a dataclass that a node names; its fields' types hold for the node's values.
 
-    A class that is no dataclass, or has fields that the configuration has no type for, is built
-    without that check.
+    A class that is no dataclass, has a constructor of its own or fields that the configuration has
+    no type for, is built without that check, and so is a node with further nodes in it.
 
     Raises:
         UserError: As :func:`build`, and if a value is of the wrong type.
     """
     cls = find_class(where, node)
-    arguments = {key: value for key, value in node.items() if not key.startswith("_")}
+    arguments = {key: value for key, value in node.items() if key != TARGET}
+    if not _is_plain(cls) or _has_nodes(arguments):
+        return build(where, node)
     try:
         schema = OmegaConf.structured(cls)
     except OmegaConfBaseException:
@@ -64,8 +86,36 @@ def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
         return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
 
 
+def _is_plain(cls: type[Any]) -> bool:
+    """Whether a class is a dataclass that is made of its fields."""
+    with suppress(ValueError):  # of a class in C
+        taken = {*inspect.signature(cls).parameters}
+        return is_dataclass(cls) and taken == {each.name for each in fields(cls) if each.init}
+    return False
+
+
+def _has_nodes(values: object) -> bool:
+    """Whether Hydra has more to do in a node's values than to pass them on."""
+    if isinstance(values, Mapping):
+        return any(key in HYDRAS or _has_nodes(value) for key, value in values.items())
+    return isinstance(values, list | tuple) and any(map(_has_nodes, values))
+
+
 def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     """The class that a node names.
+
+    Raises:
+        UserError: If there is none, or it lacks a library.
+    """
+    found = find_callable(where, node)
+    with _making(where):
+        if not isinstance(found, type):
+            raise TypeError(f"{node[TARGET]} is no class")
+        return found
+
+
+def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
+    """The class or function that a node names.
 
     Raises:
         UserError: If there is none, or it lacks a library.
@@ -73,9 +123,10 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     _check_named(where, node)
     with _making(where):
         found = pkgutil.resolve_name(node[TARGET])  # Hydra's own would log the error as well
-        if not isinstance(found, type):
-            raise TypeError(f"{node[TARGET]} is no class")
-        return found
+        if not callable(found):
+            raise TypeError(f"{node[TARGET]} is no class or function")
+        named: Callable[..., Any] = found
+        return named
 
 
 def _check_named(where: str, node: Mapping[str, Any]) -> None:

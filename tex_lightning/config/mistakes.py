@@ -152,7 +152,8 @@ def _check(
     if value is None and not prefix.startswith("~"):
         return _unreadable(key)
     if group in groups:
-        wrong = [item for item in (value or "").split(",") if item not in groups[group]]
+        items = (item.strip(" []'\"") for item in (value or "").split(","))  # a list or a sweep
+        wrong = [item for item in items if item not in groups[group]]
         if wrong and "(" not in (value or ""):
             return unknown_option(group, wrong[0], groups[group])
         return None

@@ -53,6 +53,25 @@ def with_own_senses(overrides: Sequence[str]) -> list[str]:
     return [*overrides, *(each for each in added if each not in overrides)]
 
 
+def repeated_arguments(overrides: Sequence[str], searchpath: Sequence[str]) -> list[str]:
+    """Arguments of another command that finds the same folders and has the same overrides.
+
+    Args:
+        overrides: What was given; the senses of the folders, which the other command composes by
+            itself, are left out.
+        searchpath: Further folders that Hydra was given, as ``file://DIR``.
+    """
+    named = [part for folder in _GIVEN for part in (FLAGS[0], str(folder))]
+    others = [
+        f'"{each}"'
+        for each in searchpath
+        if not {folder.resolve() for folder in _folder(each)} & {*_GIVEN}
+    ]
+    folders = [f"hydra.searchpath=[{','.join(others)}]"] if others else []
+    own = with_own_senses(folders)
+    return [*named, *folders, *(each for each in overrides if each not in own)]
+
+
 def _searched_folders() -> Iterator[Path]:
     """Folders that search-path plugins add, this package's and others."""
     path = ConfigSearchPathImpl()

@@ -358,7 +358,7 @@ READS = {
     "crossval": ("weights", *_TRAINING, "crossval", *_REPORTED),
     "evaluate": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",
-        "figures", *_RUNNING,
+        "figures", "logger", *_RUNNING,
     ),
     "enroll": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "enroll", "figures",

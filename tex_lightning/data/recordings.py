@@ -188,7 +188,7 @@ def read_manifest(path: Path) -> Recordings:
         raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
     lines = read_table(path, "Manifest", COLUMNS)
     rows = [_read_line(path, number, line) for number, line in lines]
-    _check_distinct(path, rows)
+    check_distinct(f"Manifest {path}", rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
     return Recordings(tuple(rows), _doubtful_columns(path, lines[0][1]))
@@ -231,15 +231,15 @@ def _meant(name: str) -> str | None:
     return RATE if names_rate(name) or near == [OLD_RATE] else next(iter(near), None)
 
 
-def _check_distinct(path: Path, rows: list[Recording]) -> None:
+def check_distinct(what: str, rows: Iterable[Recording]) -> None:
     """Refuse what is listed twice: in two groups it would be trained and tested on."""
     listed: dict[Path, list[tuple[int, Part | None]]] = defaultdict(list)
     for number, row in enumerate(rows, start=1):
         for earlier, part in listed[row.path]:
             if overlap(part, row.part):
                 raise UserError(
-                    f"Manifest {path} lists {row.source} in record {earlier} and in record "
-                    f"{number}; keep one of them."
+                    f"{what} lists {row.source} in record {earlier} and in record {number}; keep "
+                    "one of them."
                 )
         listed[row.path].append((number, row.part))
 

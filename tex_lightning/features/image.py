@@ -1,6 +1,7 @@
 """Turn 8-bit photos into the normalised pixels that VisualNet reads, rotated while training."""
 
 import math
+from collections.abc import Iterator
 
 import torch
 from kornia.geometry.transform import remap
@@ -47,31 +48,45 @@ class ImageFeatures(nn.Module):
         Returns:
             Network input (batch, 3, patch, patch).
         """
-        half = (crops.shape[-1] - 1) / 2  # from the centre to the middle of the last pixel
-        offset = (torch.arange(patch, device=crops.device) - (patch - 1) / 2) / half
-        angle = torch.deg2rad(degrees)[:, None, None]
-        cos, sin = angle.cos() * offset, angle.sin() * offset
         turned = self.mean.new_empty(len(crops), 3, patch, patch)
-        # one crop for each thread of a CPU, whose cache holds what belongs to it
-        together = torch.get_num_threads() if crops.device.type == "cpu" else max(1, len(crops))
-        pieces = (torch.split(each, together) for each in (crops, cos, sin, turned))
-        for piece in zip(*pieces, strict=True):
-            self._turn(*piece)
+        results = torch.split(turned, _together(crops))
+        for pixels, result in zip(_turned(crops, degrees, patch), results, strict=True):
+            torch.addcmul(self.shift, pixels, self.scale, out=result)
         return turned
 
-    def _turn(self, crops: Tensor, cos: Tensor, sin: Tensor, result: Tensor) -> None:
-        """Fill in the result, given the places of one row (batch, 1, patch) at its angle."""
+
+def rotated_photos(crops: Tensor, degrees: Tensor, patch: int) -> Tensor:
+    """Rotate crops as :meth:`ImageFeatures.rotated`, to photos (batch, 3, patch, patch) uint8."""
+    turned = crops.new_empty(len(crops), 3, patch, patch)
+    results = torch.split(turned, _together(crops))
+    for pixels, result in zip(_turned(crops, degrees, patch), results, strict=True):
+        result.copy_(pixels.round_())
+    return turned
+
+
+def _together(crops: Tensor) -> int:
+    """How many are turned at once: one for each thread of a CPU, whose cache holds its own."""
+    return torch.get_num_threads() if crops.device.type == "cpu" else max(1, len(crops))
+
+
+def _turned(crops: Tensor, degrees: Tensor, patch: int) -> Iterator[Tensor]:
+    """Pixels 0 to 255 (some, 3, patch, patch) of the middles of crops at their angles."""
+    half = (crops.shape[-1] - 1) / 2  # from the centre to the middle of the last pixel
+    offset = (torch.arange(patch, device=crops.device) - (patch - 1) / 2) / half
+    angle = torch.deg2rad(degrees)[:, None, None]
+    places = angle.cos() * offset, angle.sin() * offset  # of one row (batch, 1, patch) at its angle
+    pieces = (torch.split(each, _together(crops)) for each in (crops, *places))
+    for some, cos, sin in zip(*pieces, strict=True):
         # side by side, as remap wants them: from two planes its own copy takes twice as long
-        grid = cos.new_empty(len(crops), cos.shape[2], cos.shape[2], 2)
-        pixels = remap(
-            crops.contiguous().to(cos.dtype),  # planes of colours are turned faster than pixels
+        grid = cos.new_empty(len(some), patch, patch, 2)
+        yield remap(
+            some.contiguous().to(cos.dtype),  # planes of colours are turned faster than pixels
             torch.sub(cos, sin.mT, out=grid[..., 0]),
             torch.add(sin, cos.mT, out=grid[..., 1]),
             padding_mode="border",
             align_corners=True,
             normalized_coordinates=True,  # -1 to 1; from pixels it is two more passes
         )
-        torch.addcmul(self.shift, pixels, self.scale, out=result)
 
 
 def crop_side(patch: int, rotation: float) -> int:

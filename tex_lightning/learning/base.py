@@ -1,7 +1,7 @@
 """Training of the network of one sense: loss, metrics, optimiser and checkpoint."""
 
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any
 
 import torch
 from lightning import LightningModule
@@ -9,13 +9,13 @@ from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics import MetricCollection
 
+from tex_lightning.branches.contract import blamed
 from tex_lightning.card import LEFT_OUT, Card
 from tex_lightning.classifier import SurfaceClassifier, own_state
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import ImageFeatures
 from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
 from tex_lightning.loggers import log_figures
 from tex_lightning.report.confusion import confusion_figure
@@ -65,30 +65,26 @@ class SurfaceModule(LightningModule):
 
     def inputs(self, batch: Batch) -> list[Tensor]:
         """The network's input tensors (batch, ...) for a training batch, one for each sense."""
-        branches = self.classifier.branches.items()
-        found = [each.training_input(batch[name], self.pieces[name]) for name, each in branches]
-        if self.augmentation is None or not self.training:
-            return found
-        return [self._augmented(each) for each in found]
+        change = self._augmented if self.augmentation is not None and self.training else None
+        return [
+            branch.as_weights(branch.training_input(batch[name], self.pieces[name], change))
+            for name, branch in self.classifier.branches.items()
+        ]
 
     @property
     def _augmentation_key(self) -> str:
         return f"model.{self.classifier.card.kind}.fit.augmentation"
 
     def _augmented(self, patches: Tensor) -> Tensor:
-        """Apply the recipe's augmentation, which takes pixels in [0, 1]."""
-        features = cast(ImageFeatures, next(iter(self.classifier.features.values())))
-        pixels = call(
-            self._augmentation_key, self.augmentation, patches * features.std + features.mean
-        )
+        """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""
+        pixels: Tensor = call(self._augmentation_key, self.augmentation, patches)
         shape = tuple(getattr(pixels, "shape", ()))
         if len(shape) != 4 or shape[:2] != patches.shape[:2]:
             raise UserError(
                 f"{self._augmentation_key} makes {shape or type(pixels).__name__} of patches "
                 f"{tuple(patches.shape)}; name a class that gives (batch, 3, side, side)."
             )
-        changed: Tensor = (pixels - features.mean) / features.std
-        return changed
+        return pixels
 
     @property
     def network(self) -> Any:  # noqa: ANN401
@@ -106,7 +102,10 @@ class SurfaceModule(LightningModule):
 
     def scores(self, batch: Batch) -> Tensor:
         """Class scores (batch, classes, fragments) of a training batch."""
-        scores: Tensor = self.network.features(*self.inputs(batch), "fc3")
+        inputs, kind = self.inputs(batch), self.classifier.card.kind
+        # a piece may be shorter than any recording that the network was tried on
+        with blamed(self.network, f"{kind}, trained on pieces of {self.pieces[kind]},"):
+            scores: Tensor = self.network.features(*inputs, "fc3")
         return scores.flatten(2)
 
     def on_train_epoch_start(self) -> None:
@@ -197,17 +196,19 @@ class SurfaceModule(LightningModule):
         ]
         groups = [group for group in groups if group["params"]]
         steps = max(1, fit["epochs"] * fit["steps_per_epoch"])
-        optimizer = call("fit.optimizer", build("fit.optimizer", fit["optimizer"]), groups)
+        where = f"model.{self.classifier.card.kind}.fit"
+        make_optimizer = build(f"{where}.optimizer", fit["optimizer"])
+        optimizer = call(f"{where}.optimizer", make_optimizer, groups)
         make_scheduler = build(
-            "fit.schedule", fit["schedule"],
+            f"{where}.schedule", fit["schedule"],
             total_steps=steps, total_iters=steps, T_max=steps,
             max_lr=[group["lr"] for group in groups],
         )  # fmt: skip
-        scheduler = call("fit.schedule", make_scheduler, optimizer)
+        scheduler = call(f"{where}.schedule", make_scheduler, optimizer)
         if isinstance(scheduler, ReduceLROnPlateau) or not isinstance(scheduler, LRScheduler):
             raise UserError(
-                f"fit.schedule is {type(scheduler).__name__}, which does not go by the number of "
-                "the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
+                f"{where}.schedule is {type(scheduler).__name__}, which does not go by the number "
+                "of the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
             )
         return {
             "optimizer": optimizer,

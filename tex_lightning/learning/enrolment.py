@@ -13,10 +13,10 @@ from torch import Tensor, nn
 from tex_lightning.classifier import STATISTICS, SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.learning.new_rows import Fragments, fit_rows
+from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.statistics import FeatureStatistics
 
-Layer = nn.Conv2d | nn.Linear
 State = dict[str, Tensor]
 
 
@@ -53,6 +53,10 @@ def add_classes(
             state |= _with_scores(classifier, fusion, len(names))
     else:
         state |= _with_features(classifier, fusion, statistics, features, temperature)
+    for layer in _unused_layers(classifier):
+        weight, bias = _values(layer)
+        size = len(names), *weight.shape[1:]
+        state |= _appended(classifier, layer, weight.new_zeros(size), bias.new_zeros(size[0]))
     return _rebuilt(classifier, [*classifier.card.classes, *names], state, statistics)
 
 
@@ -61,7 +65,8 @@ def keep_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> Surface
     kept = torch.tensor([classifier.card.classes.index(name) for name in names])
     senses, fusion = classifier.card.senses, classifier.fusion
     scored = [name for name in senses if classifier.level(name) == "fc3"]
-    layers: list[Layer] = [_score_layer(classifier, name) for name in scored]
+    layers: list[ScoreLayer] = [_score_layer(classifier, name) for name in scored]
+    layers += _unused_layers(classifier)
     state: State = {}
     for layer in layers if fusion is None else [*layers, fusion.head]:
         weight, bias = (values[kept] for values in _values(layer))
@@ -88,20 +93,32 @@ def check_extensible(classifier: SurfaceClassifier) -> None:
     for name in classifier.card.senses:
         if classifier.level(name) == "fc3":
             _score_layer(classifier, name)
+    _unused_layers(classifier)
 
 
-def _score_layer(classifier: SurfaceClassifier, name: str) -> Layer:
+def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
     network = classifier.branch(name).network
-    layer = getattr(network, "score_layer", None)
-    if not isinstance(layer, Layer) or layer.bias is None:
+    layer = score_layer_of(network)
+    if layer is None:
         raise UserError(
-            f"{type(network).__name__} of {name} has no score_layer that classes can be added to "
-            "or taken from; train it anew with all recordings."
+            f"{type(network).__name__} of {name} has no score_layer that is an nn.Linear or a "
+            "convolution of kernel 1 with a bias, which classes could be added to or taken from; "
+            "train it anew with all recordings."
         )
     return layer
 
 
-def _values(layer: Layer) -> tuple[Tensor, Tensor]:
+def _unused_layers(classifier: SurfaceClassifier) -> list[ScoreLayer]:
+    """Score layers that networks keep although a fusion of features does without them.
+
+    This package's have lost theirs.
+    """
+    names = [name for name in classifier.card.senses if classifier.level(name) == "fc2"]
+    kept = [name for name in names if not hasattr(classifier.branch(name).network, "head")]
+    return [_score_layer(classifier, name) for name in kept]
+
+
+def _values(layer: ScoreLayer) -> tuple[Tensor, Tensor]:
     """Weight and bias of a layer that has both."""
     return layer.weight.detach(), cast(Tensor, layer.bias).detach()
 
@@ -166,13 +183,15 @@ def _with_scores(classifier: SurfaceClassifier, fusion: FusionNet, added: int) -
     return _named(classifier, fusion.head, torch.cat(blocks, dim=1), biases)
 
 
-def _appended(classifier: SurfaceClassifier, layer: Layer, rows: Tensor, biases: Tensor) -> State:
+def _appended(
+    classifier: SurfaceClassifier, layer: ScoreLayer, rows: Tensor, biases: Tensor
+) -> State:
     weight, bias = _values(layer)
     weight = torch.cat([weight, rows.reshape(len(rows), *weight.shape[1:])])
     return _named(classifier, layer, weight, torch.cat([bias, biases]))
 
 
-def _named(classifier: SurfaceClassifier, layer: Layer, weight: Tensor, bias: Tensor) -> State:
+def _named(classifier: SurfaceClassifier, layer: ScoreLayer, weight: Tensor, bias: Tensor) -> State:
     """Weight and bias as the classifier's state names them."""
     (name,) = (name for name, module in classifier.named_modules() if module is layer)
     return {f"{name}.weight": weight, f"{name}.bias": bias}

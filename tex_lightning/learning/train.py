@@ -13,6 +13,7 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
+from tex_lightning.branches.contract import PartFault
 from tex_lightning.card import LEFT_OUT, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
@@ -92,7 +93,7 @@ def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path 
         with nullcontext() if own else hidden():
             # The folder holds only this package's own checkpoints of plain values and tensors.
             trainer.fit(module, datamodule=data, ckpt_path=last, weights_only=True)
-    except ValueError as error:
+    except (ValueError, PartFault) as error:  # the latter around that of a user's network
         if ONE_VALUE not in str(error):
             raise
         kind = module.classifier.card.kind
@@ -152,12 +153,16 @@ def _features_are_untrained(training: Training) -> bool:
 
 
 def _refuse_diverged(module: SurfaceModule) -> None:
-    if not all(bool(each.isfinite().all()) for each in module.state_dict().values()):
+    if not _is_finite(module):
         kind = module.classifier.card.kind
         raise UserError(
             f"Training of the {kind} network diverged, its weights are NaN or infinite; lower "
             f"model.{kind}.fit.learning_rate."
         )
+
+
+def _is_finite(module: SurfaceModule) -> bool:
+    return all(bool(each.isfinite().all()) for each in module.state_dict().values())
 
 
 def _finish(
@@ -169,6 +174,12 @@ def _finish(
     """
     if keeper is not None and keeper.best_model_path:  # there is none of no epoch
         best = torch.load(keeper.best_model_path, map_location="cpu", weights_only=True)
+        if not _is_finite(module):
+            kind = module.classifier.card.kind
+            log.warning(
+                "Training of the %s network diverged; its weights are those of epoch %d, the best "
+                "one. Lower model.%s.fit.learning_rate.", kind, best["epoch"] + 1, kind,
+            )  # fmt: skip
         module.load_state_dict(best["state_dict"])
         module.val_loss = float(cast(torch.Tensor, keeper.best_model_score))
     _refuse_diverged(module)

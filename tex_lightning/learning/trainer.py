@@ -16,7 +16,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint, ModelSummary, Timer
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 
 from tex_lightning.config import TrainerConfig
-from tex_lightning.config.instantiation import build
+from tex_lightning.config.instantiation import build, build_derived
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
@@ -112,7 +112,8 @@ def make_trainer(
     keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
     callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
     callbacks += [
-        build(f"callbacks.{name}", node) for name, node in training.recipe.callbacks.items()
+        build_derived(f"callbacks.{name}", node, Callback)
+        for name, node in training.recipe.callbacks.items()
     ]
     _settle_progress_bar(callbacks, training.recipe.trainer.flags)
     if Screen.verbose >= DEBUG:

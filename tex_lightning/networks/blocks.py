@@ -8,6 +8,7 @@ from torch.nn.functional import pad
 
 from tex_lightning.errors import UserError
 
+ScoreLayer = nn.Linear | nn.Conv1d | nn.Conv2d
 Norm = Literal["batch", "lrn", "none"]
 Level = Literal["fc2", "fc3"]
 
@@ -166,3 +167,15 @@ class Head(nn.Module):
             return hidden
         scores: Tensor = self.scores(hidden)
         return scores
+
+
+def score_layer_of(network: nn.Module) -> ScoreLayer | None:
+    """The ``score_layer`` of a network, which leads from FC2's features to the class scores.
+
+    It is linear, of kernel 1 and with a bias, so that every class has a row of weights and a bias
+    of its own. None of a network without one is fused on its class scores.
+    """
+    layer = getattr(network, "score_layer", None)
+    if not isinstance(layer, ScoreLayer) or layer.bias is None:
+        return None
+    return layer if layer.weight[0].numel() == layer.weight.shape[1] else None

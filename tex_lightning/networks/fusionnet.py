@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.networks.blocks import Level, initialise_scores
+from tex_lightning.networks.blocks import Level, initialise_scores, score_layer_of
 
 
 class FusionNet(nn.Module):
@@ -42,10 +42,10 @@ class FusionNet(nn.Module):
         super().__init__()
         self.level: Level = level
         self.classes = classes
-        layers = [getattr(network, "score_layer", None) for network in networks]
+        layers = [score_layer_of(network) for network in networks]
         self.levels: list[Level] = ["fc3" if layer is None else level for layer in layers]
         self.sizes = [
-            classes if layer is None else cast(nn.Conv2d, layer).weight.shape[own == "fc2"]
+            classes if layer is None else layer.weight.shape[own == "fc2"]
             for own, layer in zip(self.levels, layers, strict=True)
         ]
         self.networks = nn.ModuleList(map(deepcopy, networks))

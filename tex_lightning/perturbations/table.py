@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import lenses, pixels, strokes, traces
 from tex_lightning.perturbations.scene import Array, Scene
 from tex_lightning.yaml_files import check_yaml
@@ -51,6 +51,11 @@ class Perturbation:
     function: str | None = None
 
     @property
+    def is_users(self) -> bool:
+        """Whether its function is a user's."""
+        return self.function is not None and "." in self.function
+
+    @property
     def effect(self) -> tuple[str, str]:
         """Modality and effect of one of :data:`BOTH`."""
         modality, _, becomes = self.name.rpartition("_")
@@ -74,10 +79,13 @@ class Perturbation:
 
         Returns:
             A recording of the same type, not always of the same size.
+
+        Raises:
+            UserError: If a user's function fails, or returns no recording of this kind.
         """
         if severity == 0:
             return recording
-        changed = _function(self)(recording, self.value(severity), scene)
+        changed = _changed(self, recording, self.value(severity), scene)
         if recording.dtype != np.uint8:
             return np.ascontiguousarray(changed, dtype=np.float32)
         if changed.dtype != np.uint8:
@@ -142,9 +150,35 @@ def _check(own: Perturbation) -> None:
     _function(own)
 
 
+def _changed(own: Perturbation, recording: Array, value: float, scene: Scene) -> Array:
+    """What its function makes of a recording, of any type of numbers."""
+    is_photo = recording.dtype == np.uint8
+    try:
+        found = np.asarray(_function(own)(recording, value, scene))
+    except Exception as error:
+        if not own.is_users:
+            raise
+        raise _unusable(own, f"raised {type(error).__name__}: {reason(error)}", is_photo) from error
+    channels = -1 if is_photo else 0
+    fits = found.ndim == recording.ndim and found.shape[channels] == recording.shape[channels]
+    if not fits or found.dtype.kind not in "buif":
+        numbers = f"{found.dtype} of shape {found.shape} for {recording.shape}"
+        made = "no array" if found.dtype == object else numbers
+        raise _unusable(own, f"returned {made}", is_photo)
+    return found
+
+
+def _unusable(own: Perturbation, why: str, is_photo: bool) -> UserError:
+    kind = "a photo (height, width, 3)" if is_photo else "a signal of as many axes (axes, samples)"
+    return UserError(
+        f"The perturbation {own.name} of {own.modality} cannot be used: {own.function} {why}; it "
+        f"takes a recording, a value and a scene, and must return {kind}."
+    )
+
+
 def _function(own: Perturbation) -> Function:
     name = own.function or own.name
-    if "." in name:
+    if own.is_users:
         named: Function = pkgutil.resolve_name(name)
         return named
     found = [vars(home)[name] for home in HOMES if name in vars(home)]

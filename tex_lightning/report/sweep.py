@@ -25,6 +25,7 @@ from tex_lightning.progress import Stage, begin
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import (
     TINY,
+    folder_flags,
     is_tiny,
     make_table,
     print_table,
@@ -164,7 +165,7 @@ def rerun_command(config: DictConfig, directory: Path) -> str:
     overrides = OmegaConf.select(config, "hydra.overrides", default={})
     given = [item for each in ("hydra", "task") for item in written(overrides.get(each, []))]
     kept = [item for item in given if not item.startswith(OWN_KEYS)]
-    return python_command("-m", *kept, f"hydra.sweep.dir={directory}")
+    return python_command("-m", *folder_flags(config), *kept, f"hydra.sweep.dir={directory}")
 
 
 def _rows(job: Path, root: Path) -> list[Row]:

@@ -98,6 +98,19 @@ def run_overrides(directory: Path) -> list[str]:
     return written(OmegaConf.load(path)) if path.is_file() else []
 
 
+def run_flags(directory: Path) -> list[str]:
+    """The ``--config-dir`` that a run folder was made with; empty if it has none on record."""
+    path = directory / ".hydra" / "hydra.yaml"
+    return folder_flags(OmegaConf.load(path)) if path.is_file() else []
+
+
+def folder_flags(config: Any) -> list[str]:  # noqa: ANN401  (OmegaConf's)
+    """The ``--config-dir`` that Hydra was given, by its own part of a configuration."""
+    sources = OmegaConf.select(config, "hydra.runtime.config_sources", default=[])
+    given = [each.path for each in sources if each.provider == "command-line"]
+    return [part for folder in given for part in ("--config-dir", str(folder))]
+
+
 def written(overrides: Any) -> list[str]:  # noqa: ANN401  (a list, or one of OmegaConf's)
     """Overrides with their interpolations as such: outside of the job some have no value."""
     plain: Any = OmegaConf.to_container(OmegaConf.create(overrides), resolve=False)

@@ -11,7 +11,7 @@ from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig, ProfileConfig
 from tex_lightning.config.recipe import Recipe
-from tex_lightning.data.decode import Array, SignalDecoder
+from tex_lightning.data.decode import Array, SignalDecoder, to_rate
 from tex_lightning.errors import UserError
 from tex_lightning.profiling.subject import Subject, only_branch
 from tex_lightning.runs.workspace import configured_card
@@ -19,6 +19,8 @@ from tex_lightning.synthetic import make_materials
 from tex_lightning.synthetic.camera import render_photo
 from tex_lightning.synthetic.specimen import Specimen
 from tex_lightning.synthetic.tool import slide_tool
+
+LEAST_RATE = 2000  # Hz, of a rendered trace: the tool rings at 430 Hz
 
 
 def load_networks(checkpoint: str) -> list[SurfaceClassifier]:
@@ -85,5 +87,8 @@ def render_recording(branch: Branch, profile: ProfileConfig, seed: int) -> Array
     rng = np.random.default_rng(seed)
     specimen = Specimen(make_materials(2, seed)[0])
     if isinstance(branch.decoder, SignalDecoder):
-        return slide_tool(specimen, rng, profile.seconds, round(branch.decoder.sampling_rate))
+        rate = round(branch.decoder.sampling_rate)
+        rendered = max(rate, LEAST_RATE)
+        trace = slide_tool(specimen, rng, profile.seconds, rendered)
+        return to_rate(trace, rendered, rate, "The rendered trace")
     return render_photo(specimen, rng, size=(profile.width, profile.height))

@@ -2,11 +2,16 @@
 
 from collections.abc import Iterable
 
+import torch
+
 from tex_lightning.branches import Branch
+from tex_lightning.branches.base import as_tensor
+from tex_lightning.branches.contract import PartFault, check_score_layer, check_scores
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.errors import UserError
+from tex_lightning.networks.blocks import score_layer_of
 from tex_lightning.progress import track
 
 
@@ -23,6 +28,7 @@ def find_unusable(
 
     Raises:
         UserError: Listing them, unless the task goes on.
+        PartFault: If a user's features or network fail on the first.
     """
     damaged = store.fill(recordings)
     readable = recordings.without(each.recording for each in damaged)
@@ -36,6 +42,28 @@ def find_unusable(
     if unusable and not skip_bad:
         refuse(unusable, len(recordings))
     return unusable
+
+
+@torch.inference_mode()
+def try_parts(branch: Branch, recordings: Recordings, store: Store, classes: int) -> None:
+    """Take a recording through a user's features and network before anything is trained.
+
+    Args:
+        branch: One sense, its network for the classes of the data.
+        recordings: Usable ones; of its modality the first is taken.
+        store: Holds them.
+        classes: Number of classes.
+
+    Raises:
+        PartFault: If a part fails, or does not give what it has to.
+    """
+    for row in recordings.of(branch.modality).rows[:1]:
+        recording = as_tensor(store.load(row)).to(branch.device)
+        scores = branch.positions(recording, "fc3")
+        check_scores(branch.network, branch.name, scores, classes)
+        if score_layer_of(branch.network) is not None:
+            hidden = branch.positions(recording, "fc2")
+            check_score_layer(branch.network, branch.name, hidden, classes)
 
 
 def refuse(unusable: list[Unusable], count: int) -> None:
@@ -55,6 +83,8 @@ def _too_small(row: Recording, store: Store, branch: Branch) -> Unusable | None:
     """A recording that is too short or too small for a single fragment."""
     try:
         branch.check(store.load(row))
+    except PartFault:
+        raise  # no recording will do
     except UserError as error:
         said = f"{str(error).rstrip('.')}{_doubt(row, store, branch)}."
         return Unusable(row, f"{row.source}: {said}")

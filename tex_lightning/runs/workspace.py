@@ -23,7 +23,7 @@ from tex_lightning.inference.unknown import taken
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
 from tex_lightning.runs.opening import Opening
-from tex_lightning.runs.usable import find_unusable
+from tex_lightning.runs.usable import find_unusable, try_parts
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,9 @@ def open_workspace(
         raise taken("The data has")
     skipped = find_unusable(needed, store, branches, skip_bad=data.skip_bad)
     bad = [each.recording for each in skipped]
+    for branch in branches:
+        if _is_new(recipe, branch):
+            _try_new(recipe, branch, recordings.without(bad), store)
     opening.announce(needed.without(bad), store, skipped)
     return Workspace(
         data,
@@ -155,13 +158,26 @@ def _checked_branch(recipe: Recipe, name: str) -> Branch:
     start = SurfaceClassifier(configured_card(recipe, [name], ["one", "other"]))
     if source is not None:
         start_trunk(start, source)
-    branch, fit = start.branch(name), recipe.model.branch(name).fit
+    branch, fit = start.eval().branch(name), recipe.model.branch(name).fit
     if branch.declares_geometry and fit.piece < (least := branch.min_size[1]):
         raise UserError(
             f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least} for "
             f"a prediction; choose {least} or more."
         )
     return branch
+
+
+def _is_new(recipe: Recipe, branch: Branch) -> bool:
+    """Whether a branch has parts of the user's that are to be trained."""
+    given = recipe.model.checkpoints.get(branch.name) is not None
+    return recipe.model.baseline is None and not given and not branch.is_own
+
+
+def _try_new(recipe: Recipe, branch: Branch, recordings: Recordings, store: Store) -> None:
+    """Try a branch as it will be trained, for the classes of the data."""
+    card = configured_card(recipe, [branch.name], recordings.classes)
+    own = SurfaceClassifier(card).eval().branch(branch.name)
+    try_parts(own, recordings, store, len(card.classes))
 
 
 def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Path]) -> Card:

@@ -33,7 +33,7 @@ from tex_lightning.progress import steps
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.document import write_report
-from tex_lightning.report.table import print_results, python_command, run_overrides
+from tex_lightning.report.table import print_results, python_command, run_flags, run_overrides
 from tex_lightning.runs.explained import Tested, draw_explanations, drawn_rows
 from tex_lightning.runs.fold import fit_fold, results_frame
 from tex_lightning.runs.opening import Opening, trained_networks
@@ -66,7 +66,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         _profile(config, networks[workspace.kind]["checkpoint"], job)
     write_conditions(networks, directory)
     write_results(directory / "results.json", results)
-    command = python_command(*run_overrides(directory), f"hydra.run.dir={directory}")
+    overrides = [*run_overrides(directory), f"hydra.run.dir={directory}"]
+    command = python_command(*run_flags(directory), *overrides)
     write_report(directory, [directory], command, config.figures.formats)
     print_results(results, directory)
     return results
@@ -94,7 +95,9 @@ def _explain(
         for fold, entry in entries.items():
             own = {row: places[row][1] for row in rows if places[row][0] == fold}
             checkpoint = Path(entry["checkpoint"])
-            if not own or not checkpoint.is_file():  # the run folder was moved
+            if own and not checkpoint.is_file():
+                log.warning("Fold %d has no label maps: %s is gone.", fold, checkpoint)
+            if not own or not checkpoint.is_file():
                 continue
             classifier = load_classifier(checkpoint)
             test = workspace.on_fold(fold, _fold_directory(workspace, fold)).parts().test
@@ -134,12 +137,18 @@ def _fold_directory(workspace: Workspace, fold: int) -> Path:
 
 
 def _finished_fold(workspace: Workspace, fold: int) -> dict[str, Any] | None:
-    """Results of a fold that an earlier run has finished."""
-    done = _fold_directory(workspace, fold) / "results.json"
+    """Results of a fold that an earlier run has finished, perhaps in a folder since moved."""
+    directory = _fold_directory(workspace, fold)
+    done = directory / "results.json"
     if not done.is_file():
         return None
     log.info("Fold %d is done already.", fold)
-    return read_record(done)
+    results = read_record(done)
+    for entry in results["networks"].values():
+        here = directory / "checkpoints" / Path(entry["checkpoint"]).name
+        if here.is_file():
+            entry["checkpoint"] = str(here)
+    return results
 
 
 def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config
+from tex_lightning.config import Config, plain_values
 from tex_lightning.config.job import Job
 from tex_lightning.data.conditions import tested_part
 from tex_lightning.data.folds import make_samples
@@ -15,6 +15,7 @@ from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.inference.unknown import check_unknown
+from tex_lightning.loggers import log_test
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.explained import draw_telling
@@ -57,8 +58,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     network, outcomes = report_network(
         classifier, checkpoint, samples, store, directory, config.running, formats, unknown_samples
     )
-    draw_figures(outcomes, classes, kind, directory, formats)
-    draw_telling(
+    figures = draw_figures(outcomes, classes, kind, directory, formats)
+    figures |= draw_telling(
         classifier,
         samples,
         outcomes,
@@ -68,6 +69,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         directory,
         formats,
     )
+    values = plain_values(config)
+    tested_on = {name: values[name] for name in ("seed", "data")}
+    log_test(config.logger, directory, kind, tested_on, network, figures)
     results = {
         "task": config.task,
         "model": kind,

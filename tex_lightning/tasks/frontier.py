@@ -14,6 +14,7 @@ from typing import Any
 
 from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.job import Job
+from tex_lightning.config.search import repeated_arguments
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.choice import (
     Candidate,
@@ -254,7 +255,8 @@ def _command(job: Job, member: Member) -> str:
     """The command that trains a member on the user's data."""
     overrides = with_system(job, given_overrides(job), member.overrides)
     overrides.sort(key=lambda item: not item.startswith("model="))  # what one looks for first
-    return shlex.join(["python", "-m", "tex_lightning", *overrides])
+    arguments = repeated_arguments(overrides, job.searchpath)
+    return shlex.join(["python", "-m", "tex_lightning", *arguments])
 
 
 def _print_budget(

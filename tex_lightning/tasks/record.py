@@ -9,6 +9,7 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
+from tex_lightning.config.check_tasks import RECORDED
 from tex_lightning.config.job import Job
 from tex_lightning.data.quality import Ranges, photo_quality
 from tex_lightning.errors import UserError
@@ -186,9 +187,10 @@ class _RunningLabel:
     def check_recorded(self, names: Sequence[str]) -> None:
         """Refuse to record without the sense that it looks at."""
         if self.modality not in names:
+            more = f"give {self.modality}=SOURCE or " if self.modality in RECORDED else ""
             raise UserError(
                 f"This {self.predictor.card.title} looks at {self.modality}, which is not "
-                f"recorded; give {self.modality}=SOURCE or leave checkpoint= out."
+                f"recorded; {more}leave checkpoint= out."
             )
 
     def at_rate(self, rate: float) -> None:

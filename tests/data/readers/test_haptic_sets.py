@@ -119,6 +119,7 @@ def results(directory: Path) -> dict:
     return json.loads((directory / "results.json").read_text())["networks"]["haptic"]
 
 
+@pytest.mark.slow
 def test_cluster_is_fitted_cross_validated_and_evaluated(cli, cluster, tmp_path):
     given = ["experiment=few/haptic", "data=cluster", f"data.root={cluster}", "trainer.threads=1"]
     crossval = cli(*given, "task=crossval", "data.folds=2", f"hydra.run.dir={tmp_path}/crossval")

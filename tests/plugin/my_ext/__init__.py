@@ -142,3 +142,23 @@ def stains(recording: np.ndarray, share: float, scene: Scene) -> np.ndarray:
     stained = recording.copy()
     stained[scene.rng.random(recording.shape[:2]) < share] = 0
     return stained
+
+
+class Grey(nn.Module):
+    """Photos without colour, and what their rotation may not depend on: nothing else."""
+
+    def forward(self, photos: Tensor) -> Tensor:
+        return photos.float().mean(dim=1, keepdim=True) / 255
+
+
+class GreyNet(nn.Module):
+    """Scores of pieces of 32 pixels."""
+
+    def __init__(self, classes: int, surplus: int = 0) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Conv2d(1, 4, 32, 32), nn.ReLU(), nn.Conv2d(4, classes + surplus, 1)
+        )
+
+    def features(self, x: Tensor, level: str) -> Tensor:
+        return self.layers(x)

@@ -10,6 +10,7 @@ from tex_lightning.data.conditions import check_conditions
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.table_check import checked_table
 from tex_lightning.errors import UserError
 
 
@@ -39,7 +40,7 @@ def read_recordings(
     if modalities is not None and "senses" in node:
         node = {**node, "senses": list(modalities)}
     reader: Reader = build_typed("data.reader", node)
-    recordings = reader.read()
+    recordings = checked_table(reader.read(), type(reader).__name__)
     classes = recordings.classes
     if config.classes is not None and config.classes > len(classes):
         raise UserError(
