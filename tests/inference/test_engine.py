@@ -136,6 +136,10 @@ def test_bf16_gives_float32_scores_near_those_of_fp32(kind, level):
     assert not torch.equal(found, found.bfloat16().float())  # the last layer is not rounded
     torch.testing.assert_close(found, expected, rtol=0.1, atol=0.1)
     assert (found.argmax(0) == expected.argmax(0)).float().mean() > 0.9
+    for name, branch in model.branches.items():  # by the layer whose statistics novelty is told by
+        recording = inputs()[branch.modality]
+        described = engine.described(name, recording)
+        torch.testing.assert_close(described, model.described(name, recording), rtol=0.1, atol=0.1)
 
 
 @pytest.mark.parametrize("norm", ["batch", "none"])

@@ -73,7 +73,7 @@ def _rewrite(network: nn.Module, config: EngineConfig) -> None:
     if config.precision == "bf16" and head is not None:
         scores = head.scores
         network.to(torch.bfloat16)
-        head.scores = nn.Sequential(Widen(), scores.float())
+        head.scores = nn.Sequential(Widen(), *scores.float().children())  # its last is score_layer
 
 
 @torch.inference_mode()
