@@ -8,7 +8,7 @@ import torch
 from conftest import make_card
 from torch import nn
 
-from tex_lightning.branches.contract import PartFault
+from tex_lightning.branches.contract import PartFault, check_gradient, is_own
 from tex_lightning.branches.photo import PhotoBranch
 from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.classifier import SurfaceClassifier
@@ -16,6 +16,8 @@ from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
+from tex_lightning.networks.trunks.alexnet import CaffeAlexNet
+from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.runs.usable import find_unusable, try_parts
 
 RATE = 1000.0
@@ -161,6 +163,39 @@ def test_features_with_a_gradient_are_kept_without(tmp_path, world):
     rows = world[0].rows[:2]
     bank = branch.bank(rows, world[1], fit, size=6, seed=0, learn=True)
     assert not bank.inputs[0].requires_grad
+
+
+def test_features_of_ones_own_may_be_what_makes_nan(world):
+    recording = torch.ones(1, 100)
+    with pytest.raises(UserError, match="or Means makes them; repair the recording or that class"):
+        own(Means(lambda x: x / 0))(recording)
+    unscaled = SurfaceClassifier(make_card("haptic", width=0.1)).branch("haptic")
+    with pytest.raises(UserError, match=r"to square; repair the recording\.$"):
+        unscaled(torch.full((1, 24_000), torch.inf))
+
+
+class Trunk(CaffeAlexNet):
+    """A user's, of which a fault is made."""
+
+    def forward(self, x):
+        raise RuntimeError("boom of a trunk")
+
+
+def test_a_trunk_of_ones_own_is_named_within_visualnet():
+    network = VisualNet(2, Trunk(width=0.1, norm="batch"))
+    assert not is_own(network)
+    assert is_own(VisualNet(2, CaffeAlexNet(width=0.1, norm="batch")))
+    features = SurfaceClassifier(make_card("visual", width=0.1)).branch("visual").features
+    branch = PhotoBranch("gloss", "gloss", PhotoDecoder(), features, network.eval())
+    said = "^Trunk of gloss raised RuntimeError: boom of a trunk; correct Trunk.$"
+    with pytest.raises(PartFault, match=said):
+        branch.positions(torch.zeros(300, 300, 3, dtype=torch.uint8), "fc3")
+
+
+def test_scores_without_a_gradient_cannot_be_trained_on():
+    with pytest.raises(PartFault, match=r"^The scores of Net of touch carry no gradient, so"):
+        check_gradient(Net(), "touch", Net().features(torch.ones(1, 1, 9), "fc3").detach())
+    check_gradient(Net(), "touch", Net().features(torch.ones(1, 1, 9), "fc3"))
 
 
 def test_faults_of_this_package_keep_their_traceback(monkeypatch):

@@ -173,7 +173,7 @@ class Branch(ABC):
         """
         with blamed(self.features, self.name):
             found: Tensor = self.features(x)
-        if not is_own(self.features):
+        if not is_own(self.features):  # those of a baseline give whole photos
             check_input(found, self.features, self.name, batch, self.medium)
         return found
 
@@ -332,8 +332,7 @@ class Branch(ABC):
         x = self.as_weights(x)
         with blamed(self.network, self.name, self.features):
             found: Tensor = self.network.features(x, level)  # type: ignore[operator]
-        if not is_own(self.network):
-            check_output(found, self.network, self.name, len(x))
+        check_output(found, self.network, self.name, len(x))
         return found if found.dtype == torch.float64 else found.float()
 
 

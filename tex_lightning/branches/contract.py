@@ -14,6 +14,7 @@ from tex_lightning.errors import UserError, reason
 from tex_lightning.networks.blocks import score_layer_of
 
 OWN = "tex_lightning"
+KNOWN = {OWN, "torch", "kornia"}  # whose classes its parts consist of
 PACKAGE = Path(__file__).parents[1]
 
 
@@ -22,8 +23,21 @@ class PartFault(UserError):
 
 
 def is_own(*parts: nn.Module) -> bool:
-    """Whether the classes of all parts are this package's."""
-    return all(type(part).__module__.partition(".")[0] == OWN for part in parts)
+    """Whether the classes of all parts are this package's, and nothing in them is a user's."""
+    return all(_package(part) == OWN and _culprit(part) is part for part in parts)
+
+
+def _package(part: nn.Module) -> str:
+    return type(part).__module__.partition(".")[0]
+
+
+def _culprit(part: nn.Module) -> nn.Module:
+    """What a fault is blamed on: the outermost of a user's modules in a part, or the part."""
+    return next((each for each in part.modules() if _package(each) not in KNOWN), part)
+
+
+def _called(part: nn.Module) -> str:
+    return type(_culprit(part)).__name__
 
 
 @contextmanager
@@ -48,10 +62,11 @@ def blamed(part: nn.Module, sense: str, *fed_by: nn.Module) -> Iterator[None]:
         *_, innermost = traceback.extract_tb(error.__traceback__)
         if is_own(part, *fed_by) or Path(innermost.filename).is_relative_to(PACKAGE):
             raise
-        given = "".join(f" on what {type(each).__name__} gives" for each in fed_by)
+        theirs = [each for each in (part, *fed_by) if not is_own(each)]
+        given = "".join(f" on what {_called(each)} gives" for each in fed_by if each in theirs)
         raise PartFault(
             f"{_name(part, sense)} raised {type(error).__name__}{given}: {reason(error)}; correct "
-            f"{' or '.join(type(each).__name__ for each in (part, *fed_by))}."
+            f"{' or '.join(map(_called, theirs))}."
         ) from error
 
 
@@ -129,6 +144,19 @@ def check_score_layer(network: nn.Module, sense: str, hidden: Tensor, classes: i
         )
 
 
+def check_gradient(network: nn.Module, sense: str, scores: Tensor) -> None:
+    """Refuse scores that a network cannot be trained by.
+
+    Raises:
+        PartFault: If they do not depend on weights that are to be trained.
+    """
+    if not scores.requires_grad:
+        raise PartFault(
+            f"The scores of {_name(network, sense)} carry no gradient, so nothing can be trained; "
+            "compute them from its parameters, without detach() and no_grad()."
+        )
+
+
 def _is_batch(found: object, batch: int, least: int) -> bool:
     return (
         isinstance(found, Tensor)
@@ -150,4 +178,4 @@ def _unexpected(found: object, part: nn.Module, sense: str, layout: str) -> Part
 
 
 def _name(part: nn.Module, sense: str) -> str:
-    return f"{type(part).__name__} of {sense}"
+    return f"{_called(part)} of {sense}"

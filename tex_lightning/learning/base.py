@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics import MetricCollection
 
-from tex_lightning.branches.contract import blamed
+from tex_lightning.branches.contract import blamed, check_gradient
 from tex_lightning.card import LEFT_OUT, Card
 from tex_lightning.classifier import SurfaceClassifier, own_state
 from tex_lightning.config.instantiation import build, call
@@ -106,6 +106,8 @@ class SurfaceModule(LightningModule):
         # a piece may be shorter than any recording that the network was tried on
         with blamed(self.network, f"{kind}, trained on pieces of {self.pieces[kind]},"):
             scores: Tensor = self.network.features(*inputs, "fc3")
+        if torch.is_grad_enabled():
+            check_gradient(self.network, kind, scores)
         return scores.flatten(2)
 
     def on_train_epoch_start(self) -> None:
