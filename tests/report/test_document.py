@@ -17,7 +17,7 @@ def swept(run_once, surfaces):
         "data.half_scale=false", "crossval.only=[0]", "crossval.profile=[haptic]",
         "model.visual.width=0.1",
         "hydra.sweep.dir=${hydra.run.dir}",
-        "hydra.sweeper.params.model='haptic,visual,fusion,fusion_fc3,minirocket'",
+        "hydra.sweeper.params.model='haptic,visual,fusion,fusion_fc3,mfcc_nb'",
     )  # fmt: skip
     return directory
 

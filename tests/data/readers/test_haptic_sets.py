@@ -141,7 +141,7 @@ def test_cluster_is_fitted_cross_validated_and_evaluated(cli, cluster, tmp_path)
 
 def test_hatt_is_fitted_and_other_stretches_of_a_recording_are_no_leak(cli, hatt, tmp_path):
     given = ["data=hatt", f"data.root={hatt}", "trainer.threads=1"]
-    fit = cli("experiment=few/haptic", *given, f"hydra.run.dir={tmp_path}/fit")
+    fit = cli("model=mfcc_nb", *given, f"hydra.run.dir={tmp_path}/fit")
     assert fit.status == 0, fit.err
     assert "Each recording is divided into 3 stretches" in " ".join(fit.err.split())
     assert results(tmp_path / "fit")["correct"] == 6
