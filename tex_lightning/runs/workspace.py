@@ -1,8 +1,9 @@
 """The start of every training task: recordings, store, classifier card, run folder."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from tex_lightning.baselines.classifier import new_classifier
 from tex_lightning.baselines.making import make_baseline
@@ -10,6 +11,7 @@ from tex_lightning.branches import Branch
 from tex_lightning.card import DECISION, Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig
+from tex_lightning.config.instantiation import find_callable
 from tex_lightning.config.recipe import Recipe
 from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
 from tex_lightning.data.quality import training_ranges
@@ -135,6 +137,8 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
 def check_networks(recipe: Recipe) -> list[Branch]:
     """Build the networks, so that settings and weights that do not fit are refused at once.
 
+    The classes of all else that training makes later are only looked up.
+
     Returns:
         The branches, with weights of no meaning.
 
@@ -142,6 +146,8 @@ def check_networks(recipe: Recipe) -> list[Branch]:
         UserError: Naming the key that does not fit.
     """
     model = recipe.model
+    for where, node in _made_later(recipe):
+        find_callable(where, node)
     if model.baseline is None:
         return [_checked_branch(recipe, name) for name in model.senses]
     baseline = make_baseline(model.name, model.baseline, model.budget)
@@ -149,6 +155,21 @@ def check_networks(recipe: Recipe) -> list[Branch]:
         baseline.load_weights(recipe.baseline_weights)
     card = configured_card(recipe, model.senses, ["one", "other"])
     return list(new_classifier(card).branches.values())
+
+
+def _made_later(recipe: Recipe) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Keys and nodes of what the first training makes, when the data has been decoded."""
+    model = recipe.model
+    yield from (
+        (f"logger.{name}", node) for name, node in recipe.logger.items() if node is not None
+    )
+    if model.baseline is not None:
+        return
+    yield from ((f"callbacks.{name}", node) for name, node in recipe.callbacks.items())
+    for kind in {*model.senses, model.kind} - model.checkpoints.keys():
+        fit = model.fit_values(kind)
+        made = ("optimizer", "schedule") if fit["epochs"] else ()
+        yield from ((f"model.{kind}.fit.{key}", fit[key]) for key in made)
 
 
 def _checked_branch(recipe: Recipe, name: str) -> Branch:
