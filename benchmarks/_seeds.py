@@ -270,7 +270,7 @@ def feed(path: Path, kind: Callable[[str, str, int], Any]) -> list[Array]:
     pieces = [content[start : start + 512] for start in range(0, len(content), 512)]
     samples = [parser.feed(piece) for piece in pieces]
     parser.end()
-    return [*samples, np.ones(1)]
+    return [*(each for each in samples if each.size), np.ones(1)]  # a piece may end no sample
 
 
 def compose_own(path: Path) -> list[Array]:

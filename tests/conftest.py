@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -25,6 +26,9 @@ from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.networks.visualnet import VisualNet
+
+# A job that a shell put in the background ignores Ctrl-C, and so do all processes it starts
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time, and no deadline: machines that run tests are often busy.
 # 50 examples of each property: twice as many took a minute more, and the suite has ten

@@ -6,7 +6,6 @@ import os
 import pty
 import re
 import select
-import signal
 import struct
 import termios
 import time
@@ -88,7 +87,6 @@ def run_in_terminal(
     screen, looks, looked = Screen(columns, rows), [], 0.0
     pid, terminal = pty.fork()
     if pid == 0:  # the child
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # which a background job ignores
         fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
         os.execvpe(command[0], command, {**os.environ, "TERM": "xterm-256color", **env})
     while True:

@@ -333,6 +333,11 @@ def test_an_installed_package_brings_its_files_and_is_trusted(
         ("{function: my_ext.nothing, unit: a, levels: [0, 1, 2, 3, 4, 5]}", "nothing"),
         ("{function: my_ext.stains, unit: a, levels: [0, 1]}", "has no six levels"),
         ("{unit: a, levels: [0, 1, 2, 3, 4, 5]}", "names no function"),
+        (
+            "{unit: a, levels: [0, 1, 2, 3, 4, .nan]}",
+            "mine has a level that is NaN or beyond 1e+30",
+        ),
+        ("{unit: a, levels: [0, 1, 2, 3, 4, -1e99]}", "mine has a level that is NaN or beyond"),
     ],
 )
 def test_a_wrong_line_of_severities_is_said_before_any_work(cli, tmp_path, line, said):

@@ -20,6 +20,7 @@ BOTH = "both"  # of what is wrong with how recordings are put together, and with
 FEWER = "fewer_pairs"  # that one of them which hits no modality
 MISSING, SWAPPED = "missing", "swapped"  # what becomes of the modality that the others hit
 SEVERITIES = (1, 2, 3, 4, 5)
+LARGEST = 1e30  # of a level; recordings are float32
 SCALES = Path(__file__).with_name("severities.yaml")
 HOMES = (traces, strokes, pixels, lenses)
 
@@ -139,8 +140,10 @@ def _read(path: Path) -> dict[str, Perturbation]:
 def _check(own: Perturbation) -> None:
     if own.name in perturbations():
         raise ValueError(f"{own.name} is the name of one of the package")
-    if len(own.levels) != 1 + len(SEVERITIES) or not all(map(math.isfinite, own.levels)):
+    if len(own.levels) != 1 + len(SEVERITIES):
         raise ValueError(f"{own.name} has no six levels")
+    if not all(abs(level) < LARGEST for level in own.levels):  # false for NaN
+        raise ValueError(f"{own.name} has a level that is NaN or beyond {LARGEST:g}")
     if own.modality == BOTH:
         if own.effect[1] not in (MISSING, SWAPPED):
             raise ValueError(f"{own.name} is neither MODALITY_missing nor MODALITY_swapped")
