@@ -12,8 +12,8 @@ from tex_lightning.report.systems import read_systems
 @pytest.fixture(scope="module")
 def swept(surfaces, run_once):
     return run_once(
-        "-m", "hydra.sweep.dir=${hydra.run.dir}", "model=minirocket", "task=crossval",
-        "model.baseline.kernels=84", "data=folder", f"data.root={surfaces}",
+        "-m", "hydra.sweep.dir=${hydra.run.dir}", "model=mfcc_nb", "task=crossval",
+        "data=folder", f"data.root={surfaces}",
         "data.per_class=1,3", "crossval.only=[0,1,2]", "figures.format=[png,pdf]",
     )  # fmt: skip
 
@@ -22,8 +22,8 @@ def test_each_count_of_recordings_is_a_point_with_its_interval(swept):
     with (swept / "learning_curve.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert [(row["system"], row["per_class"]) for row in rows] == [
-        ("minirocket", "1"),
-        ("minirocket", "3"),
+        ("mfcc_nb", "1"),
+        ("mfcc_nb", "3"),
     ]
     assert all(row["test_samples"] == "9" for row in rows)
     point = Point(int(rows[0]["per_class"]), int(rows[0]["correct"]), 9)

@@ -272,7 +272,8 @@ def test_a_training_that_diverges_after_its_best_epoch_says_so(
     assert not re.search(r'points="[^"]*nan', (tmp_path / "report.html").read_text())
 
 
-@pytest.mark.parametrize("val_fold", ["1", pytest.param("null", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("val_fold", ["1", "null"])
 def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path, val_fold):
     many = ["model=haptic", "model.haptic.fit.epochs=12", f"data.val_fold={val_fold}"]
     whole, killed = tmp_path / "whole", tmp_path / "killed"

@@ -278,7 +278,11 @@ def test_budget_is_answered_with_a_command(measured, given, cli):
             "does not have",
         ),
         (
-            ["task=frontier", "+frontier.systems.x='model=haptic task=predict'"],
+            [
+                "task=frontier",
+                "+frontier.systems.x='model=haptic task=predict'",
+                "frontier.only=[x]",
+            ],
             "frontier.systems.x has task=predict",
         ),
         (["model=auto", "task=crossval"], "use task=fit"),
