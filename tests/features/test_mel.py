@@ -1,11 +1,26 @@
-"""Mel filters against librosa's, and what holds for every rate."""
+"""Mel filters against their formula and librosa's, and what holds for every rate."""
 
+import numpy as np
 import pytest
 import torch
 
 from tex_lightning.features.mel import mel_centres, mel_filters
 
 
+def test_filters_are_triangles_whose_corners_are_even_on_the_mel_scale():
+    corners = 700 * (10 ** (np.linspace(0, 2595 * np.log10(1 + 5000 / 700), 52) / 2595) - 1)
+    low, centre, high = (corners[start : start + 50, None] for start in range(3))
+    hertz = np.arange(251) * 20.0
+    rising, falling = (hertz - low) / (centre - low), (high - hertz) / (high - centre)
+    theirs = torch.from_numpy(np.minimum(rising, falling).clip(0))
+    wide = theirs.sum(dim=1, keepdim=True)
+    assert bool((wide > 0).all())
+    torch.testing.assert_close(
+        mel_filters(10_000, 500, 50), (theirs / wide).float(), atol=1e-4, rtol=1e-3
+    )
+
+
+@pytest.mark.slow  # librosa compiles for a quarter of a minute
 def test_filters_are_those_of_librosa_but_for_their_height():
     filters = pytest.importorskip("librosa").filters
     theirs = torch.from_numpy(filters.mel(sr=10_000, n_fft=500, n_mels=50, htk=True, norm=None))

@@ -37,9 +37,7 @@ def test_train(cli, surfaces, trained):
     assert outcome.status == 0, outcome.err
 
 
-@pytest.mark.parametrize(
-    "kind", ["haptic", pytest.param("visual", marks=pytest.mark.slow), "fusion"]
-)
+@pytest.mark.parametrize("kind", ["haptic", "visual", "fusion"])
 def test_evaluate_and_predict_agree_with_the_test_after_training(
     cli, surfaces, trained, tmp_path, monkeypatch, kind
 ):
