@@ -36,7 +36,8 @@ def _culprit(part: nn.Module) -> nn.Module:
     return next((each for each in part.modules() if _package(each) not in KNOWN), part)
 
 
-def _called(part: nn.Module) -> str:
+def culprit_name(part: nn.Module) -> str:
+    """Name of the class that a fault in a part is blamed on, which may be a user's within it."""
     return type(_culprit(part)).__name__
 
 
@@ -63,10 +64,10 @@ def blamed(part: nn.Module, sense: str, *fed_by: nn.Module) -> Iterator[None]:
         if is_own(part, *fed_by) or Path(innermost.filename).is_relative_to(PACKAGE):
             raise
         theirs = [each for each in (part, *fed_by) if not is_own(each)]
-        given = "".join(f" on what {_called(each)} gives" for each in fed_by if each in theirs)
+        given = "".join(f" on what {culprit_name(each)} gives" for each in fed_by if each in theirs)
         raise PartFault(
             f"{_name(part, sense)} raised {type(error).__name__}{given}: {reason(error)}; correct "
-            f"{' or '.join(map(_called, theirs))}."
+            f"{' or '.join(map(culprit_name, theirs))}."
         ) from error
 
 
@@ -178,4 +179,4 @@ def _unexpected(found: object, part: nn.Module, sense: str, layout: str) -> Part
 
 
 def _name(part: nn.Module, sense: str) -> str:
-    return f"{_called(part)} of {sense}"
+    return f"{culprit_name(part)} of {sense}"

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.branches.base import Branch, Change, as_tensor
-from tex_lightning.branches.contract import blamed, is_own
+from tex_lightning.branches.contract import blamed, culprit_name, is_own
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
@@ -85,7 +85,7 @@ class SignalBranch(Branch):
         """
         found = super().__call__(recording)
         if not bool(found.isfinite().all()):
-            own = "" if is_own(self.features) else type(self.features).__name__
+            own = "" if is_own(self.features) else culprit_name(self.features)
             raise UserError(
                 f"The {self.what} holds NaN, infinity or numbers too large to square"
                 f"{own and f', or {own} makes them'}; repair the recording"

@@ -91,9 +91,8 @@ def check_shares(config: Config, processes: int) -> None:
         UserError: Naming the batch sizes.
     """
     model = config.model
-    trained = [name for name in model.senses if name not in model.checkpoints]
     complaints: list[str] = []
-    for kind in dict.fromkeys([*trained, model.kind]):
+    for kind in model.trained:
         section = getattr(model, kind)
         size = section.fit.batch_size
         # the statistics of one sample at one position are no statistics

@@ -246,10 +246,7 @@ def check_decision(config: Config) -> Iterator[str]:
 
 
 def _unvalidated(model: ModelConfig) -> Iterator[str]:
-    kinds = [name for name in model.senses if name not in model.checkpoints]
-    if model.baseline is None and any(
-        model.fit_values(kind)["epochs"] for kind in {*kinds, model.kind}
-    ):
+    if model.baseline is None and any(model.fit_values(kind)["epochs"] for kind in model.trained):
         yield (
             "decision.unknown needs known recordings that the network is not trained on: give "
             "data.val_fold=1"

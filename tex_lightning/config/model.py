@@ -179,6 +179,12 @@ class ModelConfig:
         return {name: path for name, path in given.items() if fused and path is not None}
 
     @property
+    def trained(self) -> list[str]:
+        """Networks to train, in this order: of senses without a checkpoint, then of all senses."""
+        alone = [name for name in self.senses if name not in self.checkpoints]
+        return list(dict.fromkeys([*alone, self.kind]))
+
+    @property
     def modalities(self) -> tuple[str, ...]:
         """Modalities of the recordings that it reads, each once."""
         return tuple(dict.fromkeys(self.branch(name).modality for name in self.senses))

@@ -79,9 +79,8 @@ def fit_fold(
         for name, path in given.items():
             starting_card(workspace, name, path)  # before time is spent on the other networks
         unimodal = given.copy()
-    alone = [name for name in model.senses if workspace.kind == FUSION and name not in unimodal]
-    for name in steps([*alone, workspace.kind], str):
-        if name in alone:
+    for name in steps(model.trained, str):
+        if name != workspace.kind:
             networks[name] = _fit_network(workspace, parts, [name], {}, draw=draw, test=test_parts)
             unimodal[name] = Path(networks[name]["checkpoint"])
         else:

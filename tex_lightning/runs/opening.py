@@ -110,8 +110,7 @@ def trained_networks(model: ModelConfig) -> str:
     """What training a model trains, for :attr:`Opening.what`."""
     if model.baseline is not None or model.kind != FUSION:
         return model.name
-    networks = [name for name in model.senses if name not in model.checkpoints]
-    return f"{model.name}: {', '.join([*networks, FUSION])}"
+    return f"{model.name}: {', '.join(model.trained)}"
 
 
 def _wrapped(title: str, text: str, lines: int) -> list[str]:

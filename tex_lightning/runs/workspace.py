@@ -166,7 +166,7 @@ def _made_later(recipe: Recipe) -> Iterator[tuple[str, Mapping[str, Any]]]:
     if model.baseline is not None:
         return
     yield from ((f"callbacks.{name}", node) for name, node in recipe.callbacks.items())
-    for kind in {*model.senses, model.kind} - model.checkpoints.keys():
+    for kind in model.trained:
         fit = model.fit_values(kind)
         made = ("optimizer", "schedule") if fit["epochs"] else ()
         yield from ((f"model.{kind}.fit.{key}", fit[key]) for key in made)
