@@ -20,9 +20,7 @@ def make_classifier(*overrides: str, classes: int = 16) -> SurfaceClassifier:
     torch.manual_seed(0)
     config = configured(*overrides)
     names = [f"class{number}" for number in range(classes)]
-    classifier = SurfaceClassifier(
-        configured_card(config.recipe, config.model.senses, names)
-    ).eval()
+    classifier = SurfaceClassifier(configured_card(config, config.model.senses, names)).eval()
     for branch in classifier.branches.values():
         for layer in branch.network.get_submodule("head").modules():
             if isinstance(layer, nn.Conv2d):

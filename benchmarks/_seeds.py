@@ -134,7 +134,7 @@ def _checkpoint(path: Path) -> None:
 
 
 def _baseline(path: Path) -> None:
-    recipe = configured("model=mfcc_nb").recipe
+    recipe = configured("model=mfcc_nb")
     classifier = BaselineClassifier(configured_card(recipe, ["haptic"], ["a", "b"]))
     classifier.baseline.fit([AXES[0], AXES[1], AXES[2]], np.array([0, 1, 1]), seed=0)
     classifier.save(path, 1.0)

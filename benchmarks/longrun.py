@@ -57,7 +57,7 @@ def measure(
 
 def predict(number: int) -> dict[str, float]:
     """So many predictions in this process."""
-    model = Predictor(make_classifier(*NETWORK), configured(*NETWORK).prediction)
+    model = Predictor(make_classifier(*NETWORK), configured(*NETWORK))
     rng = np.random.default_rng(0)
     traces = [rng.standard_normal(round(SECONDS * RATE)).astype(np.float32) for _ in range(50)]
     memory, spent = {}, np.empty(number)
@@ -77,7 +77,7 @@ def stream(hours: float) -> dict[str, Any]:
         scores = classifier.logits(haptic=three)
         classifier.network.head.score_layer.bias.sub_(scores.mean(dim=1))
         known = classifier.logits(haptic=three)
-    live = Predictor(classifier, configured(*NETWORK).prediction).stream()
+    live = Predictor(classifier, configured(*NETWORK)).stream()
     number = max(4, round(3600 * hours / PERIOD)) * PERIOD
     memory, spent, apart = {}, np.empty(number), {}
     for at in range(number):

@@ -129,7 +129,7 @@ def write_files(classes: int, recordings: int, root: Path) -> list[str]:
 def decode(keys: Sequence[str]) -> dict[str, Any]:
     """Fill the store and run the bare loop over the same files, a part of them at a time."""
     config = configured("model=fusion", *keys)
-    decoders = {each.modality: each.decoder for each in check_networks(config.recipe)}
+    decoders = {each.modality: each.decoder for each in check_networks(config)}
     store = Store(cache_root(config.data.cache_dir), decoders)
     rows = list(read_recordings(config.data, list(decoders)))
     spent = dict.fromkeys(("store", "bare"), 0.0)

@@ -221,8 +221,8 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder, kept_memory():
         config = _config(overrides)
         opening = Opening(config.data, trained_networks(config.model), [config.data.test_fold])
-        workspace = open_workspace(config.data, config.recipe, Path(folder), opening)
-        model = workspace.recipe.model
+        workspace = open_workspace(config, Path(folder), opening)
+        model = workspace.config.model
         for kind in dict.fromkeys([*model.senses, model.kind]):
             watch = Turns()
             if kind == FUSION:

@@ -15,7 +15,6 @@ from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.config.recipe import PredictionRecipe
 from tex_lightning.config.trust import trusting
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.quality import Quality, together
@@ -59,7 +58,7 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
     """
     config = _compose(path, overrides)
     with trusting([*config.trusted, *trusted]):
-        return Predictor(load_classifier(find_checkpoint(path)), config.prediction)
+        return Predictor(load_classifier(find_checkpoint(path)), config)
 
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
@@ -79,7 +78,7 @@ class Predictor:
 
     Args:
         classifier: The loaded network or baseline.
-        how: The settings of ``task=predict`` and ``task=stream``.
+        config: The settings of ``task=predict`` and ``task=stream``.
 
     Attributes:
         card: The checkpoint's metadata, such as ``card.classes``.
@@ -95,11 +94,11 @@ class Predictor:
         4
     """
 
-    def __init__(self, classifier: SurfaceClassifier, how: PredictionRecipe) -> None:
-        self.how = how
-        use_tf32(how.running.tf32)
-        self.classifier = classifier.to(pick_device(how.running.accelerator))
-        self.card: Card = classifier.card.deciding(how.running.decision)
+    def __init__(self, classifier: SurfaceClassifier, config: Config) -> None:
+        self.config = config
+        use_tf32(config.trainer.tf32)
+        self.classifier = classifier.to(pick_device(config.trainer.accelerator))
+        self.card: Card = classifier.card.deciding(config.decision)
         check_unknown(self.card, bool(classifier.statistics))
         self._deciders: dict[tuple[str, ...], SurfaceClassifier] = {}
 
@@ -171,7 +170,7 @@ class Predictor:
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         said = decider.card.modalities if fused else ()
-        return describe(vote, decider.card, quality, self.how.top_k, latency, said), vote
+        return describe(vote, decider.card, quality, self.config.top_k, latency, said), vote
 
     def stream(
         self,
@@ -205,17 +204,17 @@ class Predictor:
                 "A live stream takes signals as they come and photos as they are; "
                 + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
             )
-        engine = accelerate(self.classifier.part(self._senses(given)), self.how.running.engine)
-        engine.card = engine.card.deciding(self.how.running.decision)
+        engine = accelerate(self.classifier.part(self._senses(given)), self.config.engine)
+        engine.card = engine.card.deciding(self.config.decision)
         decoded = {
             name: branches[name].decode_input(
                 photo, self.card.input_ranges.get(name, {}),
-                colour=colour, fast=self.how.fast_decode,
+                colour=colour, fast=self.config.predict.fast_decode,
             )
             for name, photo in fixed.items()
         }  # fmt: skip
         rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
-        return LiveStream(engine, rates, decoded, self.how.stream, self.how.top_k)
+        return LiveStream(engine, rates, decoded, self.config.stream, self.config.top_k)
 
     def check_senses(self, given: Collection[str]) -> None:
         """Refuse to be given nothing, or what this checkpoint does not look at.
@@ -243,8 +242,7 @@ class Predictor:
         """What decides by these senses: of a FusionNet perhaps a part."""
         if senses not in self._deciders:
             part = self.classifier.part(senses)
-            running = self.how.running
-            self._deciders[senses] = prepare(part, running.engine, running.decision)
+            self._deciders[senses] = prepare(part, self.config.engine, self.config.decision)
         return self._deciders[senses]
 
     def _decoded(
@@ -253,8 +251,8 @@ class Predictor:
         """Decoded recordings by modality, and what is wrong with them."""
         decoded: dict[str, Tensor] = {}
         found: list[Quality] = []
-        rate = self.how.file_rate if rate is None else rate
-        how = {"rate": rate, "colour": colour, "fast": self.how.fast_decode}
+        rate = self.config.data.file_rate if rate is None else rate
+        how = {"rate": rate, "colour": colour, "fast": self.config.predict.fast_decode}
         for name in senses:
             branch = self.classifier.branch(name)
             ranges = self.card.input_ranges.get(branch.modality, {})

@@ -82,7 +82,7 @@ def test_a_file_is_looked_at_once_for_all_folds_and_systems(surfaces, fused, fol
     given = f"stability.systems=[{folds},{fused}]"
     overrides = ["task=stability", given, *data(surfaces), f"data.cache_dir={cache}"]
     config = read_config(compose_config(CONF, overrides))
-    systems = load_systems(config.stability, config.data, config.running, config.seed)
+    systems = load_systems(config)
     (dataset,) = {
         id(each.dataset): each.dataset for one in systems for each in one.members
     }.values()

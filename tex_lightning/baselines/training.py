@@ -31,6 +31,6 @@ def fit_baseline(training: Training) -> Path:
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
     recordings = Loaded(rows, training.store, classifier.branch(card.kind))
-    classifier.baseline.fit(recordings, labels, training.recipe.seed)
+    classifier.baseline.fit(recordings, labels, training.config.seed)
     classifier.save(training.final, time.perf_counter() - begin)
     return training.final

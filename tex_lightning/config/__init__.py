@@ -15,7 +15,6 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config.data import DataConfig, Folding, SyntheticConfig
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
-from tex_lightning.config.recipe import PredictionRecipe, Recipe, Running
 from tex_lightning.config.recording import RecordConfig, SourceConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
@@ -123,40 +122,6 @@ class Config:
     stability: StabilityConfig = field(default_factory=StabilityConfig)
 
     @property
-    def recipe(self) -> Recipe:
-        """How its networks are trained."""
-        return Recipe(
-            model=self.model,
-            weights={sense: self.weights_of(sense) for sense in self.model.senses},
-            seed=self.seed,
-            trainer=self.trainer,
-            callbacks=self.callbacks,
-            logger=self.logger,
-            num_workers=self.data.num_workers,
-            share=self.crossval.share,
-            running=self.running,
-            explained_samples=self.explained_samples,
-            formats=self.figures.formats,
-            settings=plain_values(self),
-        )
-
-    @property
-    def running(self) -> Running:
-        """How trained systems are run."""
-        return Running(self.trainer.accelerator, self.trainer.tf32, self.engine, self.decision)
-
-    @property
-    def prediction(self) -> PredictionRecipe:
-        """How files and arrays are classified."""
-        return PredictionRecipe(
-            running=self.running,
-            top_k=self.top_k,
-            file_rate=self.data.file_rate,
-            fast_decode=self.predict.fast_decode,
-            stream=self.stream,
-        )
-
-    @property
     def files(self) -> dict[str, Any]:
         """Files to predict from, by modality."""
         given = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
@@ -173,6 +138,15 @@ class Config:
             return given
         alone = self.model.senses == [sense]
         return self.weights if alone or sense == "visual" else None
+
+    def start_of(self, kind: str) -> str | None:
+        """Source of a network's first weights; FusionNet's branches are trained already."""
+        return None if kind == FUSION else self.weights_of(kind)
+
+    @property
+    def baseline_weights(self) -> str | None:
+        """Source of the weights of a baseline's trunk."""
+        return next(filter(None, map(self.weights_of, self.model.senses)), None)
 
 
 def plain_values(node: Any) -> Any:  # noqa: ANN401

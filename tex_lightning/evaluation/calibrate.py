@@ -10,8 +10,7 @@ from scipy.stats import binomtest
 
 from tex_lightning.card import Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import DecisionConfig
-from tex_lightning.config.recipe import Running
+from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.loading import load_sample
 from tex_lightning.data.recordings import class_indices
@@ -31,7 +30,7 @@ def calibrate(
     checkpoint: Path,
     samples: Sequence[Sample],
     store: Store,
-    running: Running,
+    config: Config,
 ) -> None:
     """Fit the temperature, and the threshold of sequential decisions, and keep them in the card.
 
@@ -40,7 +39,7 @@ def calibrate(
         checkpoint: The file, which is rewritten.
         samples: Samples of the validation fold; without any nothing happens.
         store: Their recordings.
-        running: How it runs and decides.
+        config: How it runs and decides.
     """
     card = classifier.card
     if not samples or "temperature" in card.calibration:
@@ -52,9 +51,9 @@ def calibrate(
     labels = class_indices([sample.label for sample in samples], card.classes)
     found = {**card.calibration, "temperature": fit_temperature(logits, labels)}
     classifier.card = replace(card, calibration=found)
-    if running.decision.name == SEQUENTIAL and needs_threshold(classifier):
-        fast = accelerate(classifier, running.engine)
-        found |= choose_confidence_threshold(fast, running.decision, samples, store)
+    if config.decision.name == SEQUENTIAL and needs_threshold(classifier):
+        fast = accelerate(classifier, config.engine)
+        found |= choose_confidence_threshold(fast, config.decision, samples, store)
         classifier.card = replace(card, calibration=found)
     keep_card(classifier.card, checkpoint)
 

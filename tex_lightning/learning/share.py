@@ -36,12 +36,12 @@ def train_shared(training: Training, folder: Path) -> Path:
     recipe = {
         "card": training.card.to_dict(),
         "fit": training.fit_values,
-        "seed": training.recipe.seed,
+        "seed": training.config.seed,
         "weights": training.weights,
-        "trainer": training.recipe.trainer.flags,
+        "trainer": training.config.trainer.flags,
     }
     if training.unimodal:
-        recipe["model"] = asdict(training.recipe.model)
+        recipe["model"] = asdict(training.config.model)
         recipe["starts"] = [_digest(path) for path in training.unimodal.values()]
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
     place = folder / f"{training.card.kind}-{digest}"

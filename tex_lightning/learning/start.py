@@ -139,7 +139,7 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
         network.fit(inputs, torch.from_numpy(np.resize(labels, len(inputs))))
     if not isinstance(network, VisualNet):
         return
-    module.to(pick_device(training.recipe.trainer.accelerator))
+    module.to(pick_device(training.config.trainer.accelerator))
     if not network.has_hidden_layers:
         if weights is None:
             warn_of_random_weights(network.trunk)

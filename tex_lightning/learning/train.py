@@ -64,10 +64,10 @@ def train_network(training: Training, *watchers: Callback) -> Path:
 
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
-    torch.manual_seed(training.recipe.seed)
+    torch.manual_seed(training.config.seed)
     make = FusionModule if training.card.kind == FUSION else SurfaceModule
-    pieces = {name: training.recipe.model.branch(name).fit.piece for name in training.card.senses}
-    module = make(training.card.to_dict(), training.fit_values, training.recipe.seed, pieces)
+    pieces = {name: training.config.model.branch(name).fit.piece for name in training.card.senses}
+    module = make(training.card.to_dict(), training.fit_values, training.config.seed, pieces)
     batches = _make_batches(training, module)
     _check_resumable(last)
     if not last.is_file():
@@ -113,16 +113,16 @@ def _make_batches(training: Training, module: SurfaceModule) -> TrainingBatches:
     for name, path in training.unimodal.items():
         start = SurfaceClassifier.from_checkpoint(path, name)
         classifier.branch(name).adopt(start.branch(name))
-    classifier.features.to(pick_device(training.recipe.trainer.accelerator))
+    classifier.features.to(pick_device(training.config.trainer.accelerator))
     for name, branch in classifier.branches.items():
         rows = training.parts.train.of(branch.modality).rows
         labels = np.array(class_indices([row.label for row in rows], card.classes))
         bank = branch.bank(
-            rows, training.store, {**training.recipe.model.fit_values(name), **training.fit_values},
-            size=module.pieces[name], seed=training.recipe.seed, learn=not training.unimodal,
+            rows, training.store, {**training.config.model.fit_values(name), **training.fit_values},
+            size=module.pieces[name], seed=training.config.seed, learn=not training.unimodal,
         )  # fmt: skip
         banks[name] = bank, labels
-    return TrainingBatches(banks, training.fit_values["batch_size"], training.recipe.seed)
+    return TrainingBatches(banks, training.fit_values["batch_size"], training.config.seed)
 
 
 def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
@@ -133,12 +133,12 @@ def _with_samples(training: Training, batches: TrainingBatches) -> SurfaceData:
         for part in (parts.val, parts.test)
     )
     steps = training.fit_values["steps_per_epoch"]
-    return SurfaceData(batches, steps, validation, test, training.recipe.num_workers)
+    return SurfaceData(batches, steps, validation, test, training.config.data.num_workers)
 
 
 def _keep_statistics(training: Training, module: SurfaceModule) -> None:
     begin = time.perf_counter()
-    module.classifier.to(pick_device(training.recipe.trainer.accelerator))
+    module.classifier.to(pick_device(training.config.trainer.accelerator))
     left_out = keep_statistics(module.classifier, training.parts.train, training.store)
     if _features_are_untrained(training):  # else these recordings fit too well
         module.left_out = left_out

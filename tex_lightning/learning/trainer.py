@@ -113,22 +113,22 @@ def make_trainer(
     callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
     callbacks += [
         build_derived(f"callbacks.{name}", node, Callback)
-        for name, node in training.recipe.callbacks.items()
+        for name, node in training.config.callbacks.items()
     ]
-    _settle_progress_bar(callbacks, training.recipe.trainer.flags)
+    _settle_progress_bar(callbacks, training.config.trainer.flags)
     if Screen.verbose >= DEBUG:
         # Lightning's own choice prints on standard output
         callbacks.append(ModelSummary(SUMMARISED))
     if kind == FUSION:
-        start = training.recipe.model.fusion.head_start
+        start = training.config.model.fusion.head_start
         callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
         "enable_model_summary": False,
-        "sync_batchnorm": _synchronises(training.recipe.trainer, kind),
-        **training.recipe.trainer.flags,
+        "sync_batchnorm": _synchronises(training.config.trainer, kind),
+        **training.config.trainer.flags,
     }
     if isinstance(flags["strategy"], dict):
         flags["strategy"] = build("trainer.strategy", flags["strategy"])
@@ -138,7 +138,7 @@ def make_trainer(
             plugins=[CheckpointFiles()],
             max_epochs=fit["epochs"],
             callbacks=callbacks,
-            logger=open_loggers(training.recipe.logger, training.directory, kind),
+            logger=open_loggers(training.config.logger, training.directory, kind),
             use_distributed_sampler=False,  # every process knows its share of a batch
             default_root_dir=training.directory,
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.card import Card
-from tex_lightning.config.recipe import Recipe
+from tex_lightning.config import Config
 from tex_lightning.data.folds import Split
 from tex_lightning.data.store import Store
 
@@ -20,7 +20,7 @@ class Training:
         store: Decoded files.
         directory: The run folder.
         unimodal: By sense the checkpoints that FusionNet starts from; empty for the others.
-        recipe: How the networks of this model are trained.
+        config: How the networks of this model are trained.
     """
 
     card: Card
@@ -28,7 +28,7 @@ class Training:
     store: Store
     directory: Path
     unimodal: dict[str, Path]
-    recipe: Recipe
+    config: Config
 
     @property
     def final(self) -> Path:
@@ -43,10 +43,10 @@ class Training:
     @property
     def weights(self) -> str | None:
         """Source of the trunk's first weights; None is random."""
-        recipe = self.recipe
-        return recipe.baseline_weights if self.card.baseline else recipe.start_of(self.card.kind)
+        config = self.config
+        return config.baseline_weights if self.card.baseline else config.start_of(self.card.kind)
 
     @property
     def fit_values(self) -> dict[str, Any]:
         """The training recipe as plain values."""
-        return self.recipe.model.fit_values(self.card.kind)
+        return self.config.model.fit_values(self.card.kind)

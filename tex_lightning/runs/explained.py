@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config.recipe import Running
+from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.loading import load_sample
 from tex_lightning.data.quality import Quality
@@ -48,30 +48,24 @@ def draw_telling(
     samples: Sequence[Sample],
     outcomes: Sequence[Outcome],
     store: Store,
-    running: Running,
-    count: int,
+    config: Config,
     directory: Path,
-    formats: Sequence[str],
 ) -> dict[str, Figure]:
     """As :func:`draw_explanations`, where one network tested all samples."""
-    tested = {row: samples[row] for row in drawn_rows(outcomes, count)}
+    tested = {row: samples[row] for row in drawn_rows(outcomes, config.explained_samples)}
     name = classifier.card.kind
-    return draw_explanations(
-        [(classifier, tested)], outcomes, store, running, name, count, directory, formats
-    )
+    return draw_explanations([(classifier, tested)], outcomes, store, config, name, directory)
 
 
 def draw_explanations(
     tested: Iterable[Tested],
     outcomes: Sequence[Outcome],
     store: Store,
-    running: Running,
+    config: Config,
     name: str,
-    count: int,
     directory: Path,
-    formats: Sequence[str],
 ) -> dict[str, Figure]:
-    """Draw label maps of the samples, and pictures of up to ``count`` telling ones of them.
+    """Draw label maps of the samples, and pictures of some telling ones of them.
 
     Both are of one pass by the full decision. What an earlier run drew in their place goes.
 
@@ -81,12 +75,12 @@ def draw_explanations(
     shutil.rmtree(map_folder(directory, name), ignore_errors=True)
     for older in (directory / "figures").glob(f"{glob.escape(name)}_why_*"):
         older.unlink()
-    figures, chosen = {}, telling(outcomes, count)
+    figures, chosen = {}, telling(outcomes, config.explained_samples)
     for classifier, samples in tested:
         if classifier.card.baseline:
             break
-        fast = accelerate(classifier, running.engine)
-        fast.card = fast.card.deciding(running.decision)
+        fast = accelerate(classifier, config.engine)
+        fast.card = fast.card.deciding(config.decision)
         for row, sample in samples.items():
             found = explain_sample(fast, sample, store)
             _write_maps(fast, found, outcomes[row], map_folder(directory, name) / str(row))
@@ -94,7 +88,8 @@ def draw_explanations(
                 title = f"why_{chosen.index(row) + 1}"
                 files = ", ".join(Path(each.source).name for each in sample.recordings.values())
                 figure = found.figure(f"{name}: test sample of {sample.label} ({files})")
-                save_figure(figure, directory / "figures" / f"{name}_{title}", formats)
+                path = directory / "figures" / f"{name}_{title}"
+                save_figure(figure, path, config.figures.formats)
                 figures[title] = figure
     return figures
 

@@ -7,11 +7,10 @@ from statistics import fmean
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import DataConfig, FrontierConfig
+from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.check import check_config
 from tex_lightning.config.instantiation import INSTALL, missing_library
 from tex_lightning.config.job import Job
-from tex_lightning.config.recipe import Recipe
 from tex_lightning.config.trust import trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.folds import make_samples
@@ -43,8 +42,7 @@ class Member:
 
     name: str
     overrides: tuple[str, ...]
-    data: DataConfig
-    recipe: Recipe
+    config: Config
 
 
 @dataclass(frozen=True)
@@ -102,7 +100,7 @@ def compose_family(
         member = replace(member, task="crossval", crossval=crossval, decision=decision)
         check_config(member)
         trust(member)
-        yield Member(name, overrides, member.data, member.recipe)
+        yield Member(name, overrides, member)
 
 
 def _split_overrides(name: str, given: str) -> tuple[str, ...]:
@@ -122,7 +120,7 @@ def check_libraries(members: Sequence[Member]) -> None:
     Raises:
         UserError: Naming those whose libraries are missing and what does without them.
     """
-    needed = {member.name: member.recipe.model.baseline for member in members}
+    needed = {member.name: member.config.model.baseline for member in members}
     missing = {
         name: library
         for name, baseline in needed.items()
@@ -165,16 +163,14 @@ def measure_family(
                 trainings.update(len(left) - len(remaining.left), title=member.name)
                 with remaining.measuring(member.name, pair):
                     home = directory / member.name
-                    workspace = workspace or open_workspace(
-                        member.data, member.recipe, home, opening
-                    )
+                    workspace = workspace or open_workspace(member.config, home, opening)
                     _measure_pair(workspace, pair, _place(home, pair))
     return [_read(member, pairs[member.name], directory / member.name) for member in members]
 
 
 def _pairs(member: Member, folds: Sequence[int]) -> dict[int, Pair]:
     """Of each tested fold itself and its partner, in one order for both unless networks differ."""
-    data = member.data
+    data = member.config.data
     both = {fold: (fold, partner(fold, data.folds)) for fold in folds}
     if data.inverted:  # a fold is then what is trained on
         return both
@@ -201,10 +197,10 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
     on_fold = replace(workspace, recordings=kept).on_fold(pair[0], directory)
     networks = fit_fold(on_fold, test_parts=False)
     entry = networks[workspace.kind]
-    recipe = workspace.recipe
-    samples = make_samples(apart, recipe.model.modalities)
+    config = workspace.config
+    samples = make_samples(apart, config.model.modalities)
     trained = load_classifier(entry["checkpoint"])
-    classifier = prepare(trained, recipe.running.engine, recipe.running.decision)
+    classifier = prepare(trained, config.engine, config.decision)
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
     seconds = sum(network["fit_seconds"] for network in networks.values())
@@ -213,7 +209,7 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
 
 
 def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measured:
-    kind = member.recipe.model.kind
+    kind = member.config.model.kind
     places = [_place(directory, pair) for pair in dict.fromkeys(pairs.values())]
     entries = [read_record(place / DONE) for place in places]
     tests, partners = {}, {}

@@ -8,8 +8,8 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
 from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.config import Config, plain_values
 from tex_lightning.config.model import FUSION
-from tex_lightning.config.recipe import Recipe
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
@@ -34,26 +34,26 @@ def results_frame(
     task: str, workspace: Workspace, networks: dict[str, Any], seconds: float
 ) -> dict[str, Any]:
     """The entries of every training task's ``results.json`` around its networks."""
-    recipe = workspace.recipe
+    config = workspace.config
     return {
         "task": task,
-        "model": recipe.model.name,
+        "model": config.model.name,
         "data": workspace.data.name,
         "classes": workspace.classes,
-        "weights": weights(recipe),
-        "seed": recipe.seed,
+        "weights": weights(config),
+        "seed": config.seed,
         "wall_seconds": seconds,
         "skipped": skipped_entry(workspace.skipped),
-        "environment": environment(pick_device(recipe.running.accelerator)),
+        "environment": environment(pick_device(config.trainer.accelerator)),
         "networks": networks,
     }
 
 
-def weights(recipe: Recipe) -> dict[str, str]:
+def weights(config: Config) -> dict[str, str]:
     """Source of the weights of its network, or of its trunk, by sense."""
     given = {
-        name: recipe.model.checkpoints.get(name) or recipe.weights[name]
-        for name in recipe.model.senses
+        name: config.model.checkpoints.get(name) or config.weights_of(name)
+        for name in config.model.senses
     }
     return {name: RANDOM if path is None else name_source(path) for name, path in given.items()}
 
@@ -71,7 +71,7 @@ def fit_fold(
     Returns:
         By network its entry of ``results.json``.
     """
-    parts, model = workspace.parts(), workspace.recipe.model
+    parts, model = workspace.parts(), workspace.config.model
     unimodal: dict[str, Path] = {}
     networks: dict[str, Any] = {}
     if workspace.kind == FUSION:
@@ -98,7 +98,7 @@ def _fit_network(
     draw: bool,
     test: bool = True,
 ) -> dict[str, Any]:
-    card, shared = make_card(workspace, senses, unimodal), workspace.recipe.share
+    card, shared = make_card(workspace, senses, unimodal), workspace.config.crossval.share
     training = make_training(workspace, card, parts, unimodal)
     if card.baseline:
         checkpoint = fit_baseline(training)
@@ -119,7 +119,7 @@ def make_training(
 ) -> Training:
     """Collect the networks, data and settings of one network's training."""
     return Training(
-        card, parts, workspace.store, workspace.directory, unimodal, recipe=workspace.recipe
+        card, parts, workspace.store, workspace.directory, unimodal, config=workspace.config
     )
 
 
@@ -127,33 +127,30 @@ def _tested_network(
     workspace: Workspace, checkpoint: Path, parts: Split, *, draw: bool
 ) -> dict[str, Any]:
     """Calibrate and test a trained network; its entry of ``results.json``."""
-    recipe, store, directory = workspace.recipe, workspace.store, workspace.directory
-    running = recipe.running
+    config, store, directory = workspace.config, workspace.store, workspace.directory
     classifier = load_classifier(checkpoint)
-    classifier.to(pick_device(running.accelerator))
+    classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
     validation, samples = (make_samples(part, modalities) for part in (parts.val, parts.test))
-    calibrate(classifier, checkpoint, validation, store, running)
+    calibrate(classifier, checkpoint, validation, store, config)
     keep_novelties(classifier, checkpoint, parts, store)
     unknown = workspace.unknown_samples(modalities)
     result, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, running, recipe.formats, unknown
+        classifier, checkpoint, samples, store, directory, config, unknown
     )
     figures = {}
     if draw:
-        figures = draw_figures(outcomes, workspace.classes, kind, directory, recipe.formats)
+        figures = draw_figures(outcomes, workspace.classes, kind, directory, config.figures.formats)
     if draw and kind == workspace.kind:
         figures |= draw_telling(
             classifier,
             samples,
             outcomes,
             store,
-            running,
-            recipe.explained_samples,
+            config,
             directory,
-            recipe.formats,
         )
-    log_test(recipe.logger, directory, kind, recipe.settings, result, figures)
+    log_test(config.logger, directory, kind, plain_values(config), result, figures)
     log.info(
         "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",
         workspace.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],

@@ -62,15 +62,15 @@ def measure_latencies(measured: Sequence[Measured], rounds: int, opening: Openin
     counts: dict[str, int] = {}
     recordings: dict[tuple[tuple[str, Decoder], ...], list[dict[str, Tensor]]] = {}
     for system in measured:
-        member, running = system.member, system.member.recipe.running
-        device = pick_device(running.accelerator)
+        member, config = system.member, system.member.config
+        device = pick_device(config.trainer.accelerator)
         trained = load_classifier(system.entry["checkpoint"]).to(device)
-        classifier = prepare(trained, running.engine, running.decision)
+        classifier = prepare(trained, config.engine, config.decision)
         decoded = tuple((each.modality, each.decoder) for each in trained.branches.values())
         if decoded not in recordings:  # such systems classify the same samples
             home = Path(system.entry["checkpoint"]).parent
-            workspace = open_workspace(member.data, member.recipe, home, opening)
-            samples = make_samples(_tested(system, workspace), member.recipe.model.modalities)
+            workspace = open_workspace(config, home, opening)
+            samples = make_samples(_tested(system, workspace), config.model.modalities)
             timed = samples[:: ceil(len(samples) / TIMED)]
             recordings[decoded] = [load_sample(sample, workspace.store) for sample in timed]
         counts[member.name] = len(recordings[decoded])

@@ -9,8 +9,7 @@ import torch
 
 from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import DataConfig, ProfileConfig
-from tex_lightning.config.recipe import Recipe
+from tex_lightning.config import Config, DataConfig, ProfileConfig
 from tex_lightning.data.decode import Array, SignalDecoder, to_rate
 from tex_lightning.errors import UserError
 from tex_lightning.profiling.subject import Subject, only_branch
@@ -29,11 +28,11 @@ def load_networks(checkpoint: str) -> list[SurfaceClassifier]:
     return [whole.part([name]) for name in whole.card.senses]
 
 
-def random_networks(recipe: Recipe, classes: int) -> list[SurfaceClassifier]:
+def random_networks(config: Config, classes: int) -> list[SurfaceClassifier]:
     """The unimodal networks of a model with random weights: no time depends on them."""
     names = [f"class{number}" for number in range(classes)]
-    torch.manual_seed(recipe.seed)
-    cards = [configured_card(recipe, [sense], names) for sense in recipe.model.senses]
+    torch.manual_seed(config.seed)
+    cards = [configured_card(config, [sense], names) for sense in config.model.senses]
     return [SurfaceClassifier(card) for card in cards]
 
 

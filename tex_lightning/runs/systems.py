@@ -7,9 +7,8 @@ from pathlib import Path
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.card import SUFFIX
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import DataConfig, StabilityConfig
+from tex_lightning.config import Config, DataConfig, StabilityConfig
 from tex_lightning.config.model import FUSION, kind_of
-from tex_lightning.config.recipe import Running
 from tex_lightning.data.conditions import tested_part
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.readers import read_recordings
@@ -31,21 +30,17 @@ from tex_lightning.stability.system import Member, System
 Found = tuple[Path, int | None]  # a checkpoint and its test fold, None for the configured one
 
 
-def load_systems(
-    wanted: StabilityConfig, data: DataConfig, running: Running, seed: int
-) -> list[System]:
+def load_systems(config: Config) -> list[System]:
     """Load every system with the test samples of each of its folds.
 
     Args:
-        wanted: Names the systems.
-        data: What they are tested on.
-        running: How they run.
-        seed: Seed of the perturbations.
+        config: ``stability`` names the systems, ``data`` what they are tested on.
 
     Raises:
         UserError: If a folder or checkpoint cannot be used, knows other classes, or was trained on
             what it would be tested on.
     """
+    wanted, data = config.stability, config.data
     datasets: list[PerturbedDataset] = []
     systems: list[System] = []
     for given in wanted.systems or []:
@@ -55,8 +50,9 @@ def load_systems(
             for checkpoint, fold in found:
                 tested = data if fold is None else replace(data, test_fold=fold)
                 loaded = load_classifier(checkpoint)
-                dataset = _dataset(data, seed, loaded, datasets)
-                engine = accelerate(loaded.to(pick_device(running.accelerator)), running.engine)
+                dataset = _dataset(data, config.seed, loaded, datasets)
+                loaded.to(pick_device(config.trainer.accelerator))
+                engine = accelerate(loaded, config.engine)
                 members.append(_member(checkpoint, engine.eval(), tested, dataset, wanted.limit))
             classifier = members[0].evaluator.classifier
             name = _name(path, kind, classifier)

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config.recipe import Running
+from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.loading import load_sample
 from tex_lightning.data.store import Store
@@ -32,8 +32,7 @@ def report_network(
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
-    running: Running,
-    formats: Sequence[str],
+    config: Config,
     unknown: Sequence[Sample] = (),
 ) -> tuple[dict[str, Any], list[Outcome]]:
     """Test a network as prediction runs it; write its predictions into the run folder.
@@ -44,16 +43,15 @@ def report_network(
         samples: What is tested, at least one.
         store: Their recordings.
         directory: The run folder.
-        running: How it runs and decides.
-        formats: Formats of figures.
+        config: How it runs and decides.
         unknown: Samples of classes that were held out.
 
     Returns:
         Its entry of ``results.json``, and what became of each sample.
     """
     kind, classes = classifier.card.kind, classifier.card.classes
-    warn_of_few(classifier.card.deciding(running.decision))
-    decider = prepare(classifier, running.engine, running.decision)
+    warn_of_few(classifier.card.deciding(config.decision))
+    decider = prepare(classifier, config.engine, config.decision)
     outcomes = run_test(decider, samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
@@ -66,10 +64,10 @@ def report_network(
         "val_loss": stored.get("val_loss"),  # None where nothing was validated
         "checkpoint": str(checkpoint.resolve()),
     }
-    drawn = running.decision.alphas or running.decision.confidence_thresholds
+    drawn = config.decision.alphas or config.decision.confidence_thresholds
     if isinstance(decider, SequentialClassifier) and drawn:
         entry["sequential"] = report_sequential(
-            decider, running.decision, samples, store, directory, formats
+            decider, config.decision, samples, store, directory, config.figures.formats
         )
     entry |= report_unknown(decider, unknown, store, directory, outcomes)
     return entry, outcomes

@@ -10,9 +10,8 @@ from tex_lightning.baselines.making import make_baseline
 from tex_lightning.branches import Branch
 from tex_lightning.card import DECISION, Card
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.config import DataConfig
+from tex_lightning.config import Config, DataConfig
 from tex_lightning.config.instantiation import find_callable
-from tex_lightning.config.recipe import Recipe
 from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
@@ -30,11 +29,10 @@ from tex_lightning.runs.usable import find_unusable, try_parts
 
 @dataclass(frozen=True)
 class Workspace:
-    """Recordings and a recipe, ready to train on any fold.
+    """Recordings and a configuration, ready to train on any fold.
 
     Attributes:
-        data: Where the recordings come from and how they are divided.
-        recipe: How networks are trained and recorded.
+        config: The data, and how networks are trained on them and recorded.
         classes: Class names in natural order.
         recordings: Those of the modalities that the model needs.
         unknown: The same of the classes held out of everything but a test of their own.
@@ -43,8 +41,7 @@ class Workspace:
         skipped: Files that were left out since they cannot be used (``data.skip_bad``).
     """
 
-    data: DataConfig
-    recipe: Recipe
+    config: Config
     classes: list[str]
     recordings: Recordings
     unknown: Recordings
@@ -53,18 +50,24 @@ class Workspace:
     skipped: tuple[Unusable, ...] = ()
 
     @property
+    def data(self) -> DataConfig:
+        """Where the recordings come from and how they are divided."""
+        return self.config.data
+
+    @property
     def kind(self) -> str:
         """Name of the network of all senses."""
-        return self.recipe.model.kind
+        return self.config.model.kind
 
     def on_fold(self, fold: int, directory: Path) -> "Workspace":
         """Copy it with another test fold and run folder."""
-        return replace(self, data=replace(self.data, test_fold=fold), directory=directory)
+        data = replace(self.data, test_fold=fold)
+        return replace(self, config=replace(self.config, data=data), directory=directory)
 
     def parts(self) -> Split:
         """Training, validation and test recordings, checked."""
         parts = split(self.recordings, self.data)
-        check_split(parts, self.classes, self.recipe.model.modalities, self.data)
+        check_split(parts, self.classes, self.config.model.modalities, self.data)
         return parts
 
     def unknown_samples(self, modalities: Sequence[str]) -> list[Sample]:
@@ -72,21 +75,19 @@ class Workspace:
         return make_samples(split(self.unknown, self.data).test, modalities)
 
 
-def open_workspace(
-    data: DataConfig, recipe: Recipe, directory: Path, opening: Opening
-) -> Workspace:
+def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspace:
     """Read the data set and decode what the cache does not have.
 
     Args:
-        data: Where recordings come from.
-        recipe: Recipe of the networks to train on them.
+        config: Where recordings come from, and the networks to train on them.
         directory: The run folder.
         opening: Says what was found.
 
     Raises:
         UserError: If the data or the networks cannot be used.
     """
-    branches, modalities = check_networks(recipe), recipe.model.modalities
+    data, modalities = config.data, config.model.modalities
+    branches = check_networks(config)
     rows = read_recordings(data, modalities)
     needed = rows.without(row for row in rows if row.modality not in modalities)
     recordings, unknown = hold_out(needed, data.hold_out)
@@ -95,20 +96,19 @@ def open_workspace(
     if len(recordings.classes) < 2:
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
-            f"{listed(recordings.classes) or 'no class'} for a {recipe.model.kind} network, and "
+            f"{listed(recordings.classes) or 'no class'} for a {config.model.kind} network, and "
             "telling classes apart takes two; choose another model or add recordings."
         )
-    if recipe.running.decision.unknown and LABEL in recordings.classes:
+    if config.decision.unknown and LABEL in recordings.classes:
         raise taken("The data has")
     skipped = find_unusable(needed, store, branches, skip_bad=data.skip_bad)
     bad = [each.recording for each in skipped]
     for branch in branches:
-        if _is_new(recipe, branch):
-            _try_new(recipe, branch, recordings.without(bad), store)
+        if _is_new(config, branch):
+            _try_new(config, branch, recordings.without(bad), store)
     opening.announce(needed.without(bad), store, skipped)
     return Workspace(
-        data,
-        recipe,
+        config,
         recordings.classes,
         recordings.without(bad),
         unknown.without(bad),
@@ -134,7 +134,7 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     return recordings.in_classes(known), recordings.in_classes(classes or [])
 
 
-def check_networks(recipe: Recipe) -> list[Branch]:
+def check_networks(config: Config) -> list[Branch]:
     """Build the networks, so that settings and weights that do not fit are refused at once.
 
     The classes of all else that training makes later are only looked up.
@@ -145,41 +145,41 @@ def check_networks(recipe: Recipe) -> list[Branch]:
     Raises:
         UserError: Naming the key that does not fit.
     """
-    model = recipe.model
-    for where, node in _made_later(recipe):
+    model = config.model
+    for where, node in _made_later(config):
         find_callable(where, node)
     if model.baseline is None:
-        return [_checked_branch(recipe, name) for name in model.senses]
+        return [_checked_branch(config, name) for name in model.senses]
     baseline = make_baseline(model.name, model.baseline, model.budget)
-    if recipe.baseline_weights is not None:
-        baseline.load_weights(recipe.baseline_weights)
-    card = configured_card(recipe, model.senses, ["one", "other"])
+    if config.baseline_weights is not None:
+        baseline.load_weights(config.baseline_weights)
+    card = configured_card(config, model.senses, ["one", "other"])
     return list(new_classifier(card).branches.values())
 
 
-def _made_later(recipe: Recipe) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _made_later(config: Config) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Keys and nodes of what the first training makes, when the data has been decoded."""
-    model = recipe.model
+    model = config.model
     yield from (
-        (f"logger.{name}", node) for name, node in recipe.logger.items() if node is not None
+        (f"logger.{name}", node) for name, node in config.logger.items() if node is not None
     )
     if model.baseline is not None:
         return
-    yield from ((f"callbacks.{name}", node) for name, node in recipe.callbacks.items())
+    yield from ((f"callbacks.{name}", node) for name, node in config.callbacks.items())
     for kind in model.trained:
         fit = model.fit_values(kind)
         made = ("optimizer", "schedule") if fit["epochs"] else ()
         yield from ((f"model.{kind}.fit.{key}", fit[key]) for key in made)
 
 
-def _checked_branch(recipe: Recipe, name: str) -> Branch:
-    given, source = recipe.model.checkpoints.get(name), recipe.weights[name]
+def _checked_branch(config: Config, name: str) -> Branch:
+    given, source = config.model.checkpoints.get(name), config.weights_of(name)
     if given is not None:
         return SurfaceClassifier.from_checkpoint(given, name).branch(name)
-    start = SurfaceClassifier(configured_card(recipe, [name], ["one", "other"]))
+    start = SurfaceClassifier(configured_card(config, [name], ["one", "other"]))
     if source is not None:
         start_trunk(start, source)
-    branch, fit = start.eval().branch(name), recipe.model.branch(name).fit
+    branch, fit = start.eval().branch(name), config.model.branch(name).fit
     if branch.declares_geometry and fit.piece < (least := branch.min_size[1]):
         raise UserError(
             f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least} for "
@@ -188,30 +188,30 @@ def _checked_branch(recipe: Recipe, name: str) -> Branch:
     return branch
 
 
-def _is_new(recipe: Recipe, branch: Branch) -> bool:
+def _is_new(config: Config, branch: Branch) -> bool:
     """Whether a branch has parts of the user's that are to be trained."""
-    given = recipe.model.checkpoints.get(branch.name) is not None
-    return recipe.model.baseline is None and not given and not branch.is_own
+    given = config.model.checkpoints.get(branch.name) is not None
+    return config.model.baseline is None and not given and not branch.is_own
 
 
-def _try_new(recipe: Recipe, branch: Branch, recordings: Recordings, store: Store) -> None:
+def _try_new(config: Config, branch: Branch, recordings: Recordings, store: Store) -> None:
     """Try a branch as it will be trained, for the classes of the data."""
-    card = configured_card(recipe, [branch.name], recordings.classes)
+    card = configured_card(config, [branch.name], recordings.classes)
     own = SurfaceClassifier(card).eval().branch(branch.name)
     try_parts(own, recordings, store, len(card.classes))
 
 
 def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Path]) -> Card:
     """Describe the classifier to train; FusionNet's branches are what their checkpoints say."""
-    data, recipe, parts = workspace.data, workspace.recipe, workspace.parts()
-    card = configured_card(recipe, senses, workspace.classes)
+    data, config, parts = workspace.data, workspace.config, workspace.parts()
+    card = configured_card(config, senses, workspace.classes)
     ranges = {
         modality: training_ranges(parts.train.of(modality), workspace.store)
         for modality in card.modalities
     }
     card = replace(card, input_ranges=ranges)
     if not unimodal:
-        source = None if card.baseline else recipe.start_of(card.kind)
+        source = None if card.baseline else config.start_of(card.kind)
         return replace(card, trained_on=trained_on(card, parts, data, source))
     starts = {name: starting_card(workspace, name, path) for name, path in unimodal.items()}
     return replace(
@@ -221,19 +221,19 @@ def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, P
     )
 
 
-def configured_card(recipe: Recipe, senses: Sequence[str], classes: list[str]) -> Card:
+def configured_card(config: Config, senses: Sequence[str], classes: list[str]) -> Card:
     """Describe a classifier by its recipe alone, as if nothing had trained it."""
-    model = recipe.model
+    model = config.model
     baseline = {
         "name": model.name,
         "node": model.baseline,
         "budget": model.budget,
-        "weights": recipe.baseline_weights,
+        "weights": config.baseline_weights,
     }
     return Card(
         classes=classes,
         branches={name: model.branch(name).node for name in senses},
-        decision={key: getattr(recipe.running.decision, key) for key in DECISION},
+        decision={key: getattr(config.decision, key) for key in DECISION},
         fusion={"level": model.fusion.level} if len(senses) > 1 else {},
         baseline={} if model.baseline is None else baseline,
     )
@@ -252,7 +252,7 @@ def starting_card(workspace: Workspace, name: str, path: Path) -> Card:
             f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
             f"{len(workspace.classes)} of this data; train it on the same data."
         )
-    theirs, ours = card.branches[name]["decode"], workspace.recipe.model.branch(name).decode
+    theirs, ours = card.branches[name]["decode"], workspace.config.model.branch(name).decode
     for key in theirs:
         if key != "file_rate" and theirs[key] != ours.get(key):
             raise UserError(

@@ -14,7 +14,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.config import Config
+from tex_lightning.config import Config, plain_values
 from tex_lightning.config.job import Job
 from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError
@@ -49,7 +49,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """Run all folds, or those in ``crossval.only``; write ``results.json`` and return it."""
     chosen, directory = chosen_folds(config), job.directory
     opening = Opening(config.data, trained_networks(config.model), chosen)
-    workspace = open_workspace(config.data, config.recipe, directory, opening)
+    workspace = open_workspace(config, directory, opening)
     for fold in chosen:  # before time is spent on the first
         workspace.on_fold(fold, directory).parts()
     done = {fold: _finished_fold(workspace, fold) for fold in chosen}
@@ -86,10 +86,10 @@ def _explain(
     by_fold: Mapping[int, Sequence[Outcome]],
 ) -> dict[str, Figure]:
     """Draw the worst samples of all folds, each by the network that tested it."""
-    recipe = workspace.recipe
+    config = workspace.config
     places = [(fold, index) for fold, own in by_fold.items() for index in range(len(own))]
     outcomes = [by_fold[fold][index] for fold, index in places]
-    rows = drawn_rows(outcomes, recipe.explained_samples)
+    rows = drawn_rows(outcomes, config.explained_samples)
 
     def tested() -> Iterator[Tested]:
         for fold, entry in entries.items():
@@ -108,11 +108,9 @@ def _explain(
         tested(),
         outcomes,
         workspace.store,
-        recipe.running,
+        config,
         workspace.kind,
-        recipe.explained_samples,
         workspace.directory,
-        recipe.formats,
     )
 
 
@@ -166,14 +164,16 @@ def _run_fold(workspace: Workspace, fold: int) -> dict[str, Any]:
 def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> dict[str, Any]:
     """One network over all folds: counts pooled, sizes and checkpoint of the first fold."""
     entries = {fold: results["networks"][name] for fold, results in folds.items()}
-    recipe, decision = workspace.recipe, workspace.recipe.running.decision
+    config, decision = workspace.config, workspace.config.decision
     by_fold = {
         fold: read_outcomes(_fold_directory(workspace, fold) / "predictions" / f"{name}.csv")
         for fold in folds
     }
     outcomes = [outcome for fold in by_fold.values() for outcome in fold]
     write_outcomes(outcomes, workspace.directory / "predictions" / f"{name}.csv")
-    figures = draw_figures(outcomes, workspace.classes, name, workspace.directory, recipe.formats)
+    figures = draw_figures(
+        outcomes, workspace.classes, name, workspace.directory, config.figures.formats
+    )
     if name == workspace.kind:
         figures |= _explain(workspace, entries, by_fold)
     directories = [_fold_directory(workspace, fold) for fold in folds]
@@ -183,7 +183,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
         **summarise(outcomes),
         **pool_conditions(entries.values()),
         **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
-        **pool_sequential(directories, name, workspace.directory, decision, recipe.formats),
+        **pool_sequential(directories, name, workspace.directory, decision, config.figures.formats),
         **pool_unknown(
             dict(zip(directories, entries.values(), strict=True)),
             list(by_fold.values()),
@@ -199,5 +199,5 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
             {"fold": fold, **{key: entry[key] for key in kept}} for fold, entry in entries.items()
         ],
     }
-    log_test(recipe.logger, workspace.directory, name, recipe.settings, pooled, figures)
+    log_test(config.logger, workspace.directory, name, plain_values(config), pooled, figures)
     return pooled

@@ -135,9 +135,7 @@ def _test(
             "to add all recordings and test nothing."
         )
     classifier.to(pick_device(config.trainer.accelerator))
-    entry, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config.running, config.figures.formats
-    )
+    entry, outcomes = report_network(classifier, checkpoint, samples, store, directory, config)
     draw_figures(outcomes, card.classes, card.kind, directory, config.figures.formats)
     return entry
 

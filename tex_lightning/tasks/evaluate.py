@@ -54,21 +54,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             f"There is nothing to test a {kind} network on in {tested_part(config.data)}; choose "
             "another data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
-    formats = config.figures.formats
     network, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config.running, formats, unknown_samples
+        classifier, checkpoint, samples, store, directory, config, unknown_samples
     )
-    figures = draw_figures(outcomes, classes, kind, directory, formats)
-    figures |= draw_telling(
-        classifier,
-        samples,
-        outcomes,
-        store,
-        config.running,
-        config.explained_samples,
-        directory,
-        formats,
-    )
+    figures = draw_figures(outcomes, classes, kind, directory, config.figures.formats)
+    figures |= draw_telling(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)
     tested_on = {name: values[name] for name in ("seed", "data")}
     log_test(config.logger, directory, kind, tested_on, network, figures)

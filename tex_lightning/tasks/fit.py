@@ -25,7 +25,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     if (done := _finished(directory)) is not None:
         return done
     opening = Opening(config.data, trained_networks(config.model), [config.data.test_fold])
-    workspace = open_workspace(config.data, config.recipe, directory, opening)
+    workspace = open_workspace(config, directory, opening)
     networks = fit_fold(workspace, draw=True)
     if not is_rank_zero():
         return {}

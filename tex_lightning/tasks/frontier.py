@@ -151,7 +151,7 @@ def _candidates(
     votes: Sequence[Mapping[int, Sequence[Outcome]]],
 ) -> list[Candidate]:
     """The systems by their times and some of their votes, by fold, on samples of all senses."""
-    widths = [len(system.member.recipe.model.modalities) for system in measured]
+    widths = [len(system.member.config.model.modalities) for system in measured]
     joint = votes[widths.index(max(widths))]
     return [
         Candidate(
@@ -204,7 +204,7 @@ def _points(
     return [
         Point(
             system=name,
-            kind=system.member.recipe.model.kind,
+            kind=system.member.config.model.kind,
             parameters=system.entry["parameters"],
             macs=_macs(system),
             latency_ms_median=timings[name].median,

@@ -28,7 +28,7 @@ def run(config: Config, job: Job) -> None:
     Raises:
         UserError: At the end, naming the samples that could not be classified.
     """
-    predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
+    predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
     found = {modality: find_files(modality, value) for modality, value in config.files.items()}
     samples, failures = match_files(found), []

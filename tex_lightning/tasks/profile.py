@@ -76,7 +76,7 @@ def _subjects(config: Config, device: torch.device) -> list[Subject]:
     """Load or build the networks, and read or render a recording for each."""
     fresh = config.checkpoint is None
     networks = (
-        random_networks(config.recipe, config.profile.classes)
+        random_networks(config, config.profile.classes)
         if config.checkpoint is None
         else load_networks(config.checkpoint)
     )

@@ -178,7 +178,7 @@ class _RunningLabel:
     """
 
     def __init__(self, config: Config) -> None:
-        self.predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
+        self.predictor = Predictor(load_classifier(str(config.checkpoint)), config)
         self.rate: float | None = None  # the checkpoint's, until it is known
         self.modality = next(iter(self.predictor.stream().signals))
         self.begin()

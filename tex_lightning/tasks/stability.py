@@ -46,7 +46,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """
     begin, directory = time.perf_counter(), job.directory
     device = pick_device(config.trainer.accelerator)
-    systems = load_systems(config.stability, config.data, config.running, config.seed)
+    systems = load_systems(config)
     chosen = _chosen(config, systems)
     trials, bench, breaks = _run_trials(config, systems, chosen, directory)
     directory.mkdir(parents=True, exist_ok=True)

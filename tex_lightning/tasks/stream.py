@@ -39,7 +39,7 @@ def run(config: Config, job: Job) -> None:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end
             before there is one fragment.
     """
-    predictor = Predictor(load_classifier(str(config.checkpoint)), config.prediction)
+    predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
     branches = {each.modality: each for each in predictor.classifier.branches.values()}
     signals: dict[str, Signal] = {}
