@@ -29,7 +29,7 @@ from tex_lightning.networks.blocks import Window
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.weights import load_trunk_weights
 from tex_lightning.perturbations.table import read_severities
-from tex_lightning.recording.parsing import Float32Parser, TextParser
+from tex_lightning.recording.sources import Float32Parser, TextParser
 from tex_lightning.runfolder import find_checkpoint
 from tex_lightning.runs.workspace import configured_card
 from tex_lightning_runtime import Runtime

@@ -1,17 +1,20 @@
 """A class folder that grows stays one that the readers read."""
 
+import io
+
 import cv2
 import numpy as np
 import pytest
 import soundfile
 from conftest import make_photo, make_trace
+from PIL import Image
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import read_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.recording import class_folder
-from tex_lightning.recording.class_folder import ClassFolder
+from tex_lightning.recording.class_folder import Camera, ClassFolder, encode
 
 SIGNAL = np.stack([make_trace(0, n) for n in range(3)])
 SOUND = make_trace(1, 0)[None]
@@ -109,3 +112,53 @@ def test_folders_that_cannot_be_added_to(tmp_path, monkeypatch):
     with pytest.raises(UserError, match=r"record.conditions: group is a column of its own"):
         ClassFolder(tmp_path, "oak", {"group": 3})
     assert files(tmp_path) == ["file", "side/oak/a.wav"]
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    for number in range(2):
+        Image.fromarray(make_photo(number, 0)).save(tmp_path / f"p_{number:02d}.png")
+    return tmp_path / "p_%02d.png"
+
+
+def test_pictures_come_one_by_one_until_there_are_no_more(pictures):
+    camera = Camera(str(pictures))
+    for number in range(2):
+        np.testing.assert_array_equal(camera.photo(), make_photo(number, 0))
+    with pytest.raises(UserError, match=r"gives no picture .any more.; check the path"):
+        camera.photo()
+    camera.close()
+
+
+def test_a_camera_that_is_not_there(capfd):
+    with pytest.raises(UserError, match="cannot be opened; check that the camera is plugged in"):
+        Camera("camera:93")
+    assert capfd.readouterr().err == ""  # OpenCV has its say in words of its own
+    with pytest.raises(UserError, match="names no camera; write camera:0"):
+        Camera("camera:front")
+
+
+def test_a_real_camera_settles_before_the_photo_is_taken(monkeypatch):
+    class Capture:
+        def __init__(self, number):
+            assert number == 2
+            self.grabbed = 0
+
+        def isOpened(self):
+            return True
+
+        def grab(self):
+            self.grabbed += 1
+
+        def read(self):
+            return True, np.full((4, 4, 3), self.grabbed, np.uint8)
+
+    monkeypatch.setattr(cv2, "VideoCapture", Capture)
+    assert Camera("camera:2").photo().mean() == 5
+
+
+def test_a_jpeg_has_the_colours_of_the_photo():
+    blue_first = np.full((32, 32, 3), (250, 120, 10), np.uint8)
+    with Image.open(io.BytesIO(encode(blue_first))) as image:
+        assert image.format == "JPEG"
+        np.testing.assert_allclose(np.asarray(image)[16, 16], (10, 120, 250), atol=3)

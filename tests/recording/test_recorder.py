@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 from terminal import Screen
 
-from tex_lightning.recording import meter
-from tex_lightning.recording.meter import Meter
+from tex_lightning.recording import recorder as meter
+from tex_lightning.recording.recorder import Meter
 
 LONG = "a_class_with_a_name_that_is_much_longer_than_its_place"
 FOUND = {"label": LONG, "probability": 0.5}
