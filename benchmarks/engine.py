@@ -16,8 +16,8 @@ from omegaconf import OmegaConf
 
 from benchmarks._classifiers import make_classifier
 from tex_lightning.config import CONF, EngineConfig
+from tex_lightning.inference.costs import count_macs
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.macs import count_macs
 from tex_lightning.profiling.roofline import gemm_gflops, gflops, products
 from tex_lightning.profiling.timing import interleaved
 

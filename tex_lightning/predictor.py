@@ -23,8 +23,7 @@ from tex_lightning.devices import pick_device, synchronise, use_tf32
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.evidence import Evidence
-from tex_lightning.inference.gathering import gather, refuse_baseline
+from tex_lightning.inference.evidence import Evidence, gather, refuse_baseline
 from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.prediction import Prediction, describe

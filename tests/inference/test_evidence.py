@@ -10,8 +10,7 @@ from torch.nn.functional import avg_pool2d
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import movement_start
-from tex_lightning.inference.evidence import cell_edges, nearest
-from tex_lightning.inference.gathering import gather
+from tex_lightning.inference.evidence import cell_edges, gather, nearest
 
 
 class Brightness(nn.Module):

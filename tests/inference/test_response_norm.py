@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.inference import response_norm
-from tex_lightning.inference.response_norm import FastResponseNorm
+from tex_lightning.inference import engine as response_norm
+from tex_lightning.inference.engine import FastResponseNorm
 from tex_lightning.networks.blocks import response_norm as published
 
 (LAYER,) = published("lrn")

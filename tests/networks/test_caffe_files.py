@@ -11,7 +11,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from scipy.signal import correlate
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.caffemodel import read_caffemodel
+from tex_lightning.networks.weight_files import read_caffemodel
 from tex_lightning.networks.weights import load_trunk_weights
 
 ALEXNET = {

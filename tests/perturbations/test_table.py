@@ -14,7 +14,7 @@ from PIL import Image
 from scipy.signal import resample_poly
 
 from tex_lightning.errors import UserError
-from tex_lightning.perturbations.scene import Scene
+from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import (
     SEVERITIES,
     Perturbation,

@@ -14,7 +14,7 @@ from PIL import Image
 import tex_lightning as tl
 from tex_lightning.card import read_checkpoint
 from tex_lightning.config.search import use_config_dir
-from tex_lightning.perturbations.scene import Scene
+from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import read_severities
 
 HERE = Path(__file__).parent

@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.inference.macs import count_macs
+from tex_lightning.inference.costs import count_macs
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.profiling.roofline import SHAPES, Pass, gemm_gflops, layers, products
 from tex_lightning.profiling.timing import Timing

@@ -15,8 +15,7 @@ import tex_lightning as tl
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
-from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equal_parts
-from tex_lightning.inference.gathering import gather
+from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equal_parts, gather
 from tex_lightning.prediction import describe
 from tex_lightning.report.evidence_panels import OTHERS
 from tex_lightning.report.explanation import COLOURS, Explanation

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import conv2d, max_pool2d, pad
 
-from tex_lightning.inference.rewrite import fold_batch_norm
+from tex_lightning.inference.engine import fold_batch_norm
 
 LOWEST = torch.finfo(torch.float32).min
 

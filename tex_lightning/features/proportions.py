@@ -13,8 +13,7 @@ from scipy.fft import next_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.mel import mean_filters, triangles
-from tex_lightning.features.spectrogram import movement_start
+from tex_lightning.features.spectrogram import mean_filters, movement_start, triangles
 
 OVERLAP = 4  # frames that every sample is in
 KEPT = 2000  # frames of a recording, at most, that thresholds are learnt from

@@ -1,8 +1,11 @@
-"""Turn a trained classifier into the accelerated one that tests and predicts."""
+"""Turn a trained classifier into the accelerated one that tests and predicts.
+
+Layers are rewritten by exact algebra, so that only the rounding of float32 differs.
+"""
 
 import logging
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from typing import Any
 
@@ -14,11 +17,129 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.inference.response_norm import FastResponseNorm
-from tex_lightning.inference.rewrite import fold_batch_norm, speed_up_response_norm
+
+PIECE = 1 << 19  # elements; with three float32 buffers of this size the cache is not exceeded
+
+
+class FastResponseNorm(nn.Module):
+    """``x / (k + alpha / 5 * sum of the squares of 5 channels)^0.75`` across channels.
+
+    PyTorch averages over a padded copy with the channels as a spatial axis, and raises to a power
+    with logarithms. Here three shifted additions give the sum and two roots the power, on pieces
+    of the image with the channels innermost, whose buffers are used again and again. Every channel
+    brings a fifth of ``k`` into the sum, and so do the two beyond either end.
+
+    Args:
+        layer: PyTorch's layer, of size 5 and beta 0.75 as in AlexNet.
+    """
+
+    def __init__(self, layer: nn.LocalResponseNorm) -> None:
+        super().__init__()
+        if layer.size != 5 or layer.beta != 0.75:
+            raise ValueError(f"size {layer.size} and beta {layer.beta} are not those of AlexNet")
+        self.scale = layer.alpha / layer.size
+        self.k = layer.k
+        self.part = layer.k / layer.size
+
+    def stay_uncompiled(self) -> None:
+        """Keep torch.compile from what is done piece by piece, which makes no graph.
+
+        Not a decorator: PyTorch's compiler, which that imports, takes a second to import.
+        """
+        uncompiled: Any = torch.compiler.disable(self.forward)  # type: ignore[no-untyped-call]
+        self.forward = uncompiled  # type: ignore[method-assign]
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Normalise (B, C, H, W) across C, in place where the channels are innermost."""
+        pixels = x.permute(0, 2, 3, 1).contiguous()
+        flat = pixels.flatten(0, 2)
+        channels = flat.shape[1]
+        count = len(flat)
+        if x.device.type == "cpu":  # elsewhere many small pieces cost more than they save
+            count = min(count, max(1, PIECE // channels))
+        lines = flat.new_full((3, count, channels + 4), self.part, dtype=torch.float32)
+        for piece in torch.split(flat, count):
+            self._normalise(piece, lines[:, : len(piece)])
+        return pixels.permute(0, 3, 1, 2)
+
+    def _normalise(self, pixels: Tensor, lines: Tensor) -> None:
+        """Normalise (P, C) in place.
+
+        Args:
+            pixels: The values.
+            lines: Three buffers (3, P, C + 4); the first has ``part`` in two columns at either end.
+        """
+        wide, channels = pixels.float(), pixels.shape[1]
+        torch.addcmul(
+            lines.new_tensor(self.part), wide, wide, value=self.scale, out=lines[0, :, 2:-2]
+        )
+        # Neighbours in memory, across the rows' ends as well: faster, and those are not read.
+        squares, pairs, sums = lines.flatten(1)
+        torch.add(squares[:-1], squares[1:], out=pairs[:-1])
+        factor = torch.add(pairs[:-4], pairs[2:-2], out=sums[:-4])
+        factor.add_(squares[4:]).rsqrt_()
+        factor.mul_(torch.sqrt(factor, out=pairs[:-4]))
+        factors = lines[2, :, :channels]
+        if wide is pixels:
+            pixels.mul_(factors)
+        else:
+            pixels.copy_(wide.mul_(factors))
+
+
+def fold_batch_norm(network: nn.Module) -> None:
+    """Make batch normalisation part of the convolution before it, wherever that is exact.
+
+    In HapticNet a maximum lies between the two. It commutes with s * x + b where s > 0, so that a
+    layer with a scale that is not positive keeps its normalisation.
+    """
+    for layers in _sequences(network):
+        names = list(layers._modules)
+        for place, name in enumerate(names):
+            norm = layers[place]
+            if not isinstance(norm, nn.BatchNorm2d):
+                continue
+            pooled = isinstance(layers[place - 1], nn.MaxPool2d)
+            before = place - 2 if pooled else place - 1
+            conv = layers[before]
+            scale, shift = _affine(norm)
+            if isinstance(conv, nn.Conv2d) and not (pooled and bool((scale <= 0).any())):
+                layers[before] = _scaled(conv, scale, shift)
+                setattr(layers, name, nn.Identity())
+
+
+def speed_up_response_norm(network: nn.Module) -> None:
+    """Put :class:`FastResponseNorm` in the place of PyTorch's local response normalisation."""
+    for layers in _sequences(network):
+        for place, layer in enumerate(layers):
+            if isinstance(layer, nn.LocalResponseNorm):
+                layers[place] = FastResponseNorm(layer)
+
+
+def _sequences(network: nn.Module) -> Iterator[nn.Sequential]:
+    for module in list(network.modules()):
+        if isinstance(module, nn.Sequential):
+            yield module
+
+
+def _affine(norm: nn.BatchNorm2d) -> tuple[Tensor, Tensor]:
+    """Scale and shift (channels,) in float64 of a normalisation by running statistics."""
+    mean, variance = norm.running_mean, norm.running_var
+    if mean is None or variance is None:
+        raise ValueError("batch normalisation without running statistics cannot be folded")
+    scale = norm.weight.double() / (variance.double() + norm.eps).sqrt()
+    return scale, norm.bias.double() - mean.double() * scale
+
+
+@torch.no_grad()
+def _scaled(conv: nn.Conv2d, scale: Tensor, shift: Tensor) -> nn.Conv2d:
+    """A convolution that gives ``scale * conv(x) + shift``."""
+    bias = shift if conv.bias is None else shift + scale * conv.bias.double()
+    conv.weight.copy_(conv.weight.double() * scale[:, None, None, None])
+    conv.bias = nn.Parameter(bias.to(conv.weight.dtype), requires_grad=False)
+    return conv
+
 
 log = logging.getLogger(__name__)
-
 BFLOAT16 = ("avx512_bf16", "amx_bf16", "bf16")  # what processors call it
 
 

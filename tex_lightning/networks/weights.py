@@ -13,12 +13,10 @@ from torch import Tensor
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.networks.archives import check_archive
-from tex_lightning.networks.caffemodel import read_caffemodel
-from tex_lightning.networks.efficientnet_file import fold_statistics
-from tex_lightning.networks.matconvnet import read_matconvnet
 from tex_lightning.networks.official_weights import find_weights
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
+from tex_lightning.networks.weight_files import fold_statistics, read_caffemodel, read_matconvnet
 from tex_lightning.quiet import quietly
 
 log = logging.getLogger(__name__)

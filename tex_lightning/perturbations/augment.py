@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from tex_lightning.perturbations.scene import Array, Scene
+from tex_lightning.perturbations.pixels import Array, Scene
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation, perturbations
 
 

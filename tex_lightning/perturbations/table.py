@@ -12,8 +12,10 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from tex_lightning.errors import UserError, reason
-from tex_lightning.perturbations import lenses, pixels, strokes, traces
-from tex_lightning.perturbations.scene import Array, Scene
+from tex_lightning.perturbations import pixels, traces
+from tex_lightning.perturbations import pixels as lenses
+from tex_lightning.perturbations import traces as strokes
+from tex_lightning.perturbations.pixels import Array, Scene
 from tex_lightning.yaml_files import check_yaml
 
 BOTH = "both"  # of what is wrong with how recordings are put together, and with none of them

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig, ProfileConfig
+from tex_lightning.inference.costs import count_macs
 from tex_lightning.inference.engine import accelerate, has_bf16
-from tex_lightning.inference.macs import count_macs
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows, scores
 from tex_lightning.profiling.labels import agreement, flips
 from tex_lightning.profiling.memory import forward_peak_mib

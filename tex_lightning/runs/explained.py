@@ -15,7 +15,7 @@ from tex_lightning.data.quality import Quality
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.outcomes import Outcome, worst_first
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.gathering import gather
+from tex_lightning.inference.evidence import gather
 from tex_lightning.prediction import describe
 from tex_lightning.report.explanation import Explanation
 from tex_lightning.report.figures import save_figure

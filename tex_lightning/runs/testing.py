@@ -17,8 +17,8 @@ from tex_lightning.evaluation.fragments import vote_counts
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.evaluation.samples import run_test
+from tex_lightning.inference.costs import count_macs
 from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
-from tex_lightning.inference.macs import count_macs
 from tex_lightning.inference.unknown import warn_of_few
 from tex_lightning.report.calibration_figure import calibration_figure
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure

@@ -9,7 +9,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.errors import UserError
-from tex_lightning.inference.gathering import refuse_baseline
+from tex_lightning.inference.evidence import refuse_baseline
 from tex_lightning.inference.inputs import find_files, match_files
 from tex_lightning.lines import print_line
 from tex_lightning.predictor import Predictor

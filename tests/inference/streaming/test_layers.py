@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.inference.response_norm import FastResponseNorm
+from tex_lightning.inference.engine import FastResponseNorm
 from tex_lightning.inference.streaming.layers import StreamingLayer, streaming_layers
 
 

@@ -14,7 +14,7 @@ from tex_lightning.baselines.base import Baseline
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.networks.blocks import Window
 from tex_lightning.networks.trunks import Trunk
-from tex_lightning.perturbations.scene import Scene
+from tex_lightning.perturbations.pixels import Scene
 
 CONVOLUTION, POOL = Window(8, 8), Window(4, 4)
 

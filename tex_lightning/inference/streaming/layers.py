@@ -14,7 +14,7 @@ from typing import Protocol
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.inference.response_norm import FastResponseNorm
+from tex_lightning.inference.engine import FastResponseNorm
 from tex_lightning.inference.streaming.convolutions import (
     Columns,
     GatheringConv,

@@ -1,22 +1,25 @@
-"""Layers of a ``.caffemodel`` file, read from protobuf's wire format without Caffe or a schema.
+"""Published files of weights: ``.caffemodel``, MatConvNet's ``.mat``, EfficientNet-Lite's ``.pth``.
 
-Field numbers are those of ``caffe.proto``. A network holds ``layer`` (100) or, in files of 2014,
-``layers`` (2); a layer has a name and blobs; a blob has a shape and numbers. Everything else is
-passed over.
+A ``.caffemodel`` is read from protobuf's wire format without Caffe or a schema. Field numbers are
+those of ``caffe.proto``: a network holds ``layer`` (100) or, in files of 2014, ``layers`` (2); a
+layer has a name and blobs; a blob has a shape and numbers. Everything else is passed over.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy.io
+import torch
+from torch import Tensor
 
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 NAME_AND_BLOBS = {2: (4, 6), 100: (1, 7)}  # fields of a layer by the field of the network
 OLD_SHAPE = (1, 2, 3, 4)  # num, channels, height, width
 FLOATS, DOUBLES, SHAPE = 5, 8, 7
 DTYPES = {FLOATS: "<f4", DOUBLES: "<f8"}
-
 Array = npt.NDArray[np.floating]
 
 
@@ -108,3 +111,79 @@ def _varints(packed: int | memoryview) -> Iterator[int]:
     while place < len(packed):
         value, place = _varint(packed, place)
         yield value
+
+
+def read_matconvnet(path: Path) -> tuple[dict[str, Array], Array | None]:
+    """Read ``{layer}.weight`` and ``{layer}.bias`` of all layers, and the mean colour.
+
+    Weights come as (outputs, inputs, height, width), for RGB inputs as MatConvNet has them.
+
+    Returns:
+        The arrays, and RGB in 0-255, the mean over the mean image where the file has one; None
+        where it has no mean.
+
+    Raises:
+        ValueError: If the file holds no such network; SciPy's errors if it is damaged.
+    """
+    wanted = ("layers", "meta", "normalization", "net")
+    content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True, variable_names=wanted)
+    net = content.get("net", content)
+    arrays: dict[str, Array] = {}
+    for layer in net["layers"]:
+        weights = layer.get("weights", ())
+        if layer["type"] == "conv" and len(weights) == 2 and np.ndim(weights[0]) == 4:
+            arrays[f"{layer['name']}.weight"] = np.ascontiguousarray(
+                weights[0].transpose(3, 2, 0, 1)
+            )
+            arrays[f"{layer['name']}.bias"] = np.ravel(weights[1])
+    if not arrays:
+        raise ValueError("no convolutions")
+    return arrays, _mean(net)
+
+
+def _mean(net: Mapping[str, Any]) -> Array | None:
+    """The mean colour; newer files keep it one level deeper."""
+    normalization = net.get("meta", net).get("normalization", {})
+    image = np.asarray(normalization.get("averageImage", ()), dtype=np.float64)
+    if image.size == 0 or image.shape[-1] != 3:
+        return None
+    mean: Array = image.reshape(-1, 3).mean(axis=0)
+    return mean
+
+
+EPSILON = 1e-3  # of the variance, as in TensorFlow's network
+# Which normalisation follows a convolution, by the last part of their names.
+NORM_AFTER = {
+    "_conv_stem": "_bn0",
+    "_expand_conv": "_bn0",
+    "_depthwise_conv": "_bn1",
+    "_project_conv": "_bn2",
+}
+
+
+def fold_statistics(content: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Weight and bias of every convolution that gives what it and its normalisation gave.
+
+    Args:
+        content: Tensors by their names in the file.
+
+    Returns:
+        ``CONVOLUTION.weight`` and ``CONVOLUTION.bias`` in float64. A convolution whose
+        normalisation is not in the file, or is of another size, has no bias.
+    """
+    folded = {}
+    for name, weight in content.items():
+        conv, _, kind = name.rpartition(".")
+        place, dot, last = conv.rpartition(".")
+        if kind != "weight" or last not in NORM_AFTER:
+            continue
+        folded[name] = weight.double()
+        norm = f"{place}{dot}{NORM_AFTER[last]}"
+        keys = [f"{norm}.{key}" for key in ("weight", "bias", "running_mean", "running_var")]
+        found = [content[key].double() for key in keys if key in content]
+        if len(found) == len(keys) and all(each.shape == weight.shape[:1] for each in found):
+            gain, shift, mean, variance = found
+            scale = gain / torch.sqrt(variance + EPSILON)
+            folded[name] = weight.double() * scale[:, None, None, None]
+            folded[f"{conv}.bias"] = shift - scale * mean
+    return folded
