@@ -15,7 +15,7 @@ from torch import Tensor
 from tex_lightning.classifier import SurfaceClassifier, content_seed
 from tex_lightning.decision.voting import probabilities
 from tex_lightning.errors import UserError
-from tex_lightning.perturbations.scene import Array
+from tex_lightning.perturbations.pixels import Array
 
 
 @dataclass(frozen=True)

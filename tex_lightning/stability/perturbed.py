@@ -11,7 +11,7 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.parts import write_part
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, fingerprint
-from tex_lightning.perturbations.scene import Array, Scene
+from tex_lightning.perturbations.pixels import Array, Scene
 from tex_lightning.perturbations.table import Perturbation
 
 
