@@ -44,7 +44,7 @@ SIGNALS = {
     "csv": Format("a.csv", partial(_table, head="x,y,z", mark=","), read_signal, text=True),
     "csv;": Format("a.csv", partial(_table, head="#x;y;z", mark=";"), read_signal, text=True),
 }
-PHOTOS = {name: FORMATS[name] for name in ("jpeg", "png", "tiff", "tiff, jpeg", "webp", "bmp")}
+PHOTOS = {name: FORMATS[name] for name in ("jpeg", "png", "webp", "bmp")}
 
 RUNTIME = {
     f"runtime, {name}": replace(kind, read=partial(read_twice, sense=sense), says=SAYS, weight=2)

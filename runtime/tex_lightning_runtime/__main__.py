@@ -10,7 +10,7 @@ from pathlib import Path
 from tex_lightning_runtime.recordings import UserError, require
 from tex_lightning_runtime.runtime import Runtime
 
-KNOWN = r"\.(wav|flac|npy|txt|csv|jpe?g|png|bmp|tiff?|webp)$"
+KNOWN = r"\.(wav|flac|npy|txt|csv|jpe?g|png|bmp|webp)$"
 
 
 def main() -> int:
@@ -32,8 +32,10 @@ def main() -> int:
     for files in samples:
         try:
             print(json.dumps({**files, **runtime.predict(rate=asked.rate, **files)}), flush=True)
-        except UserError as error:  # which does not stop the others
-            failures.append(f"Error: {' and '.join(files.values())}: {error}")
+        except Exception as error:  # which does not stop the others
+            kind = "" if isinstance(error, UserError) else f"{type(error).__name__}: "
+            said = " ".join(f"{kind}{error}".split())
+            failures.append(f"Error: {' and '.join(files.values())}: {said}")
             print(failures[-1], file=sys.stderr)
     return 2 if failures else 0
 

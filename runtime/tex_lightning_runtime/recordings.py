@@ -11,6 +11,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 Array = np.ndarray[Any, np.dtype[Any]]
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
+MAX_SAMPLES = 1 << 29  # of a signal, 2 GiB of float32
+MAX_TEXT, MAX_LINE = 1 << 29, 1 << 20  # bytes of a file of text; letters of a line
+MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is looked at, after halving
+FORMATS = ("JPEG", "PNG", "BMP", "WEBP")  # whatever a name says; libtiff is left alone
 ROW = re.compile(r"([;,\s]*[-+]?(\.?\d[\d._]*(e[-+]?\d+)?|nan|inf(inity)?)(?=[;,\s]|$))+", re.I)
 TIME = re.compile(r"(^|[,;#%\s])(time\w*|t|zeit|m?secs?|m?seconds?)([\W_]|$)", re.IGNORECASE)
 CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
@@ -66,7 +70,7 @@ def _photo(given: Any, sense: dict[str, Any]) -> Decoded:
     photo = np.repeat(array[..., None], 3, axis=2) if array.ndim == 2 else array
     fits = photo.dtype == np.uint8 and photo.ndim == 3 and photo.shape[2] == 3 and photo.size
     require(fits, f"The {what} is {array.dtype} {array.shape}; give uint8 (height, width, 3).")
-    seen = photo = np.ascontiguousarray(photo)
+    seen = photo = np.ascontiguousarray(_middle(photo, 2 if sense["half_scale"] else 1))
     if sense["half_scale"]:  # rounded means of 2x2 pixels, without an odd last row or column
         from PIL import Image  # where it is needed: start-up is counted in milliseconds
 
@@ -82,6 +86,16 @@ def _photo(given: Any, sense: dict[str, Any]) -> Decoded:
     return Decoded(photo, seen, found, empty)
 
 
+def _middle(photo: Array, scale: int) -> Array:
+    """Cut out the middle of a photo that has more than MAX_PIXELS at 1 / scale of its size."""
+    sizes = [length // scale for length in photo.shape[:2]]
+    if sizes[0] * sizes[1] <= MAX_PIXELS:
+        return photo
+    kept = [min(size, MAX_PIXELS // min(MAX_SIDE, *sizes)) for size in sizes]
+    top, left = (scale * ((size - each) // 2) for size, each in zip(sizes, kept, strict=True))
+    return photo[top : top + scale * kept[0], left : left + scale * kept[1]]
+
+
 def _unlike(sense: dict[str, Any], **measures: float) -> list[str]:
     return [
         f"The {sense['what']} has a {name} of {measures[name]:.5g} {advice}"
@@ -94,6 +108,8 @@ def resample(x: Array, source: float, target: float) -> Array:
     """Bring signals (axes, samples) to another rate in Hz; equal to SciPy's to the last bit."""
     ratio = Fraction(target / source if source > 0 else 0).limit_denominator(10_000)
     require(0.001 < ratio < 1000, f"A rate of {source:g} Hz is far from {target:g}; correct it.")
+    count, most = int(x.size * ratio), f"the most are {MAX_SAMPLES:,}; correct the rate"
+    require(count <= MAX_SAMPLES, f"At {source:g} Hz there would be {count:,} samples, {most}.")
     (up, down), dtype = ratio.as_integer_ratio(), x.dtype.type
     if up == down:
         return np.ascontiguousarray(x, np.float32)
@@ -157,8 +173,11 @@ def _read_table(path: Path) -> tuple[Array, float | None]:
     several = axes and sum(path.with_name(f"{axes[1]}{x}{axes[2]}").is_file() for x in "XYZ") > 1
     require(not several, "it is one axis of several files, make them columns of one")
     if suffix == ".npy":
-        return np.asarray(np.load(path)), None
+        array = np.load(path, mmap_mode="r")  # which takes no memory for what a header claims
+        require(np.size(array) <= MAX_SAMPLES, f"it has more than {MAX_SAMPLES:,} samples")
+        return np.array(array), None
     if suffix in (".txt", ".csv"):
+        require(path.stat().st_size <= MAX_TEXT, "it is more than 512 MiB of text, save it as WAV")
         name = "latin-1" if "\ufffd" in path.read_text("utf-8", "replace") else "utf-8-sig"
         return _read_text(path.read_text(name).replace('"', "")), None
     import soundfile
@@ -166,12 +185,14 @@ def _read_table(path: Path) -> tuple[Array, float | None]:
     with soundfile.SoundFile(path) as sound:  # which reads a truncated file without an error
         cut = CUT.search(sound.extra_info)  # a length from 0x7FFF0000 on was not known
         require(not (cut and int(cut[2]) < int(cut[1]) < 0x7FFF0000), "it is truncated")
+        require(sound.frames * sound.channels <= MAX_SAMPLES, f"more than {MAX_SAMPLES:,} samples")
         return sound.read(dtype="float32", always_2d=True), float(sound.samplerate)
 
 
 def _read_text(text: str) -> Array:
     """One sample a line, columns apart by comma, semicolon or white space, perhaps with names."""
     lines = [line for raw in text.splitlines() if (line := raw.strip().rstrip(";,\t "))]
+    require(max(map(len, lines), default=0) <= MAX_LINE, "it has a line of more than 1 MiB")
     plain = [line for line in lines if line[0] not in "#%"]
     data = next((plain[n:] for n, row in enumerate(plain[:3]) if ROW.fullmatch(row)), ["no number"])
     mark = ";" if ";" in data[0] else "," if "," in data[0] else None
@@ -185,7 +206,8 @@ def _read_text(text: str) -> Array:
 def _read_pixels(path: Path) -> Array:
     from PIL import Image, ImageOps
 
-    with Image.open(path, formats=("JPEG", "PNG", "BMP", "TIFF", "WEBP")) as image:
+    require(path.suffix.lower() not in (".tif", ".tiff"), "it is a TIFF, save it as PNG")
+    with Image.open(path, formats=FORMATS) as image:
         require(image.mode[0] not in "IF", f"its pixels are {image.mode}, save it with 8 bits")
         ImageOps.exif_transpose(image, in_place=True)
         return np.array(image if image.mode == "RGB" else image.convert("RGB"))

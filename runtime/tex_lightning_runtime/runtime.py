@@ -31,6 +31,7 @@ class Runtime:
         # threads that wait in a loop take the processor from whatever else the machine does
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
+            require(Path(path).is_file(), "it is no file")
             with redirect_stdout(None):  # it prints what it then raises
                 found = ort.InferenceSession(path, options, providers=["CPUExecutionProvider"])
             self.card = json.loads(found.get_modelmeta().custom_metadata_map["tex_lightning"])
@@ -103,9 +104,10 @@ class Runtime:
         names = [each.name for each in self._session.get_outputs()]
         try:
             found = dict(zip(names, self._session.run(names, feed), strict=True))
-        except Exception:  # of ONNX Runtime, whose classes do not tell what it is
-            if all("rate" not in self.senses[name] for name in inputs):
-                raise
+        except Exception as error:  # of ONNX Runtime, whose classes do not tell what it is
+            short = any("rate" in self.senses[name] for name in inputs)
+            said = " ".join(str(error).split())[:200]
+            require(short and "alloc" not in said, f"It cannot be computed ({said}); give less.")
             return {}
         scores = [found[f"{self.senses[name]['name']}_scores"] for name in inputs]
         finite = all(bool(np.isfinite(each).all()) for each in scores)

@@ -5,8 +5,9 @@ import cv2
 import numpy as np
 import pytest
 import soundfile
-from PIL import Image
+from PIL import EpsImagePlugin, Image
 
+from tex_lightning.data.arrays import as_photo
 from tex_lightning.data.decode import (
     STRIP,
     PhotoDecoder,
@@ -16,6 +17,7 @@ from tex_lightning.data.decode import (
 )
 from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError
+from tex_lightning.report.page.media import _thumbnail
 
 SIGNAL, PHOTO = SignalDecoder(), PhotoDecoder()
 AXES = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 700)).astype(np.float32)
@@ -255,6 +257,40 @@ def test_truncated_photos_are_refused(tmp_path, suffix):
         decode_image(cut, PHOTO)
 
 
+@pytest.mark.parametrize("read", [PHOTO.decode, _thumbnail])
+def test_postscript_in_a_photo_starts_no_program(tmp_path, monkeypatch, read):
+    """Pillow draws EPS by Ghostscript, whatever the file is called."""
+    mark, program, photo = (tmp_path / name for name in ("mark", "gs", "a.jpg"))
+    program.write_text(f"#!/bin/sh\ntouch {mark}\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    monkeypatch.setattr(EpsImagePlugin, "gs_binary", None)  # which it looks for once
+    head = "%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\n"
+    photo.write_text(f"{head}showpage\n%%EOF\n")
+    with pytest.raises((UserError, OSError)) as caught:
+        read(photo)
+    assert not mark.exists()
+    if isinstance(caught.value, UserError):
+        assert str(caught.value) == f"Image {photo} is in no known image format; use JPEG or PNG."
+
+
+def test_of_a_large_photo_the_middle_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr("tex_lightning.data.decode.MAX_PIXELS", 600)
+    monkeypatch.setattr("tex_lightning.data.decode.MAX_SIDE", 24)
+    pixels = np.random.default_rng(0).integers(0, 256, (61, 41, 3), np.uint8)
+    whole = PhotoDecoder(half_scale=False)
+    for size, expected in (
+        ((61, 41), pixels[18:43, 8:33]),
+        ((20, 41), pixels[:20, 5:35]),
+        ((24, 25), pixels[:24, :25]),
+    ):
+        given = pixels[: size[0], : size[1]]
+        Image.fromarray(given).save(tmp_path / "a.png")
+        np.testing.assert_array_equal(whole.decode(tmp_path / "a.png")[0], expected)
+        np.testing.assert_array_equal(as_photo(given, whole, "rgb"), expected)
+    assert PhotoDecoder(half_scale=False, resize=30).decode(tmp_path / "a.png")[0].shape[0] == 30
+
+
 def test_bad_photos_are_refused_with_a_reason(tmp_path):
     (tmp_path / "text.jpg").write_text("hello")
     with pytest.raises(UserError, match="no known image format"):
@@ -343,6 +379,8 @@ def test_more_than_anyone_records_is_refused(tmp_path, capfd, monkeypatch):
     np.save(tmp_path / "a.npy", AXES[0])
     one_sentence(tmp_path / "a.wav", SIGNAL, capfd)
     one_sentence(tmp_path / "a.csv", SIGNAL, capfd)
+    one_sentence(tmp_path / "a.npy", SIGNAL, capfd)
+    monkeypatch.setattr("tex_lightning.data.trace_files.MOST_SAMPLES", 700)
     assert SIGNAL.decode(tmp_path / "a.npy", rate=5000)[0].shape == (1, 1400)
     with pytest.raises(UserError, match="would become 3500 samples at 10000 Hz; correct that rate"):
         SIGNAL.decode(tmp_path / "a.npy", rate=2000)

@@ -129,6 +129,37 @@ def test_damage_is_refused(tmp_path):
         read(tmp_path / "a.wav", 2)
 
 
+def test_what_takes_all_memory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("tex_lightning_runtime.recordings.MAX_SAMPLES", AXES[0].size)
+    monkeypatch.setattr("tex_lightning_runtime.recordings.MAX_TEXT", 9)
+    np.save(tmp_path / "a.npy", AXES)
+    soundfile.write(tmp_path / "b.flac", AXES.T, 10_000)
+    write(tmp_path / "c.csv", "1\n" * 9)
+    for name, message in {"a.npy": "samples", "b.flac": "samples", "c.csv": "512 MiB"}.items():
+        with pytest.raises(UserError, match=rf"{name} cannot be read \(.*{message}"):
+            read(tmp_path / name)
+    with pytest.raises(UserError, match="there would be 8,000 samples"):
+        resample(AXES[:1], 2_500, 10_000)
+    monkeypatch.setattr("tex_lightning_runtime.recordings.MAX_TEXT", 99)
+    monkeypatch.setattr("tex_lightning_runtime.recordings.MAX_LINE", 9)
+    with pytest.raises(UserError, match="a line of more than 1 MiB"):
+        read(write(tmp_path / "d.csv", "1,2,3,4,5,6,7\n"))
+
+
+@pytest.mark.parametrize("half", [False, True])
+@pytest.mark.parametrize("size", [(61, 41), (41, 61), (25, 61), (9, 61), (12, 13)])
+def test_of_a_large_photo_the_package_s_middle_is_kept(tmp_path, monkeypatch, half, size):
+    for module in ("tex_lightning.data.decode", "tex_lightning_runtime.recordings"):
+        monkeypatch.setattr(f"{module}.MAX_PIXELS", 150)
+        monkeypatch.setattr(f"{module}.MAX_SIDE", 12)
+    photo = np.random.default_rng(0).integers(0, 256, (*size, 3), np.uint8)
+    Image.fromarray(photo).save(tmp_path / "a.png")
+    found = decode(tmp_path / "a.png", {**PHOTO, "half_scale": half})
+    expected = decode_image(tmp_path / "a.png", PhotoDecoder(half))
+    np.testing.assert_array_equal(found.content, expected)
+    assert found.array.size <= 150 * 3 * (4 if half else 1) + 3 * 62
+
+
 @pytest.mark.parametrize("given", [AXES.astype("U"), AXES[:2], AXES[:, :0], [[1], [1, 2]], 1.0])
 def test_arrays_that_are_no_trace_are_refused(given):
     with pytest.raises(UserError, match="The trace"):
@@ -137,7 +168,7 @@ def test_arrays_that_are_no_trace_are_refused(given):
 
 @pytest.mark.parametrize("mode", ["RGB", "L", "RGBA", "LA", "P", "CMYK", "1"])
 def test_photos_are_those_of_the_package(tmp_path, mode):
-    path = tmp_path / "a.tif"
+    path = tmp_path / f"a.{'webp' if mode == 'RGBA' else 'jpg' if mode == 'CMYK' else 'png'}"
     image = Image.fromarray(make_photo(0, 0)[:61, :40]).convert(mode)
     exif = Image.Exif()
     exif[0x0112] = 6  # lies on its side
@@ -163,9 +194,17 @@ def test_libraries_are_quoted_in_one_sentence_and_warn_of_nothing(tmp_path):
 def test_photos_that_are_none_are_refused(tmp_path):
     Image.fromarray(np.zeros((9, 9), np.uint16)).save(tmp_path / "deep.png")
     (tmp_path / "words.png").write_text("words")
-    for name, message in {"deep": "8 bits", "words": "cannot be read", "no": "exist"}.items():
+    for name in ("tiff.tif", "tiff.png"):
+        Image.fromarray(make_photo(0, 0)).save(tmp_path / name, "TIFF")
+    for name, message in {
+        "deep.png": "8 bits",
+        "words.png": "cannot be read",
+        "no.png": "exist",
+        "tiff.tif": "it is a TIFF, save it as PNG",
+        "tiff.png": "cannot identify",
+    }.items():
         with pytest.raises(UserError, match=message):
-            decode(tmp_path / f"{name}.png", PHOTO)
+            decode(tmp_path / name, PHOTO)
     for wrong in (np.zeros((9, 9)), np.zeros((9, 9, 2), np.uint8), np.zeros((0, 9), np.uint8)):
         with pytest.raises(UserError, match="The photo"):
             decode(wrong, PHOTO)

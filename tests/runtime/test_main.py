@@ -10,6 +10,7 @@ import soundfile
 from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
+from tex_lightning_runtime import runtime as module
 from tex_lightning_runtime.__main__ import main
 
 
@@ -94,6 +95,22 @@ def test_what_cannot_be_classified_does_not_stop_the_others(command, folder):
     assert status == 2
     assert len(lines) == 2
     assert "s1.wav" in told
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("no\nmore")])
+def test_a_fault_at_one_file_does_not_stop_the_others(command, folder, monkeypatch, error):
+    def fail(given, *how):
+        if given.endswith("s2.png"):
+            raise error
+        return decode(given, *how)
+
+    decode = module.decode
+    monkeypatch.setattr(module, "decode", fail)
+    status, (line,), told = command(f"image={folder}/*.png")
+    assert status == 2
+    assert line["image"].endswith("s10.png")
+    assert told.count("\n") == 1
+    assert told.startswith(f"Error: {folder}/s2.png: {type(error).__name__}")
 
 
 def test_a_model_that_is_none_ends_without_a_traceback(command, folder):

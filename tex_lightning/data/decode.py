@@ -23,7 +23,9 @@ from tex_lightning.files import require_file
 from tex_lightning.quiet import quietly, silence_libtiff
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
 
+MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is kept, after halving
 STRIP = 256  # rows of a photo converted at once; even, for halving
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 
@@ -207,7 +209,7 @@ def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> P
     require_file(path)
     silence_libtiff()
     try:
-        with quietly(), Image.open(path) as image:
+        with quietly(), Image.open(path, formats=IMAGE_FORMATS) as image:
             if image.mode.startswith(("I", "F")):
                 raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
             halved = fast and settings.half_scale and _decodes_halved(image)
@@ -220,13 +222,15 @@ def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> P
         raise
     except Exception as error:  # damage shows in as many ways as there are formats
         raise UserError(f"Image {path} is damaged ({reason(error)}); replace the file.") from error
-    return (
-        photo if halved and settings.resize is None else to_size(photo, settings, f"Image {path}")
-    )
+    if halved and settings.resize is None:
+        return _middle(photo)
+    return to_size(photo, settings, f"Image {path}")
 
 
 def to_size(photo: Photo, settings: PhotoDecoder, name: str) -> Photo:
     """Halve or resize a photo (height, width, 3) as the settings say.
+
+    Of one that is not resized the middle is kept if it has more than 16.8 megapixels then.
 
     Raises:
         UserError: If there is too little to be halved, beginning with ``name``.
@@ -234,10 +238,20 @@ def to_size(photo: Photo, settings: PhotoDecoder, name: str) -> Photo:
     if settings.resize is not None:
         return _resized(photo, settings.resize)
     if not settings.half_scale:
-        return photo
+        return _middle(photo)
     if min(photo.shape[:2]) < 2:
         raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
-    return halve(photo)
+    return _middle(halve(photo))
+
+
+def _middle(photo: Photo) -> Photo:
+    """Cut out the middle of a photo of more than MAX_PIXELS, which bounds memory and time."""
+    sizes = photo.shape[:2]
+    if sizes[0] * sizes[1] <= MAX_PIXELS:
+        return photo
+    kept = [min(size, MAX_PIXELS // min(MAX_SIDE, *sizes)) for size in sizes]
+    top, left = ((size - each) // 2 for size, each in zip(sizes, kept, strict=True))
+    return photo[top : top + kept[0], left : left + kept[1]].copy()
 
 
 def _decodes_halved(image: Image.Image) -> bool:

@@ -134,7 +134,8 @@ def _chosen(
 def _read_array(path: Path) -> npt.NDArray[np.float64]:
     try:
         with quietly():
-            array = np.load(path, allow_pickle=False)
+            # a map takes no memory for what a header claims
+            array = np.load(path, mmap_mode="r", allow_pickle=False)
     except OSError:
         raise
     except Exception as error:  # of any kind; the words of some propose to load it unsafely
@@ -143,7 +144,9 @@ def _read_array(path: Path) -> npt.NDArray[np.float64]:
         raise ValueError("it is an .npz archive; save one array with np.save")
     if array.dtype.kind not in "fiu":
         raise ValueError(f"it holds {array.dtype} instead of numbers")
-    return array.astype(np.float64)
+    if array.size > MOST_SAMPLES:
+        raise ValueError(f"it has {array.size:,} samples, and {MOST_SAMPLES:,} are the most")
+    return np.array(array, np.float64)
 
 
 def _check_wav_length(path: Path) -> None:

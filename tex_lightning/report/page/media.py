@@ -13,7 +13,13 @@ from matplotlib import colormaps
 from PIL import Image, ImageOps
 from scipy.signal import spectrogram
 
-from tex_lightning.data.decode import IMAGE_SUFFIXES, SignalDecoder, read_trace, to_rate
+from tex_lightning.data.decode import (
+    IMAGE_FORMATS,
+    IMAGE_SUFFIXES,
+    SignalDecoder,
+    read_trace,
+    to_rate,
+)
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, worst_first
 from tex_lightning.report.page.label_maps import SIDE, find_maps
@@ -76,7 +82,7 @@ def is_broad(path: Path) -> bool:
     """Whether a PNG is too wide to be read beside another one."""
     if path.suffix != ".png":
         return False
-    with Image.open(path) as image:
+    with Image.open(path, formats=IMAGE_FORMATS) as image:
         return image.width > BROAD
 
 
@@ -129,7 +135,8 @@ def _media(path: Path, maps: Sequence[Path], rate: float | None) -> Iterator[Med
             small = _thumbnail(path)
             yield Medium("image", path.name, _jpeg(small))
             for each in maps:
-                with Image.open(each) as image:  # perhaps of a photo brought to a square
+                with Image.open(each, formats=IMAGE_FORMATS) as image:
+                    # perhaps of a photo brought to a square
                     own = image.resize(small.size)
                 yield Medium("image", f"label map of {each.stem}", _jpeg(own))
         elif path.is_file():
@@ -144,7 +151,7 @@ def _media(path: Path, maps: Sequence[Path], rate: float | None) -> Iterator[Med
 
 
 def _thumbnail(path: Path) -> Image.Image:
-    with Image.open(path) as image:
+    with Image.open(path, formats=IMAGE_FORMATS) as image:
         image.draft("RGB", (2 * SIDE, 2 * SIDE))  # let the JPEG decoder leave out what is not seen
         small = ImageOps.exif_transpose(image).convert("RGB")
     small.thumbnail((SIDE, SIDE))
@@ -175,7 +182,7 @@ def _spectrogram(samples: Samples) -> Image.Image:
 
 def _strip(path: Path, share: float) -> Image.Image:
     """The first ``share`` of the label map of a signal."""
-    with Image.open(path) as image:
+    with Image.open(path, formats=IMAGE_FORMATS) as image:
         box = (0, 0, share * image.width, image.height)
         return image.resize((SIDE, STRIP), Image.Resampling.NEAREST, box)
 
