@@ -28,7 +28,7 @@ import torch
 from benchmarks._classifiers import configured, make_classifier
 from benchmarks._process import resident, run_watched
 from tex_lightning.decision.voting import Vote, probabilities
-from tex_lightning.inference.streaming.whole import WholeVote
+from tex_lightning.inference.streaming.live import WholeVote
 from tex_lightning.memory import kept_memory
 from tex_lightning.predictor import Predictor
 

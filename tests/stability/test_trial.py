@@ -1,14 +1,14 @@
 """Bisection, flips and summaries on a system whose behaviour is known."""
 
+import re
 from dataclasses import dataclass, field
 
 import pytest
 
+from tex_lightning.errors import UserError
 from tex_lightning.perturbations.table import Perturbation
-from tex_lightning.stability.evaluator import REFUSED, Decision
-from tex_lightning.stability.record import Record
-from tex_lightning.stability.summary import corruption_error, mean_errors
-from tex_lightning.stability.trial import Bench
+from tex_lightning.stability.system import REFUSED, Decision
+from tex_lightning.stability.trial import Bench, Record, corruption_error, mean_errors
 
 NOISE = Perturbation("white_noise", "haptic", "dB", (0, 1, 2, 3, 4, 5))
 
@@ -93,3 +93,28 @@ def test_a_line_that_was_cut_off_is_left_out(tmp_path):
     record.path.write_bytes(whole + whole[:20])
     assert Record(record.path).trials == {("a", "noise", 1.0): [decision]}
     assert record.path.read_bytes() == whole
+
+
+KEY = ("haptic", "noise", 3.0)
+MADE = [Decision(2, 0.5)]
+
+
+def test_finished_trials_are_read_again_and_a_line_cut_off_is_not(tmp_path):
+    path = tmp_path / "trials.jsonl"
+    Record(path).add(KEY, MADE)
+    with path.open("a") as stream:
+        stream.write('["haptic", "noise", 4.0')
+    assert Record(path).trials == {KEY: MADE}
+    assert len(path.read_text().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "line", ["{", "[1, 2]", "3", '["haptic", "noise", 4.0, [[1, 2, 3, 4, 5, 6]]]']
+)
+def test_a_damaged_line_is_named(tmp_path, line):
+    path = tmp_path / "trials.jsonl"
+    Record(path).add(KEY, MADE)
+    with path.open("a") as stream:
+        stream.write(line + "\n")
+    with pytest.raises(UserError, match=re.escape(f"Line 2 of {path} is damaged")):
+        Record(path)

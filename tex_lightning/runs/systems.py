@@ -23,9 +23,7 @@ from tex_lightning.runfolder import SETTINGS
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import open_store, recordings_to_test
 from tex_lightning.runs.usable import find_unusable
-from tex_lightning.stability.evaluator import Evaluator
-from tex_lightning.stability.perturbed import PerturbedDataset
-from tex_lightning.stability.system import Member, System
+from tex_lightning.stability.system import Evaluator, Member, PerturbedDataset, System
 
 Found = tuple[Path, int | None]  # a checkpoint and its test fold, None for the configured one
 

@@ -28,10 +28,16 @@ from tex_lightning.report.figures import save_figure
 from tex_lightning.report.stability_figures import stability_figures
 from tex_lightning.report.stability_tables import Break, print_stability, write_breaks, write_trials
 from tex_lightning.runs.systems import load_systems, skipped_files
-from tex_lightning.stability.record import RECORD, Record
-from tex_lightning.stability.summary import conflict_summary, mean_errors, summarise_system
 from tex_lightning.stability.system import System
-from tex_lightning.stability.trial import Bench, Trial
+from tex_lightning.stability.trial import (
+    RECORD,
+    Bench,
+    Record,
+    Trial,
+    conflict_summary,
+    mean_errors,
+    summarise_system,
+)
 
 SEVERAL = {BOTH: "several senses"}
 

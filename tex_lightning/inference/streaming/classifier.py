@@ -11,8 +11,7 @@ from tex_lightning.decision.early_stopping import StoppingRule
 from tex_lightning.decision.voting import Vote, probabilities, winner
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures, movement_start
-from tex_lightning.inference.streaming.convolutions import Columns
-from tex_lightning.inference.streaming.layers import streaming_layers
+from tex_lightning.inference.streaming.layers import Columns, streaming_layers
 from tex_lightning.networks.hapticnet import HapticNet
 
 MIN_ROOM = 1000  # labels

@@ -1,4 +1,8 @@
-"""A live recording: samples in, predictions out."""
+"""A live recording: samples in, predictions out.
+
+Samples are resampled to the rate of the training. The vote is over everything so far
+(:class:`WholeVote`), or over the last seconds (:class:`.window.WindowVote`).
+"""
 
 import logging
 import time
@@ -6,19 +10,191 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.classifier import Sensed, SurfaceClassifier
 from tex_lightning.config import StreamConfig
-from tex_lightning.data.quality import Quality, together
+from tex_lightning.data.arrays import as_trace
+from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, together
+from tex_lightning.data.resampling import Resampler
 from tex_lightning.decision.voting import Vote
 from tex_lightning.devices import synchronise
 from tex_lightning.errors import UserError
-from tex_lightning.inference.streaming.signal import LiveSignal
-from tex_lightning.inference.streaming.whole import WholeVote
+from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.inference.streaming.window import WindowVote
 from tex_lightning.prediction import Prediction, describe
+
+
+class WholeVote:
+    """Vote over the whole recording so far, no sample computed twice.
+
+    Args:
+        classifier: Accelerated; a :class:`StreamingClassifier` takes each of its live senses.
+        fixed: By sense what is said of a photo, which stays as it is.
+        wait: See :class:`StreamingClassifier`.
+
+    Attributes:
+        contact: Whether something is touched; None: it is not looked at.
+        changed_at: When the vote began anew, in seconds; None: it never does.
+
+    Raises:
+        UserError: If a sense cannot be streamed, or samples of several were to wait.
+    """
+
+    contact: bool | None = None
+    changed_at: float | None = None
+
+    def __init__(
+        self, classifier: SurfaceClassifier, fixed: Mapping[str, Sensed], wait: float
+    ) -> None:
+        self.classifier, self.fixed = classifier, fixed
+        # scores of fragments are kept where they are joined or averaged, else votes alone
+        self.counted = len(classifier.card.senses) == 1 and classifier.card.rule != "score"
+        if wait > 0 and not self.counted:
+            raise UserError(
+                "stream.wait is for a single sense that decides by decision.rule=vote or mean, and "
+                "this is none: set stream.wait=0."
+            )
+        self.streams = {
+            name: StreamingClassifier(
+                classifier.part([name]), wait=wait, keep_scores=not self.counted
+            )
+            for name in classifier.card.senses
+            if name not in fixed
+        }
+
+    @property
+    def waiting(self) -> bool:
+        """Whether samples were left uncomputed, which :meth:`finish` computes."""
+        return any(stream.waiting is not None for stream in self.streams.values())
+
+    def push(self, chunks: Mapping[str, Tensor]) -> Vote | None:
+        """Take samples (axes, samples) by modality and vote over all so far."""
+        for stream in self.streams.values():
+            if stream.branch.modality in chunks:
+                stream.push(chunks[stream.branch.modality])
+        return self._vote()
+
+    def finish(self) -> Vote | None:
+        """Compute what waits."""
+        for stream in self.streams.values():
+            stream.finish()
+        return self._vote()
+
+    def check(self) -> None:
+        """Make sure that every sense had a fragment.
+
+        Raises:
+            UserError: Saying how much signal it takes.
+        """
+        for stream in self.streams.values():
+            stream.branch.check_frames(stream.frames)
+
+    @torch.inference_mode()
+    def _vote(self) -> Vote | None:
+        """Of several senses over random tuples of their fragments, of the same seed every time."""
+        if any(stream.vote is None for stream in self.streams.values()):
+            return None
+        if self.counted:
+            return self._counted()
+        whole = self.classifier
+        streams = self.streams.items()
+        live = {name: Sensed(self._summand(name), each.novelty) for name, each in streams}
+        return whole.vote({**self.fixed, **live}, whole.card.decision["seed"])
+
+    def _counted(self) -> Vote | None:
+        (stream,) = self.streams.values()
+        if stream.vote is None or stream.novelty is None:
+            return stream.vote
+        return replace(stream.vote, novelty=float(stream.novelty))
+
+    def _summand(self, name: str) -> Tensor:
+        """What a live sense adds: a part that is fused on FC2 has its summand as scores."""
+        scores = self.streams[name].scores
+        own = self.classifier.level(name) == "fc2"
+        return scores if own else self.classifier.project(name, scores)
+
+
+class LiveSignal:
+    """Check, measure and resample the incoming samples.
+
+    Args:
+        branch: Branch of the sense.
+        rate: Rate of the samples in Hz; None is the checkpoint's.
+        ranges: Ranges of the training recordings, with which warnings compare.
+
+    Attributes:
+        rate: Rate in Hz that samples must have.
+        samples: How many came.
+
+    Raises:
+        UserError: If there is no such rate, or it is too far from the checkpoint's.
+    """
+
+    def __init__(self, branch: SignalBranch, rate: float | None, ranges: Ranges) -> None:
+        target = branch.decoder.sampling_rate
+        self.modality, self.ranges = branch.modality, ranges
+        self.rate = target if rate is None else rate
+        if not self.rate > 0:
+            raise UserError(f"rate is {self.rate:g}; give the sampling rate in Hz.")
+        self.resampler: Resampler | None = None
+        self.measures: dict[str, float] = {}  # beside the level
+        if self.rate != target:
+            self.resampler = Resampler(self.rate, target, branch.modality)
+            self.measures["rate"] = min(self.rate, target)
+        self.monitor = TraceMonitor(branch.what)
+        self.axes: int | None = None  # not known yet
+        self.samples = 0
+
+    def take(self, samples: Any) -> Tensor:  # noqa: ANN401  (what NumPy can read)
+        """Samples (axes, samples) float32 at the checkpoint's rate.
+
+        Args:
+            samples: (samples,) or (axes, samples), as many axes as before.
+
+        Raises:
+            UserError: If they are no such samples.
+        """
+        chunk = as_trace(samples, self.modality)
+        axes, shape = self.axes or len(chunk), tuple(np.shape(samples))
+        if shape != (axes, chunk.size // axes) and not (axes == len(shape) == 1):
+            raise UserError(
+                f"A chunk has the shape {shape}; give (axes, samples) with as many axes as before, "
+                f"{axes}."
+            )
+        self.axes = axes
+        self.samples += chunk.shape[1]
+        self.monitor.update(chunk)  # resampling would blur what is constant or clipped
+        found: npt.NDArray[Any] = chunk if self.resampler is None else self.resampler.push(chunk)
+        return torch.from_numpy(found).float()
+
+    def rest(self) -> Tensor | None:
+        """The last samples, which the filter of the resampling holds back; None if there are none.
+
+        They end the stream.
+        """
+        found = None if self.resampler is None else self.resampler.finish()
+        return None if found is None else torch.from_numpy(found)
+
+    def forget(self) -> None:
+        """Forget the quality of the samples so far."""
+        self.monitor = TraceMonitor(self.monitor.what)
+
+    def quality(self, level: float | None) -> Quality:
+        """Faults of the signal.
+
+        Args:
+            level: Level that is compared with the training; None compares none.
+        """
+        if not self.monitor.count:
+            return Quality()
+        measures = self.measures if level is None else {"level": level, **self.measures}
+        return self.monitor.quality(self.ranges, **measures)
+
 
 log = logging.getLogger(__name__)
 
