@@ -69,7 +69,7 @@ def main(arguments: list[str]) -> int:
                 table.add_row(name if place == 0 else "", key, value)
             table.add_section()
     console.print(table)
-    console.print(f"Results in {RESULTS}", soft_wrap=True, highlight=False)
+    console.print(f"Results in {RESULTS}", soft_wrap=True)
     return 0
 
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from tex_lightning.text import printable
+
 SHOWN = 200  # characters of a value that a message repeats
 MAX_NAMES = 20  # names that it lists
 
@@ -36,11 +38,6 @@ def shorten(value: object) -> str:
         return text
     half = SHOWN // 2
     return f"{text[:half]}[{len(text) - 2 * half} more characters]{text[-half:]}"
-
-
-def printable(text: str) -> str:
-    """Text in one line whose signs cannot steer a terminal."""
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
 
 
 def reason(error: object) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tex_lightning.errors import UserError, reason
+from tex_lightning.text import from_cell, to_cell
 
 try:
     import fcntl
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 # A folder or disk that cannot be written; anything else is a fault of the program.
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 LONGEST_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
+MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
 LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
 
 
@@ -125,10 +127,18 @@ def write_rows(target: Path, columns: Iterable[str], rows: Iterable[Iterable[Any
     def write(path: Path) -> None:
         with path.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(rows)
+            writer.writerow(map(to_cell, columns))
+            writer.writerows(map(to_cell, row) for row in rows)
 
     write_atomically(target, write)
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Read what :func:`write_rows` wrote, a dictionary for each row."""
+    csv.field_size_limit(MAX_FIELD)
+    with path.open(newline="", encoding="utf-8") as stream:
+        columns, *rows = [list(map(from_cell, row)) for row in csv.reader(stream)] or [[]]
+    return [dict(zip(columns, row, strict=False)) for row in rows]
 
 
 def write_text(target: Path, text: str) -> None:

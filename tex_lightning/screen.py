@@ -14,8 +14,8 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from tex_lightning.errors import printable
 from tex_lightning.ranks import is_rank_zero
+from tex_lightning.text import printable_lines
 
 QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
 # Whose messages concern the user; others' only from warnings on.
@@ -27,10 +27,22 @@ FILLER = "\0"  # stands for the second column of a wide letter
 
 log = logging.getLogger(__name__)
 
-console = Console(stderr=True, quiet=not is_rank_zero())
+
+class PlainConsole(Console):
+    """Show every string as it is written: no markup, no names of emoji, no control characters."""
+
+    def __init__(self, **options: Any) -> None:  # noqa: ANN401  (Rich's)
+        super().__init__(stderr=True, markup=False, emoji=False, highlight=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401  (Rich's)
+        """Make of a string, also of a cell or title of a table, what can be shown."""
+        return super().render_str(printable_lines(text), **options)
+
+
+console = PlainConsole(quiet=not is_rank_zero())
 if not console.is_terminal and "COLUMNS" not in os.environ:
     # a log file has room for long names
-    console = Console(stderr=True, width=120, quiet=console.quiet)
+    console = PlainConsole(width=120, quiet=console.quiet)
 
 
 class Screen:
@@ -132,7 +144,7 @@ def say(text: str, *, wraps: bool = True) -> None:
 
 
 def _write(text: str, style: str = "", *, wraps: bool, crops: bool = False) -> None:
-    text = "\n".join(map(printable, text.expandtabs(1).split("\n")))
+    text = printable_lines(text)
     if crops and console.is_terminal:
         console.print(Text(text, style), no_wrap=True, overflow="ellipsis")
         return

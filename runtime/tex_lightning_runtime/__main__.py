@@ -5,6 +5,7 @@ import re
 import sys
 from argparse import ArgumentParser
 from glob import glob, has_magic
+from io import TextIOWrapper
 from pathlib import Path
 
 from tex_lightning_runtime.recordings import UserError, require
@@ -26,18 +27,31 @@ def main() -> int:
         runtime = Runtime(asked.model, top_k=asked.top_k)
         samples = [] if asked.info else _samples(runtime, asked.inputs)
     except UserError as error:
-        parser.exit(2, f"Error: {error}\n")
+        parser.exit(2, f"{_safe(f'Error: {error}')}\n")
     if asked.info:
-        print(json.dumps(runtime.card, indent=1))
+        _print(runtime.card, indent=1)
     for files in samples:
         try:
-            print(json.dumps({**files, **runtime.predict(rate=asked.rate, **files)}), flush=True)
+            _print({**files, **runtime.predict(rate=asked.rate, **files)})
         except Exception as error:  # which does not stop the others
             kind = "" if isinstance(error, UserError) else f"{type(error).__name__}: "
             said = " ".join(f"{kind}{error}".split())
-            failures.append(f"Error: {' and '.join(files.values())}: {said}")
+            failures.append(_safe(f"Error: {' and '.join(files.values())}: {said}"))
             print(failures[-1], file=sys.stderr)
     return 2 if failures else 0
+
+
+def _print(value: object, indent: int | None = None) -> None:
+    """Print JSON in UTF-8 without what steers a terminal."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8")
+    text = json.dumps(value, indent=indent, ensure_ascii=False)
+    print("\n".join(map(_safe, text.split("\n"))), flush=True)
+
+
+def _safe(text: str) -> str:
+    """Escape control characters and marks of writing direction as JSON does."""
+    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in text)
 
 
 def _samples(runtime: Runtime, inputs: list[str]) -> list[dict[str, str]]:

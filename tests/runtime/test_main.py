@@ -1,6 +1,7 @@
 """The command line: a line of JSON for each sample, sentences for the rest."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -44,6 +45,25 @@ def test_a_sample_is_a_line(command, folder, runtime):
     assert line["label"] == runtime.predict(**given)["label"]
     assert [*line][:2] == ["haptic", "image"]
     assert len(line["top_k"]) == 1
+
+
+def test_names_of_files_steer_no_terminal_and_keep_their_letters(folder, exported):
+    names = folder / "Tür\x1b[31m\u202e.wav", folder / "a\x9b.wav"
+    names[0].write_bytes((folder / "s2.wav").read_bytes())
+    names[1].write_text("no sound")
+    command = [sys.executable, "-m", "tex_lightning_runtime", str(exported[1])]
+    ended = [
+        subprocess.run(
+            [*command, f"haptic={name}"], capture_output=True, check=False,
+            env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        )
+        for name in names
+    ]  # fmt: skip
+    said, failed = ended[0].stdout.decode(), ended[1].stderr.decode()
+    assert said.strip().isprintable()
+    assert "Tür\\u001b[31m\\u202e.wav" in said
+    assert failed.strip().isprintable()
+    assert "a\\u009b.wav" in failed
 
 
 def test_the_rate_of_files_that_carry_none_can_be_given(command, tmp_path, runtime):

@@ -14,6 +14,7 @@ from tex_lightning.data.rates import names_rate, positive_number
 from tex_lightning.data.tables import read_table
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.files import is_file, resolved
+from tex_lightning.text import to_cell
 
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
@@ -204,7 +205,7 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
     names = list(dict.fromkeys(name for row in recordings for name, _ in row.conditions))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([*COLUMNS, RATE, *parts, *names])
+        writer.writerow(map(to_cell, [*COLUMNS, RATE, *parts, *names]))
         for row in recordings:
             rate = "" if row.sampling_rate is None else row.sampling_rate
             file = row.path.resolve()
@@ -212,7 +213,8 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
                 file = file.relative_to(folder)
             given = {PART: write_part(row.part) if row.part else "", **dict(row.conditions)}
             values = [given.get(name, "") for name in (*parts, *names)]
-            writer.writerow([row.label, row.modality, file, row.group, rate, *values])
+            cells = [row.label, row.modality, str(file), row.group, rate, *values]
+            writer.writerow(map(to_cell, cells))
 
 
 def _doubtful_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:

@@ -2,9 +2,11 @@
 
 import csv
 from pathlib import Path
+from typing import Any
 
 from tex_lightning.errors import UserError, reason
 from tex_lightning.files import check_lines
+from tex_lightning.text import from_cell
 
 Record = dict[str, str]
 
@@ -32,7 +34,10 @@ def read_table(path: Path, what: str, needed: tuple[str, ...]) -> list[tuple[int
             reader = csv.DictReader(stream, delimiter=delimiter)
             names = [name.strip() for name in reader.fieldnames or ()]
             reader.fieldnames = names
-            records = [(reader.line_num, record) for record in reader]
+            records = [
+                (reader.line_num, {name: _text(cell) for name, cell in line.items()})
+                for line in reader
+            ]
     except (OSError, ValueError, csv.Error) as error:
         raise UserError(
             f"{what} {path} is not a UTF-8 CSV file ({reason(error)}); save it as CSV."
@@ -44,3 +49,7 @@ def read_table(path: Path, what: str, needed: tuple[str, ...]) -> list[tuple[int
             f"its first line must name {','.join(needed)}."
         )
     return records
+
+
+def _text(cell: Any) -> Any:  # noqa: ANN401  (a short line has None, a long one a list)
+    return from_cell(cell) if isinstance(cell, str) else cell

@@ -1,6 +1,5 @@
 """Comparison of decisions that stop early with the full ones, over their thresholds."""
 
-import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.decision.voting import Vote
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.evaluation.samples import classify_sample
-from tex_lightning.files import write_lines
+from tex_lightning.files import read_rows, write_lines
 from tex_lightning.inference.early_stopping import SequentialClassifier
 from tex_lightning.progress import track
 
@@ -89,11 +88,10 @@ def read_settings(path: Path) -> list[Setting]:
     if not path.is_file():
         return []
     types = {entry.name: entry.type for entry in fields(Setting)}
-    with path.open(newline="", encoding="utf-8") as stream:
-        return [
-            Setting(**{key: types[key](value) for key, value in line.items()})  # type: ignore[operator]
-            for line in csv.DictReader(stream)
-        ]
+    return [
+        Setting(**{key: types[key](value) for key, value in line.items()})  # type: ignore[operator]
+        for line in read_rows(path)
+    ]
 
 
 def full_labels(

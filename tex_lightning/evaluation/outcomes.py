@@ -1,6 +1,5 @@
 """Outcomes per sample, their summary with intervals, and ``results.json``."""
 
-import csv
 import json
 import math
 import os
@@ -17,12 +16,11 @@ import torch
 from scipy.stats import binomtest
 
 from tex_lightning import __version__
-from tex_lightning.files import write_rows, write_text
+from tex_lightning.files import read_rows, write_rows, write_text
 
 RANDOM = "random weights"  # in place of the file that weights came from
 FILES = "files"
 KEPT_CLASSES = 128  # whose probabilities are kept of a sample
-MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
 LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 
@@ -153,13 +151,11 @@ def read_outcomes(path: Path) -> list[Outcome]:
     """Read what :func:`write_outcomes` wrote."""
     types = {entry.name: entry.type for entry in fields(Outcome) if entry.name != FILES}
     outcomes = []
-    csv.field_size_limit(MAX_FIELD)
-    with path.open(newline="", encoding="utf-8") as stream:
-        for line in csv.DictReader(stream):
-            files = {name: value for name, value in line.items() if name not in types}
-            given = {name: kind for name, kind in types.items() if name in line}
-            rest: dict[str, Any] = {name: kind(line[name]) for name, kind in given.items()}  # type: ignore[operator]
-            outcomes.append(Outcome(files=files, **rest))
+    for line in read_rows(path):
+        files = {name: value for name, value in line.items() if name not in types}
+        given = {name: kind for name, kind in types.items() if name in line}
+        rest: dict[str, Any] = {name: kind(line[name]) for name, kind in given.items()}  # type: ignore[operator]
+        outcomes.append(Outcome(files=files, **rest))
     return outcomes
 
 

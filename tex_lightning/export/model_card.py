@@ -4,7 +4,6 @@ Front matter and headings are those of model hubs (Mitchell et al., "Model Cards
 Reporting", 2019).
 """
 
-import csv
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -16,7 +15,8 @@ from tex_lightning import __version__
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError, listed
-from tex_lightning.files import read_record
+from tex_lightning.files import read_record, read_rows
+from tex_lightning.text import printable, to_markdown
 
 RESULTS = "results.json"
 BREAKS = "breaking_points.csv"
@@ -39,7 +39,7 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path, stability: Path 
     entry = results.get("networks", {}).get(card.kind, {})
     parts = [
         _front_matter(card, entry, results),
-        f"# {card.kind}: {_senses(card)} to one of {len(card.classes)} surfaces",
+        f"# {to_markdown(card.kind)}: {_senses(card)} to one of {len(card.classes)} surfaces",
         _what(classifier),
         "## Data\n\n" + "\n".join(_data(card, results)),
         "## Results\n\n" + "\n".join(_figures(entry)),
@@ -73,11 +73,11 @@ def _front_matter(card: Card, entry: Mapping[str, Any], results: Mapping[str, An
             "metrics": [metric],
         }
         values["model-index"] = [{"name": card.kind, "results": [test]}]
-    return f"---\n{yaml.safe_dump(values, sort_keys=False)}---"
+    return f"---\n{yaml.safe_dump(values, sort_keys=False, allow_unicode=True)}---"
 
 
 def _senses(card: Card) -> str:
-    return " and ".join(card.modalities)
+    return " and ".join(map(to_markdown, card.modalities))
 
 
 def _what(classifier: SurfaceClassifier) -> str:
@@ -94,15 +94,17 @@ def _what(classifier: SurfaceClassifier) -> str:
 def _data(card: Card, results: Mapping[str, Any]) -> Iterator[str]:
     seen = card.trained_on.get("seen")
     if results:
-        yield f"- Source: `data={results['data']}` (`task={results['task']}`)"
+        source = f"data={results['data']} (task={results['task']})"
+        yield f"- Source: {to_markdown(source)}"
     yield f"- Recordings behind the weights: {len(seen) if seen else 'not known'}"
     if "test_fold" in card.trained_on:
-        tested = card.trained_on["test_fold"]
-        yield f"- Left out to test: fold {tested} of {card.trained_on.get('folds')}"
+        tested = f"fold {card.trained_on['test_fold']} of {card.trained_on.get('folds')}"
+        yield f"- Left out to test: {to_markdown(tested)}"
     for name, node in card.branches.items():
         rate = node["decode"].get("sampling_rate")
-        yield f"- `{name}` reads `{node['modality']}`" + (f" at {rate:g} Hz" if rate else "")
-    yield f"- Classes: {', '.join(card.classes)}"
+        what = to_markdown(f"{name} reads {node['modality']}")
+        yield f"- {what}" + (f" at {rate:g} Hz" if rate else "")
+    yield f"- Classes: {', '.join(map(to_markdown, card.classes))}"
 
 
 def _figures(entry: Mapping[str, Any]) -> Iterator[str]:
@@ -133,13 +135,13 @@ def _breaks(folder: Path) -> Iterator[str]:
             f"export.stability={folder} holds no {BREAKS}; give the folder of a finished run of "
             "task=stability."
         )
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = read_rows(path)
     yield "Where less than half of the clean accuracy is kept, or as that run was told.\n"
     yield "| system | modality | perturbation | breaks at |\n|---|---|---|---|"
     for row in rows:
         where = f"{row['value']} {row['unit']}" if row["value"] else "nowhere"
-        yield f"| {row['system']} | {row['modality']} | {row['perturbation']} | {where} |"
+        cells = (row["system"], row["modality"], row["perturbation"], where)
+        yield f"| {' | '.join(map(to_markdown, cells))} |"
 
 
 def _licence(card: Card) -> str:
@@ -150,19 +152,21 @@ def _licence(card: Card) -> str:
     for sense, source in trunks.items():
         node = json.dumps(card.branches.get(sense, {}))
         known = [text for name, text in LICENCES.items() if name in node and source == OFFICIAL]
-        said += [f"`{sense}`: {known[0] if known else f'as stated by the publisher of {source}'}"]
+        text = known[0] if known else f"as stated by the publisher of {source}"
+        said += [to_markdown(f"{sense}: {text}")]
     return "; ".join(said) + "."
 
 
 def _loading(card: Card, checkpoint: Path) -> str:
-    given = ", ".join(f'{name}="FILE"' for name in card.modalities)
+    name = printable(checkpoint.name).replace("`", "'")  # which would end the block
+    given = ", ".join(f'{printable(each)}="FILE"' for each in card.modalities)
     return f"""## How to load
 
 ```python
 import tex_lightning as tl
 
-print(tl.load("{checkpoint.name}").predict({given}).label)
+print(tl.load("{name}").predict({given}).label)
 ```
 
-Without this package: `python -m tex_lightning task=export checkpoint={checkpoint.name}` writes
-`{card.kind}.onnx`, which onnxruntime runs."""
+Without this package: `python -m tex_lightning task=export checkpoint={name}` writes
+`{printable(card.kind)}.onnx`, which onnxruntime runs."""

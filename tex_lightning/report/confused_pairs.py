@@ -12,6 +12,7 @@ from tex_lightning.data.parts import cut_part, split_name
 from tex_lightning.evaluation.fragments import ConfusedPair
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.figures import draw_spectrogram
+from tex_lightning.report.labels import brief
 
 PHOTO_PIXELS = 300  # side of the middle of the photo that is shown
 INCHES = 2.75  # that a recording is wide
@@ -44,7 +45,7 @@ def pairs_figure(
                 path, part = split_name(first[label].files[modality])
                 array = cut_part(branch.decoder.decode(path)[0], part, path)
                 DRAWN[branch.medium](panel, torch.from_numpy(array), branch)
-            own[0].set_title(label, fontsize=8)
+            own[0].set_title(brief(label), fontsize=8)
         axes[0].set_ylabel(
             f"confused by {pair.confused_by}\n({pair.confusion:.0%}, "
             f"{pair.separated_by} {pair.other:.0%})",

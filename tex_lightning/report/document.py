@@ -22,6 +22,7 @@ from tex_lightning.report.tables import (
     profiling_table,
     seeds_table,
 )
+from tex_lightning.text import to_markdown
 
 NOTES = """\
 Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
@@ -85,7 +86,7 @@ def _tested(systems: Sequence[System]) -> str:
     lines = []
     for what, names in rows.items():
         who = "Every row" if len(rows) == 1 else ", ".join(dict.fromkeys(names))
-        lines.append(f"- {who} tested {what}.")
+        lines.append(f"- {to_markdown(f'{who} tested {what}.')}")
     return "\n".join(["Test samples, and how often each was tested in a row:", "", *lines])
 
 
@@ -186,8 +187,8 @@ def _pairs(directory: Path, systems: Sequence[System], formats: Sequence[str]) -
     figure = pairs_figure(pairs, fusion.outcomes, branches.values())
     file = save_figure(figure, directory / "figures" / "confused_pairs", formats)
     lines = [
-        f"- {pair.classes[0]} and {pair.classes[1]}: confused by the {pair.confused_by} network "
-        f"({pair.confusion:.1%} of fragments), not by the {pair.separated_by} network "
+        f"- {' and '.join(map(to_markdown, pair.classes))}: confused by the {pair.confused_by} "
+        f"network ({pair.confusion:.1%} of fragments), not by the {pair.separated_by} network "
         f"({pair.other:.1%})"
         for pair in pairs
     ]

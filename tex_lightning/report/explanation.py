@@ -11,12 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 
-from tex_lightning.errors import shorten
 from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvidence
 from tex_lightning.prediction import Prediction
 from tex_lightning.report.evidence_panels import OTHERS, SMALL, Key, draw_photo, draw_signal
 from tex_lightning.report.figures import write_figure
+from tex_lightning.report.labels import brief
 from tex_lightning.report.style import styled
+from tex_lightning.text import printable, printable_lines
 
 # Tol's bright palette for colour-blind readers, the winner's first, and two of his vibrant one
 COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
@@ -92,7 +93,7 @@ class Explanation:
         Args:
             heading: A line above the title, such as the names of the files.
         """
-        title = "\n".join(filter(None, (heading, self.title)))
+        title = printable_lines("\n".join(filter(None, (printable(heading), self.title))))
         key = Key(self.classes, self.label, self._colours())
         legend = self._legend(key)
         columns = max(1, LINE // (8 + max(len(str(each.get_label())) for each in legend)))
@@ -131,7 +132,7 @@ class Explanation:
     def _legend(self, key: Key) -> list[Patch]:
         """An entry for each class that occurs, and one for all without a colour of their own."""
         found = [
-            Patch(color=colour, label=shorten(self.classes[label]))
+            Patch(color=colour, label=brief(self.classes[label], LINE))
             for label, colour in key.colours.items()
         ]
         occurring = {

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from tex_lightning.features.image import MEAN, STD
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.files import write_atomically
 from tex_lightning.report.style import styled
+from tex_lightning.text import printable, to_markdown
 
 SHOWN = (".png", ".svg", ".pdf")  # by a browser, the first of them rather
 UNDATED = {"pdf": "CreationDate", "svg": "Date"}  # so that the same figure gives the same file
@@ -34,6 +36,7 @@ def draw_shares(
     A colour bar with the ``label`` explains them, unless that is None. A ``gamma`` below 1
     brings out small shares.
     """
+    rows, columns = (list(map(printable, names)) for names in (rows, columns))
     image = axes.imshow(shares, norm=PowerNorm(gamma, 0, 1), cmap="viridis", aspect="auto")
     axes.set_xticks(range(len(columns)), columns, rotation=90)
     axes.set_yticks(range(len(rows)), rows)
@@ -52,7 +55,7 @@ def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: nn.Mod
     figure, grid = make_grid(len(titles), 4, (3, 2.4))
     for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=True):
         across, upwards = draw_spectrogram(axes, spectrogram, features)
-        axes.set_title(title, fontsize=7)
+        axes.set_title(printable(title), fontsize=7)
         axes.set(xlabel=across, ylabel=upwards)
     return figure
 
@@ -82,7 +85,7 @@ def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
     pixels = patches.permute(0, 2, 3, 1).numpy() * np.array(STD) + np.array(MEAN)
     for axes, patch, title in zip(grid, pixels.clip(0, 1), titles, strict=True):
         axes.imshow(patch)
-        axes.set_title(title, fontsize=7)
+        axes.set_title(printable(title), fontsize=7)
         axes.set_axis_off()
     return figure
 
@@ -107,7 +110,7 @@ def save_figure(figure: Figure, path: Path, formats: Sequence[str]) -> Path:
 
 def picture(words: str, file: Path) -> str:
     """Markdown for a figure in ``figures/``: shown, or of a PDF, which no browser shows, a link."""
-    link = f"[{words}]({file.parent.name}/{file.name})"
+    link = f"[{to_markdown(words)}]({file.parent.name}/{quote(file.name)})"
     return link if file.suffix == ".pdf" else f"!{link}"
 
 

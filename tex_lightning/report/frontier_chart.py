@@ -21,6 +21,7 @@ from tex_lightning.report.paper import paper_table
 from tex_lightning.report.style import GUIDE, looks, styled
 from tex_lightning.report.table import make_table, print_table
 from tex_lightning.screen import console, say
+from tex_lightning.text import printable
 
 log = logging.getLogger(__name__)
 
@@ -176,7 +177,7 @@ def _disc(axes: Axes, point: Point) -> Bbox:
 
 def _entry(point: Point) -> str:
     remark = ", chosen" if point.chosen else ", the choice" if point.kind == PROCEDURE else ""
-    return f"{point.system}{remark}"
+    return f"{printable(point.system)}{remark}"
 
 
 def _ink(point: Point) -> str:
@@ -271,7 +272,7 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
     for line in _remarks(points):
         say(line)
     say(f"Train the chosen one with: {command}", wraps=False)
-    console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
+    console.print(f"Results in {directory}", soft_wrap=True)
 
 
 def _remarks(points: Sequence[Point]) -> Iterator[str]:

@@ -6,14 +6,15 @@ from math import inf
 from matplotlib.axes import Axes
 
 from tex_lightning.report.style import Look
+from tex_lightning.text import printable
 
 SIZE = 7  # points
 LONGEST = 44  # characters of a name
 
 
-def brief(name: str, longest: int) -> str:
-    """A name of at most about so many characters: the middle of a long one is left out."""
-    half = longest // 2
+def brief(name: str, longest: int = LONGEST) -> str:
+    """A name as a figure has it, in at most about so many characters: without its middle."""
+    name, half = printable(name), longest // 2
     return name if len(name) <= longest else f"{name[:half]}…{name[-half:]}"
 
 
@@ -64,7 +65,7 @@ def name_lines(axes: Axes, ends: Sequence[tuple[str, float, Look]], height: floa
         ends, spaced([end for _, end, _ in ends], gap), strict=True
     ):
         axes.annotate(
-            brief(name, LONGEST), (1, end), (1.04, place), xycoords=("axes fraction", "data"),
+            brief(name), (1, end), (1.04, place), xycoords=("axes fraction", "data"),
             textcoords=("axes fraction", "data"), va="center", fontsize=SIZE,
             annotation_clip=False,
             arrowprops={"arrowstyle": "-", "color": look.colour, "linewidth": 0.5, "shrinkA": 0,

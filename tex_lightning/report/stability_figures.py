@@ -9,6 +9,7 @@ from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.perturbations.table import SEVERITIES
 from tex_lightning.report.figures import draw_shares, make_grid
+from tex_lightning.report.labels import brief
 from tex_lightning.report.numbers import spread
 from tex_lightning.report.style import Look, looks, styled
 from tex_lightning.stability.trial import Trial
@@ -79,7 +80,12 @@ def _curve(axes: Axes, trials: Sequence[Trial], drawn: Mapping[str, Look]) -> No
         severities = [trial.severity for trial in own]
         shares = [trial.accuracy for trial in own]
         axes.plot(
-            severities, shares, color=look.colour, marker=look.marker, markersize=3, label=system
+            severities,
+            shares,
+            color=look.colour,
+            marker=look.marker,
+            markersize=3,
+            label=brief(system),
         )
     perturbation = trials[0].perturbation
     values = ["clean", *(f"{perturbation.value(severity):g}" for severity in SEVERITIES)]

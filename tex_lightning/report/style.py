@@ -23,6 +23,7 @@ GUIDE = "#999999"  # of lines that belong to no system
 STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with Matplotlib, so that every machine draws alike
     "font.size": 8,
+    "text.parse_math": False,  # a dollar sign in a name is one
     "figure.dpi": 120,  # of a PNG, and of what a PDF holds in pixels
     "axes.titlesize": 9,
     "axes.labelsize": 8,

@@ -273,10 +273,10 @@ def _print(rows: list[Row], directory: Path) -> None:
     print_table(table)
     for row in rows:
         if row["status"] != "done":
-            console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True, highlight=False)
+            console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True)
     if any(is_tiny(row["overrides"]) for row in rows):
-        console.print(TINY, style="bold yellow", highlight=False)
-    console.print(f"Summary in {directory / 'sweep.csv'}", soft_wrap=True, highlight=False)
+        console.print(TINY, style="bold yellow")
+    console.print(f"Summary in {directory / 'sweep.csv'}", soft_wrap=True)
 
 
 def _figures(row: Row) -> tuple[str, ...]:

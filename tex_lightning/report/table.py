@@ -88,8 +88,8 @@ def print_tables(directory: Path, *tables: Table) -> None:
     for table in tables:
         print_table(table)
     if is_tiny(run_overrides(directory)):
-        console.print(TINY, style="bold yellow", highlight=False)
-    console.print(f"Results in {directory}", soft_wrap=True, highlight=False)
+        console.print(TINY, style="bold yellow")
+    console.print(f"Results in {directory}", soft_wrap=True)
 
 
 def run_overrides(directory: Path) -> list[str]:

@@ -11,6 +11,7 @@ from tex_lightning.report.conditions import condition_rows
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.systems import System
 from tex_lightning.report.table import seconds
+from tex_lightning.text import to_markdown
 
 KIND_TABLES = ("haptic", "visual", "fusion")
 DATA_TABLES = ("kylberg", "kth_tips2b")
@@ -54,7 +55,10 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
     if not systems:
         return ""
     # the paper's table; one without rows of a sense that it does not have
-    paper = paper_table(name) or {"title": f"{name.capitalize()} classification", "rows": []}
+    paper = paper_table(name) or {
+        "title": f"{to_markdown(name.capitalize())} classification",
+        "rows": [],
+    }
     best = max(systems, key=lambda system: summarise(system.outcomes)["vote_accuracy"])
     order = [row["model"] for row in paper["rows"]]
     lines = []
@@ -75,7 +79,7 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
         [
             f"### {paper['title']}",
             "",
-            f"Ours: {', '.join(data)}, {classes} classes, {count} test samples."
+            f"Ours: {to_markdown(', '.join(data))}, {classes} classes, {count} test samples."
             + (f" The paper's: {paper['data']}." if paper["rows"] else ""),
             "",
             *markdown(HEADINGS, lines),
@@ -92,10 +96,10 @@ def conditions_table(systems: Sequence[System]) -> str:
         for system in systems
     }
     known = {name: entry for name, entry in entries.items() if entry}
-    lines = condition_rows(known, _votes)
+    lines = [list(map(to_markdown, row)) for row in condition_rows(known, _votes)]
     if not lines:
         return ""
-    headings = ("condition", "value", *known)
+    headings = ("condition", "value", *map(to_markdown, known))
     said = (
         "Votes of all runs of a row together, with Wilson's intervals. A row that says unseen was "
         "trained without the conditions that it tested."
@@ -128,7 +132,7 @@ def _seeds_line(members: list[System]) -> list[str]:
     accuracies = [run["vote_accuracy"] for run in runs]
     first = members[0]
     return [
-        _label(first) + (f" ({first.but_seed})" if first.but_seed else ""),
+        to_markdown(_label(first) + (f" ({first.but_seed})" if first.but_seed else "")),
         ", ".join(system.seed for system in members),
         ", ".join(f"{run['correct']}/{run['test_samples']}" for run in runs),
         f"{mean(accuracies):.1%}",
@@ -146,7 +150,7 @@ def _line(row: dict[str, Any], system: System, best: System) -> list[str]:
     ours = summarise(system.outcomes)
     low, high = ours["vote_ci95"]
     entries = system.entries
-    label = row["label"] + (f" ({system.variant})" if system.variant else "")
+    label = to_markdown(row["label"] + (f" ({system.variant})" if system.variant else ""))
     return [
         f"**{label}**" if system is best else label,
         _percent(row.get("vote")),
@@ -187,7 +191,7 @@ def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
     paper = paper_table("profiling")
     lines = [
         [
-            name,
+            to_markdown(name),
             *_paper_times(paper.get(ours["kind"])),
             f"{ours['sliding_window_ms']:.1f} / {ours['fcn_ms']:.1f}",
             f"{ours['speedup']:.1f}x",

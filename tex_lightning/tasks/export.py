@@ -108,7 +108,8 @@ def _web(order: Order) -> dict[str, Any]:
     entry = _checked(order, onnx_runner(model), path, lambda partial: write_onnx(given, partial))
     size = entry["bytes"] + write_page(order.out, metadata(classifier), runtime)
     say(
-        f"{order.out}: {size / 1e6:.1f} MB; look at it with python -m http.server -d {order.out}",
+        f"{order.out}: {size / 1e6:.1f} MB; look at it with "
+        f"python -m http.server --bind 127.0.0.1 -d {order.out}",
         wraps=False,
     )
     return {**entry, "page": "index.html", "page_bytes": size}

@@ -1,15 +1,15 @@
 """Write ``report.html`` from what a run folder holds."""
 
-import csv
 import math
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from jinja2 import Environment, StrictUndefined
 from markdown_it import MarkdownIt
 
-from tex_lightning.files import read_record, write_text
+from tex_lightning.files import read_record, read_rows, write_text
 from tex_lightning.report.figures import SHOWN
 from tex_lightning.report.page.curves import Curve, read_curves
 from tex_lightning.report.page.label_maps import LEGEND, map_folder
@@ -88,9 +88,10 @@ def _rendered(report: Path, directory: Path) -> str:
     tokens = parser.parse(body)
     for token in tokens:
         for child in token.children or ():
-            source = directory / str(child.attrs.get("src", ""))
-            if child.type == "image" and source.is_file():
-                child.attrs["src"] = embedded(source)
+            if child.type == "image":
+                name = Path(unquote(str(child.attrs["src"]))).name
+                source = directory / "figures" / name
+                child.attrs["src"] = embedded(source) if source.is_file() else ""
     html: str = parser.renderer.render(tokens, parser.options, {})
     return html.replace("<table>", '<div class="wide"><table>').replace(
         "</table>", "</table></div>"
@@ -117,12 +118,11 @@ def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
 
 def _table(path: Path) -> dict[str, Any]:
     """Heading and lines of a CSV, figures with four digits."""
-    with path.open(newline="", encoding="utf-8") as stream:
-        lines = list(csv.DictReader(stream))
+    lines = read_rows(path)
     heading = list(lines[0]) if lines else []
     return {
         "heading": heading,
-        "lines": [[_short(line[name]) for name in heading] for line in lines[:MOST_LINES]],
+        "lines": [[_short(line.get(name)) for name in heading] for line in lines[:MOST_LINES]],
         "left_out": max(0, len(lines) - MOST_LINES),
     }
 

@@ -1,0 +1,156 @@
+"""Names that come from files, on every way out: terminal, log, figures, documents, tables."""
+
+import csv
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from conftest import RATE, make_trace
+from hypothesis import given
+from hypothesis import strategies as st
+from markdown_it import MarkdownIt
+
+from tex_lightning.lines import print_line
+from tex_lightning.report.confusion import confusion_figure
+from tex_lightning.text import from_cell, printable, to_cell, to_json, to_markdown
+
+HOSTILE = (
+    "$x^{", "[/b]", "a\x1b[31m", "=cmd|' /C calc'!A0", "<img src=http://x>", "![a](http://x)",
+    "two\nlines", "\u202egnp.exe", "`_a_` **b** http://x www.x.org &lt; ~~c~~",
+)  # fmt: skip
+STEERING = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+FORMULA = tuple("=+-@\t\r")
+
+
+@given(st.text())
+def test_cells_and_json_give_the_text_back_and_steer_nothing(text):
+    cell, line = to_cell(text), to_json([text])
+    assert from_cell(cell) == text
+    assert not cell.startswith(FORMULA)
+    assert json.loads(line) == [text]
+    assert cell.isprintable()
+    assert line.isprintable()
+    line.encode()
+
+
+@given(st.one_of(st.sampled_from(HOSTILE), st.text("\\`*_[]<>|!#~$&:(){}+-.a \n")))
+def test_markdown_shows_the_text_as_it_is(text):
+    html = _rendered(f"| {to_markdown(text)} |\n|---|\n")
+    seen = _Words(html)
+    assert {*seen.tags} <= {"table", "thead", "tbody", "tr", "th"}
+    assert " ".join(seen.words.split()) == " ".join(printable(text).split())
+
+
+def _rendered(text: str) -> str:
+    return MarkdownIt("commonmark").enable(["table", "strikethrough"]).render(text)
+
+
+class _Words(HTMLParser):
+    def __init__(self, html: str):
+        super().__init__()
+        self.tags, self.links, self.words = [], [], ""
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.links += [value for key, value in attrs if key in ("src", "href")]
+
+    def handle_data(self, data):
+        self.words += data
+
+
+def test_json_on_standard_output_is_utf8_whatever_the_terminal_is(capfd, monkeypatch):
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    print_line({"label": "Tür \x9b\udce9"})
+    assert capfd.readouterr().out == '{"label": "Tür \\u009b\\udce9"}\n'
+
+
+def test_a_dollar_sign_in_a_figure_is_one():
+    figure = confusion_figure(np.eye(2, dtype=int), ["$x^{", "b$"], "$ 5 and $ {")
+    figure.draw_without_rendering()
+    texts = {label.get_text() for label in figure.axes[0].get_yticklabels()}
+    assert texts == {"$x^{", "b$"}
+
+
+@pytest.fixture(scope="module")
+def run(run_once, tmp_path_factory) -> Path:
+    """A run on classes, files and conditions with such names."""
+    root = tmp_path_factory.mktemp("hostile")
+    with (root / "manifest.csv").open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["label", "modality", "path", "group", "tool", HOSTILE[5]])
+        for kind, label in enumerate(HOSTILE[:6]):
+            for number in range(6):
+                path = root / f"{label.replace('/', '')}_{number}.wav"
+                soundfile.write(path, make_trace(kind, number), RATE)
+                writer.writerow([label, "haptic", path, number, HOSTILE[4 + number % 4], number])
+    return run_once(
+        "model=haptic", "task=crossval", "data=manifest", f"data.manifest={root / 'manifest.csv'}",
+        "data.folds=3", "crossval.only=[0,1]", "debug=tiny", "explained_samples=1",
+        "figures.format=svg",
+    )  # fmt: skip
+
+
+def test_no_file_of_a_run_has_what_steers_a_terminal_or_a_spreadsheet(run):
+    paths = [path for path in run.rglob("*") if path.suffix in (".csv", ".md", ".log", ".svg")]
+    assert {path.suffix for path in paths} == {".csv", ".md", ".log", ".svg"}
+    for path in paths:
+        text = path.read_text(encoding="utf-8")
+        assert not STEERING.search(text), path
+        if path.suffix == ".csv":
+            cells = [cell for line in csv.reader(text.splitlines()) for cell in line]
+            wrong = [cell for cell in cells if cell.startswith(FORMULA) and not _is_number(cell)]
+            assert not wrong, path
+    svg = "".join(path.read_text() for path in paths if path.suffix == ".svg")
+    assert "mathdefault" not in svg
+
+
+def _is_number(cell: str) -> bool:
+    return re.fullmatch(r"-?[\d.]+(e[+-]?\d+)?|-?(nan|inf)", cell) is not None
+
+
+def test_the_page_shows_names_as_text_and_fetches_nothing(run):
+    html = (run / "report.html").read_text(encoding="utf-8")
+    page = _Words(html)
+    assert all(link.startswith("data:") for link in page.links)
+    assert "script" not in page.tags
+    assert "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'" in html
+    for name in HOSTILE[4:6]:
+        assert name in page.words
+
+
+def test_terminal_figure_and_card_take_such_names(run, cli, tmp_path):
+    again = cli(
+        "model=haptic", "task=crossval", "data=manifest", "data.folds=3", "crossval.only=[0,1]",
+        f"data.manifest={_manifest(run)}", "debug=tiny", "explained_samples=1",
+        "figures.format=svg", f"hydra.run.dir={run}",
+    )  # fmt: skip
+    assert again.status == 0, again.err
+    assert not STEERING.search(again.err)
+    one = cli(
+        "task=predict", f"checkpoint={run / 'folds' / '0'}", "verbose=0",
+        f"haptic={_manifest(run).parent}/*_0.wav", f"predict.figure={tmp_path / 'why.svg'}",
+    )  # fmt: skip
+    assert one.status == 0, one.err
+    assert not STEERING.search(one.out)
+    labels = {json.loads(line)["label"] for line in one.out.splitlines()}
+    assert labels <= {*HOSTILE}
+    card = cli(
+        "task=export", f"checkpoint={run / 'folds' / '0'}", "export.format=card",
+        f"export.out={tmp_path}",
+    )  # fmt: skip
+    assert card.status == 0, card.err
+    text = (tmp_path / "MODEL_CARD.md").read_text(encoding="utf-8")
+    assert not STEERING.search(text)
+    shown = _Words(_rendered(text.partition("---\n")[2]))
+    assert not {"img", "a"} & {*shown.tags}
+    assert all(printable(name) in shown.words for name in HOSTILE[:6])
+
+
+def _manifest(run: Path) -> Path:
+    text = (run / ".hydra" / "config.yaml").read_text()
+    return Path(re.search(r"manifest: (\S+manifest.csv)", text)[1])

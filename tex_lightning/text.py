@@ -1,0 +1,67 @@
+"""The one way out for text: names that come from files, made harmless for each medium.
+
+Classes, files, conditions and senses are called whatever their author likes. Before such a name
+reaches a terminal, a figure, a document or a table, one of these functions takes from it what that
+medium would not show as text.
+"""
+
+import json
+import re
+from typing import Any
+
+FORMULA = re.compile(
+    r"'*[=+\-@]"
+)  # what a spreadsheet computes, and what was marked as text before
+# Punctuation that Markdown or HTML reads, of which some is plain inside of a word or line.
+MARKDOWN = re.compile(
+    r"[\\`*\[\]<>|~$]|^[#+=-]|&(?=[#\w])|:(?=//)|(?<=www)\.|(?<![^\W_])_|_(?![^\W_])"
+)
+
+
+def printable(text: str) -> str:
+    """Return one line without control characters, line breaks and marks of writing direction."""
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+
+
+def printable_lines(text: str) -> str:
+    """Return what :func:`printable` does of each line; tabs become blanks."""
+    return "\n".join(map(printable, text.expandtabs(1).split("\n")))
+
+
+def to_markdown(text: str) -> str:
+    """Return Markdown in one line that shows the text as it is, without images, links or HTML."""
+    return MARKDOWN.sub(r"\\\g<0>", printable(text))
+
+
+def to_json(value: object, indent: int | None = None) -> str:
+    """Return JSON in readable letters; those that no terminal should get are escaped."""
+    text = json.dumps(value, indent=indent, ensure_ascii=False)
+    lines = text.split("\n")  # of the indentation; those of names are escaped
+    return "\n".join("".join(map(_escaped, line)) for line in lines)
+
+
+def _escaped(letter: str) -> str:
+    return letter if letter.isprintable() else json.dumps(letter)[1:-1]
+
+
+def to_cell(value: Any) -> Any:  # noqa: ANN401  (numbers stay as they are)
+    """Return a cell of a CSV that no spreadsheet computes and no terminal obeys.
+
+    Text that begins like a formula gets an apostrophe before it, and text with control characters
+    is written as a JSON string. :func:`from_cell` undoes both.
+    """
+    if not isinstance(value, str):
+        return value
+    if not value.isprintable() or value.startswith('"'):
+        return json.dumps(value)
+    return f"'{value}" if FORMULA.match(value) else value
+
+
+def from_cell(cell: str) -> str:
+    """Return the text that :func:`to_cell` made a cell of."""
+    if cell.startswith('"'):
+        try:
+            return str(json.loads(cell))
+        except ValueError:  # somebody else's cell
+            return cell
+    return cell[1:] if cell.startswith("'") and FORMULA.match(cell) else cell
