@@ -117,7 +117,7 @@ def test_stability(printed, tmp_path):
         "worst_perturbation": {"name": "dropped_stretch", "mean_error": 0.999},
         "worst_class": {"name": "a_class_with_a_long_name_" * 3},
     }  # fmt: skip
-    systems = {"haptic": entry, "another_folder/fusion_squeezenet-2": entry, "c": {}}
+    systems = {"haptic": entry, "another_folder/fusion_efficientnet-2": entry, "c": {}}
     results = {"data": "manifest", "reference": "haptic", "systems": systems}
     stability_tables.print_stability(results, tmp_path)
     text = printed()
@@ -138,7 +138,7 @@ def test_profile(printed, tmp_path):
         ],
     }  # fmt: skip
     results = {
-        "model": "fusion_squeezenet",
+        "model": "fusion_efficientnet",
         "weights": "run.ckpt",
         "environment": {"threads": 64},
         "networks": {"haptic": network, "visual": network},

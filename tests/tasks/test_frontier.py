@@ -203,7 +203,7 @@ def test_every_system_is_timed_on_photos_of_its_own_size(given, cli, monkeypatch
         sides[half_scale] = next(samples)["image"].shape[0]
 
     monkeypatch.setattr(latencies, "_classify_next", classify)
-    systems = "frontier.only=[visualnet_squeezenet,visualnet_squeezenet_half]"
+    systems = "frontier.only=[visualnet_efficientnet_lite0,visualnet_efficientnet_lite0_half]"
     only = "crossval.only=[0]", "data.half_scale=false"
     assert cli("task=frontier", "frontier=fusion", *given, *only, systems).status == 0
     assert sides[False] == 2 * sides[True]
@@ -255,7 +255,7 @@ def test_one_source_of_weights_is_for_published_trunks(tmp_path):
     alone = ["model.senses=[haptic]"]
     assert with_system(job, preset, alone) == [*preset, *alone, "weights=null"]
     assert with_system(job, preset, ["seed=1"]) == [*preset, "seed=1"]
-    for model in ("model=visual_squeezenet", "model=fusion_squeezenet"):
+    for model in ("model=visual_efficientnet", "model=fusion_efficientnet"):
         assert with_system(job, given, [model]) == [*given, model]
 
 

@@ -17,7 +17,6 @@ PROFILED = (
     "haptic",
     "visual",
     "visual_tcnn",
-    "visual_squeezenet",
     "visual_efficientnet",
     "visual_vgg_m",
     "tcnn",
