@@ -101,7 +101,7 @@ def test_sweep(printed, tmp_path):
             "status": "done", "network": "fusion", "ci_low": 0.978, "ci_high": 1.0,
             "fit_seconds": 123_456.78, **CORRECT,
         }
-        for job, model in enumerate(["multirocket_hydra", "fusion_fc3_tcnn"])
+        for job, model in enumerate(["minirocket", "fusion_fc3_tcnn"])
     ]  # fmt: skip
     lost = {"job": "17", "overrides": ["model=haptic"], "status": "A sentence that explains."}
     sweep._print([*rows, lost], tmp_path)

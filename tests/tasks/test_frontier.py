@@ -156,7 +156,7 @@ def test_later_systems_and_folds_join_what_the_folder_holds(
 def test_missing_libraries_are_named_before_anything_is_trained(given, cli, tmp_path, monkeypatch):
     for module in ("aeon.transformations.collection.convolution_based", "skimage.feature"):
         monkeypatch.setitem(sys.modules, module, None)  # as if not installed
-    for module in ("rocket", "multirocket_hydra", "patterns"):
+    for module in ("rocket", "patterns"):
         monkeypatch.delitem(sys.modules, f"tex_lightning.baselines.{module}", raising=False)
     only = "frontier.only=[hapticnet_w0.125,minirocket,lbp]"
     outcome = cli("task=frontier", "frontier=fusion", *given, only, f"hydra.run.dir={tmp_path}/r")
