@@ -132,10 +132,6 @@ def test_profile(printed, tmp_path):
         "label_agreement": 0.98765, "dense_agreement": 1.0, "macs": 123e9, "gemm_gflops": 1234.5,
         "roofline_fraction": 0.98, "peak_memory_mib": 12_345.0,
         "flips_engine": 123, "vote_flips_engine": True, "flips_bf16": 0, "vote_flips_bf16": False,
-        "layers": [
-            {"name": "visual.trunk.layers.conv1.0", "kind": "FastResponseNorm", "ms": 1234.5,
-             "macs": 123e9, "gflops": 1234.0, "roofline_fraction": 2.5}
-        ],
     }  # fmt: skip
     results = {
         "model": "fusion_efficientnet",

@@ -39,7 +39,6 @@ READ_BY = {
     "optimized_metric": ("fit", "crossval"),
     "predict.fast_decode": ("predict",),
     "predict.figure": ("predict",),
-    "profile.growth": ("profile",),
     "stability.severities": ("stability",),
     "stability.systems": ("stability",),
     "weights": ("fit", "crossval", "frontier"),

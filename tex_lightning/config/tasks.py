@@ -240,8 +240,6 @@ class ProfileConfig:
     budget_s: float = key(
         "time for a network after which no new round begins, except the first three", **DAY
     )
-    growth: bool = key("also measure cost against length, size, classes, pairs, batch, threads")
-    max_seconds: float = key("longest expected time of a single call in growth", **DAY)
 
 
 @dataclass
