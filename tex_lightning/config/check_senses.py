@@ -55,8 +55,6 @@ def _check_sense(where: str, branch: BranchConfig) -> Iterator[str]:
         if name in PARTS or (isinstance(node, dict) and TARGET in node)
     }
     taken = {name: _parameters(f"{where}.{name}", node) for name, node in nodes.items()}
-    for name, node in nodes.items():
-        yield from _unread(f"{where}.{name}", node, taken[name], {})
     if None in taken.values():  # a class that takes any argument
         return
     # what a class is given in its own node wins
