@@ -92,8 +92,7 @@ def damaged_trees(name: str, count: int, folder: Path) -> Iterator[tuple[str, At
 
     def read() -> list[np.ndarray]:
         rows = read_recordings(data)
-        assert all(row.group >= 0 for row in rows)
-        return [np.array([row.group for row in rows])]
+        return [np.array([row.fold for row in rows], np.float64)]
 
     rng = np.random.default_rng(len(name))
     for place in range(-1, count):

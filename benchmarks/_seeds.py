@@ -245,7 +245,7 @@ def read_pixels(path: Path) -> list[Array]:
 
 def read_rows(path: Path) -> list[Array]:
     rows = read_manifest(path)
-    assert all(row.path.is_file() and row.label and row.group >= 0 for row in rows)
+    assert all(row.path.is_file() and row.label and row.group_key for row in rows)
     return [np.array([row.sampling_rate or 1.0 for row in rows])]
 
 

@@ -129,7 +129,7 @@ def _train(folder: Path, draw: int, experiment: str, rows: Recordings, *given: s
 
 def _with_few(rows: Recordings, new: Sequence[str], fold: int, count: int) -> Recordings:
     """All recordings, but of the new classes only so many to train on, and those to test on."""
-    others = [row for row in rows.in_classes(new) if row.group % FOLDS != fold]
+    others = [row for row in rows.in_classes(new) if row.fold != fold]
     kept = next_of_each(others, count, fold, FOLDS)
     return rows.without(set(others).difference(kept))
 

@@ -241,7 +241,8 @@ def _statistics(given: Simulated) -> Callable[[], object]:
 
 def _left_out(given: Simulated) -> Callable[[], object]:
     features, labels = _features(given)
-    return lambda: left_out_novelties(features, labels, given.classes)
+    groups = [str(number) for number in range(len(labels))]
+    return lambda: left_out_novelties(features, labels, given.classes, groups)
 
 
 def _votes(given: Simulated) -> Callable[[], object]:

@@ -1,6 +1,7 @@
 """What a training takes from the user's own recordings: their rate, weights that know images."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
+from tex_lightning.data.readers.folder import read_folder
+from tex_lightning.data.recordings import Recordings, write_manifest
 from tex_lightning.defaults import with_defaults
 
 TINY = ("debug=tiny", "trainer.threads=1")
@@ -119,6 +122,23 @@ def test_whoever_has_chosen_keeps_the_choice(surfaces, tmp_path, monkeypatch, as
     found = with_defaults(config.task, config.data, config.model, job).overrides
     assert ("weights=imagenet" in found) is begins
     assert (found == overrides) is not begins
+
+
+@pytest.mark.parametrize("session", ["{} June", "{}"])
+def test_ten_folds_of_five_groups_become_five_with_a_sentence(cli, surfaces, tmp_path, session):
+    rows = [
+        replace(row, group=session.format(row.group % 5)) for row in read_folder(surfaces)
+        if row.modality == "haptic"
+    ]  # fmt: skip
+    write_manifest(Recordings(tuple(rows)), tmp_path / "m.csv")
+    asked = ("model=haptic", "data=manifest", f"data.manifest={tmp_path}/m.csv")
+    outcome = cli(*asked, "data.test_fold=7", f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 2
+    assert "The recordings are of 5 groups, so there are 5 folds in place of data.folds=10" in (
+        outcome.err
+    )
+    assert "data.test_fold is 7: choose from 0 to 4" in outcome.err
+    assert "5 groups" not in cli(*asked, "data.folds=5", "data.test_fold=7").err
 
 
 def test_without_the_weights_one_line_says_what_they_would_give(cli, surfaces, tmp_path):

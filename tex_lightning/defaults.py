@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.job import Job
 from tex_lightning.data.decode import SignalDecoder, read_trace
+from tex_lightning.data.folds import count_folds
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
@@ -21,6 +22,7 @@ log = logging.getLogger(__name__)
 
 TRAINING = ("fit", "crossval")  # tasks that train one model
 OWN_DATA = ("folder", "manifest")
+SYNTHETIC = "synthetic"
 PRETRAINED = {
     "visual": "visual_efficientnet",
     "fusion": "fusion_efficientnet",
@@ -47,10 +49,24 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
         UserError: If the data set cannot be read.
     """
     reads_data = task in (*TRAINING, "frontier")
+    if reads_data and data.name != SYNTHETIC:  # which would be rendered before anything is checked
+        job = _with_real_folds(data, model, job)
     if data.sampling_rate is None and (reads_data or task == "profile"):  # others have a card
         rate = _own_rate(data, model) if reads_data else PAPERS_RATE
         job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
     return _with_pretrained(task, data, model, job)
+
+
+def _with_real_folds(data: DataConfig, model: ModelConfig, job: Job) -> Job:
+    """Ask for no more folds than there are groups."""
+    folds = count_folds(read_recordings(data, model.modalities), data.folds)
+    if folds == data.folds:
+        return job
+    log.info(
+        "The recordings are of %d groups, so there are %d folds in place of data.folds=%d.",
+        folds, folds, data.folds,
+    )  # fmt: skip
+    return replace(job, overrides=(*job.overrides, f"data.folds={folds}"))
 
 
 def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:

@@ -68,6 +68,20 @@ def test_too_small_a_photo_is_refused(branch):
     branch.check(photo(199, 199))
 
 
+@pytest.mark.parametrize(
+    ("decoder", "remedy"),
+    [
+        (PhotoDecoder(half_scale=True), "use a larger one or train with data.half_scale=false."),
+        (PhotoDecoder(half_scale=False), "use a larger one."),
+        (PhotoDecoder(half_scale=False, resize=64), "or train with a larger data.resize."),
+    ],
+)
+def test_the_remedy_for_a_small_photo_is_none_that_was_taken(branch, decoder, remedy):
+    with pytest.raises(UserError) as caught:
+        replace(branch, decoder=decoder).check(photo(64, 64))
+    assert str(caught.value).endswith(remedy)
+
+
 def test_a_bank_is_cut_into_turned_crops(branch, tmp_path):
     Image.fromarray(photo(400, 400).numpy()).save(tmp_path / "p.png")
     row = Recording("a", "image", tmp_path / "p.png", 0)

@@ -1,11 +1,21 @@
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.config import Folding
-from tex_lightning.data.folds import Split, check_split, make_samples, split
+from tex_lightning.config import DataConfig, Folding
+from tex_lightning.data.folds import (
+    Split,
+    check_split,
+    count_folds,
+    make_samples,
+    split,
+    with_folds,
+)
+from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 
@@ -37,15 +47,77 @@ def test_every_recording_is_tested_once_and_never_with_its_group_in_training(fol
         parts = split(rows, by(folds, fold, (fold + 1) % folds))
         assert len(parts.train) + len(parts.val) + len(parts.test) == len(rows)
         tested += len(parts.test)
-        groups_of = [
-            {row.group % folds for row in part} for part in (parts.train, parts.val, parts.test)
-        ]
+        groups_of = [{row.group for row in part} for part in (parts.train, parts.val, parts.test)]
         assert (
             not groups_of[0] & groups_of[1]
             | groups_of[0] & groups_of[2]
             | groups_of[1] & groups_of[2]
         )
     assert tested == len(rows)
+
+
+def test_ten_folds_of_numbered_recordings_are_their_numbers_modulo_ten():
+    rows = with_folds(table(a=(10, 40), b=(10, 40)), 10)
+    assert all(row.fold == row.group % 10 for row in rows)
+    shifted = Recordings(tuple(replace(row, group=row.group + 1, fold=None) for row in rows))
+    assert all(row.fold == row.group % 10 for row in with_folds(shifted, 10))
+
+
+@pytest.mark.parametrize("numbers", [range(5), [0, 2, 4, 6, 8], [0, 10, 20, 30, 40]])
+def test_ten_folds_of_five_groups_are_five(numbers):
+    numbered = Recordings(tuple(Recording("a", "haptic", Path(), number) for number in numbers))
+    named = Recordings(tuple(replace(row, group=f"day {row.group}") for row in numbered))
+    for rows in (numbered, named):
+        assert count_folds(rows, 10) == 5
+        asked, fitting = (with_folds(rows, folds) for folds in (10, 5))
+        assert sorted(row.fold for row in asked) == [0, 1, 2, 3, 4]
+        assert [row.fold for row in asked] == [row.fold for row in fitting]
+
+
+def test_one_group_cannot_be_divided_and_the_class_is_named():
+    rows = Recordings(tuple(Recording(label, "haptic", Path(), "day 1") for label in "ab"))
+    assert count_folds(rows, 10) == 10
+    with pytest.raises(UserError, match="no traces to train on for a, b"):
+        check_split(split(rows, by(10, 0)), ["a", "b"], ["haptic"], by(10, 0))
+
+
+@given(
+    groups=st.lists(
+        st.tuples(st.sampled_from("abc"), st.sampled_from(("haptic", "image")), st.integers(0, 15)),
+        min_size=2, max_size=60,
+    ),
+    folds=st.integers(2, 10),
+    shared=st.booleans(),
+)  # fmt: skip
+def test_named_groups_stay_together_across_modalities_and_no_fold_is_empty(groups, folds, shared):
+    rows = tuple(
+        Recording(label, modality, Path(str(at)), f"{'' if shared else label}{number} s")
+        for at, (label, modality, number) in enumerate(groups)
+    )
+    found = with_folds(Recordings(rows), folds)
+    assert len({(row.group, row.fold) for row in found}) == len({row.group for row in found})
+    count = count_folds(Recordings(rows), folds)
+    if len({row.group for row in found}) > 1:
+        assert {row.fold for row in found} == set(range(count))
+    turned = with_folds(Recordings(rows[::-1]), folds)
+    assert [row.fold for row in turned][::-1] == [row.fold for row in found]  # no chance, no order
+
+
+@pytest.mark.parametrize("name", ["borealtc", "fabricslide"])
+def test_real_manifests_with_named_groups_are_split_without_a_leak(shared, name):
+    reader = {"_target_": "tex_lightning.data.readers.manifest.ManifestReader"}
+    reader["manifest"] = str(shared / "data" / name / "manifest.csv")
+    rows = read_recordings(DataConfig(reader=reader, folds=5))
+    shares = Counter((row.label, row.fold) for row in rows)
+    for fold in range(5):
+        parts = split(rows, by(5, fold, (fold + 1) % 5))
+        groups = [{row.group for row in part} for part in (parts.train, parts.val, parts.test)]
+        assert not groups[0] & groups[1] | groups[0] & groups[2] | groups[1] & groups[2]
+        check_split(parts, rows.classes, ["haptic"], by(5, fold))
+        for label in rows.classes:  # stratified as far as whole groups allow
+            sizes = Counter(row.group for row in rows.in_classes([label]))
+            most = max(0.3 * sizes.total(), max(sizes.values()))
+            assert 0.08 * sizes.total() < shares[label, fold] <= most
 
 
 def test_inverted_swaps_training_and_test_and_leaves_validation_out_of_both():

@@ -36,7 +36,7 @@ READERS = "tex_lightning.data.readers"
 
 def read(root):
     folder = {"_target_": f"{READERS}.folder.FolderReader", "root": str(root)}
-    return read_recordings(DataConfig(reader=folder))
+    return read_recordings(DataConfig(reader=folder, folds=10))
 
 
 def rates(root):
@@ -156,7 +156,8 @@ def test_a_manifest_keeps_the_rates_of_a_folder(root, tmp_path):
             reader={
                 "_target_": f"{READERS}.manifest.ManifestReader",
                 "manifest": str(tmp_path / "m.csv"),
-            }
+            },
+            folds=10,
         )
     )
     assert set(again) == {replace(row, path=row.path.resolve()) for row in read(root)}

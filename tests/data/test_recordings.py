@@ -54,8 +54,12 @@ def test_a_manifest_survives_a_round_trip(tmp_path):
 
 
 def test_rates_byte_order_marks_and_extra_columns_are_read(tmp_path):
-    lines = "\ufefflabel,modality,path,group,rate,note\nw,haptic,a.wav,0,2500,x\n"
-    assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500
+    for name in ("rate", "sampling_rate"):
+        lines = f"\ufefflabel,modality,path,group,{name},note\nw,haptic,a.wav,0,2500,x\n"
+        assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500
+    both = "label,modality,path,group,rate,sampling_rate\nw,haptic,a.wav,0,2500,10000\n"
+    with pytest.raises(UserError, match="line 2: rate is 10000 and 2500; write one number"):
+        read_manifest(manifest(tmp_path, both))
 
 
 def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):
@@ -90,11 +94,22 @@ def test_parts_of_a_file_may_share_it_unless_they_overlap(tmp_path):
 def test_columns_that_may_have_been_meant_otherwise_are_named(tmp_path):
     lines = "label,modality,path,group,sample_rate,fs,operator\nw,haptic,a.wav,0,1,2,x\n"
     (note,) = read_manifest(manifest(tmp_path, lines)).notes
-    assert note.count == 2
+    assert note.count == 0  # they are used, not skipped
     meant = "sample_rate (did you mean rate?), fs (did you mean rate?)."
     assert note.text.endswith(meant)
     known = manifest(tmp_path, HEADER + "w,haptic,a.wav,0\n")
     assert read_manifest(known).notes == ()
+
+
+def test_a_group_is_any_text_and_a_number_counts_inside_its_class(tmp_path):
+    names = ["0", "007", "-1", "1.0", "F120_V-100_0", "Jörg, Mo", "9" * 30, "²"]
+    lines = [f'w,haptic,a.wav,"{name}",{n / 8}-{(n + 1) / 8}\n' for n, name in enumerate(names)]
+    path = manifest(tmp_path, "label,modality,path,group,part\n" + "".join(lines))
+    rows = read_manifest(path).rows
+    assert [row.group for row in rows] == [0, 7, *names[2:]]
+    assert [row.group_key for row in rows] == ["w/0", "w/7", *names[2:]]
+    write_manifest(Recordings(rows), tmp_path / "again.csv")
+    assert read_manifest(tmp_path / "again.csv").rows == rows
 
 
 def test_rows_are_left_out_without_a_change_of_groups():
@@ -114,8 +129,7 @@ def test_rows_are_left_out_without_a_change_of_groups():
             "line 2: modality is 'two words'; write haptic, image, ",
         ),
         (HEADER + "w,haptic,b.wav,0\n", "b.wav does not exist"),
-        (HEADER + "w,haptic,a.wav,x\n", "not a number"),
-        (HEADER + "w,haptic,a.wav,-1\n", "0 or more"),
+        (HEADER + "w,haptic,a.wav,\n", "group is empty; name what was recorded together"),
         ("label,modality,path,group,rate\nw,haptic,a.wav,0,fast\n", "rate is fast; write one"),
         ("label,modality,path,group,rate\nw,haptic,a.wav,0,-2\n", "rate is -2; write one"),
         ("label,modality,path,group,part\nw,haptic,a.wav,0,0.5\n", "part is '0.5' .* as 0-0.5"),
@@ -148,13 +162,12 @@ def test_classes_are_distinct_and_in_natural_order():
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("oak,haptic,a.csv", "group is not a number"),
+        ("oak,haptic,a.csv", "group is empty"),
         ("oak", "label or path is empty"),
         (f"oak,haptic,{'x' * 5000},0", "more characters.*does not exist"),
         ("oak,haptic,a\0b,0", r"a\\x00b does not exist"),
         ("oak,haptic,loop,0", "loop does not exist"),
-        (f"oak,haptic,a.csv,{'9' * 5000}", "group is not a number"),
-        (f"oak,{'x,' * 9}", "group is not a number"),
+        (f"oak,{'x,' * 9}", "rate is x"),
         (f"oak,{'-' * 5000},a.csv,0", "modality is .*more characters"),
         (f"oak,haptic,a.csv,0,{'9' * 5000}", "rate is .*more characters"),
         (f"oak,haptic,a.csv,0,,{'9' * 5000}", "part is .*more characters"),

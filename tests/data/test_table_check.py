@@ -24,6 +24,7 @@ ROWS = tuple(
         Recordings([*ROWS]),
         Recordings(row for row in ROWS),
         Recordings(tuple(replace(row, group=np.int64(row.group)) for row in ROWS)),
+        Recordings(tuple(replace(row, group=f"session {row.group}") for row in ROWS)),
         Recordings(tuple(replace(row, sampling_rate=np.float32(100)) for row in ROWS)),
         Recordings(
             tuple(
@@ -64,7 +65,7 @@ def test_what_is_no_table_is_refused(given, said):
         ("label", ["", None, 1]),
         ("modality", ["haptic sense/é,1", "", 3]),
         ("path", ["a.wav", None]),
-        ("group", [-1, "0", 1.0, None, True, np.zeros(2)]),
+        ("group", [-1, " ", 1.0, None, True, np.zeros(2)]),
         ("sampling_rate", [0.0, -1, "100", float("nan"), float("inf"), True]),
         ("conditions", [{"speed": "1"}, (("speed", 1),), ("speed",), None]),
     ],

@@ -11,6 +11,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import PredefinedSplit, cross_val_predict
 
 from tex_lightning.decision.temperature import fit_temperature
+from tex_lightning.groups import leave_out
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import _view, fit_linear_head
 from tex_lightning.perturbations.augment import Augmentation
@@ -37,7 +38,12 @@ def photos_of(classes, count, seed, size=(240, 290)):
     return Photos(list(COLOURS[labels][:, None, None] + noise)), labels
 
 
-def module_of(classes, probe=PROBE, trunk="efficientnet_lite0"):
+def names(count):
+    """A group for each photo."""
+    return [str(number) for number in range(count)]
+
+
+def module_of(classes, probe=PROBE, trunk="squeezenet"):
     names, trunk = [str(number) for number in range(classes)], trunk_node(trunk)
     card = make_card("visual", classes=names, trunk=trunk, width=0.1, norm="none", head=[])
     torch.manual_seed(0)
@@ -55,7 +61,7 @@ def scores(module, photo):
 def test_unseen_photos_are_right_and_the_convolutions_stay(classes):
     module = module_of(classes, {**PROBE, "strength": 1e4})
     before = [each.clone() for each in module.network.trunk.parameters()]
-    fit_linear_head(module, *photos_of(classes, 6 * classes, seed=1))
+    fit_linear_head(module, *photos_of(classes, 6 * classes, seed=1), names(6 * classes))
     after = module.network.trunk.parameters()
     assert all(torch.equal(a, b) for a, b in zip(before, after, strict=True))
     unseen, labels = photos_of(classes, 2 * classes, seed=2)
@@ -63,19 +69,21 @@ def test_unseen_photos_are_right_and_the_convolutions_stay(classes):
     assert votes == labels.tolist()
 
 
-def test_mean_score_is_that_of_scikit_learn_on_mean_features():
-    module = module_of(3)
+@pytest.mark.parametrize("trunk", ["squeezenet", "efficientnet_lite0"])
+def test_mean_score_is_that_of_scikit_learn_on_mean_features(trunk):
+    module = module_of(3, trunk=trunk)
     photos, labels = photos_of(3, 12, seed=1)
     raw = []
     with torch.no_grad():
         for photo in photos.recordings:
             image = module.classifier.branch("visual")(torch.from_numpy(photo))
             raw.append(module.network.eval().trunk(image).mean(dim=(0, 2, 3)).double().numpy())
-    fit_linear_head(module, photos, labels)
+    groups = names(12)
+    fit_linear_head(module, photos, labels, groups)
     spread = np.sqrt(np.var(raw, axis=0) + 0.1**2)
     rows = (raw - np.mean(raw, axis=0)) / spread
     expected = LogisticRegression(C=0.03, tol=1e-6, max_iter=5000)
-    folds = PredefinedSplit(labels.argsort(kind="stable").argsort() % 10)
+    folds = PredefinedSplit(leave_out(labels.tolist(), groups))
     left_out = cross_val_predict(expected, rows, labels, cv=folds, method="decision_function")
     temperature = fit_temperature([torch.from_numpy(each)[:, None] for each in left_out], labels)
     mean = torch.stack([scores(module, each).mean(dim=1) for each in photos.recordings])
@@ -87,7 +95,7 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
 def test_a_single_photo_of_a_class_is_not_left_out():
     module = module_of(3)
     photos, labels = photos_of(3, 4, seed=1)
-    fit_linear_head(module, photos, labels)
+    fit_linear_head(module, photos, labels, names(4))
     mean = torch.stack([scores(module, each).mean(dim=1) for each in photos.recordings])
     assert mean.softmax(dim=1).max() < 0.9  # as unsure as the penalty leaves it
 
@@ -103,10 +111,13 @@ def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     assert _view(darker, 0, module).mean() < 0.99 * view.mean()
 
 
-def test_a_head_without_hidden_layers_from_the_command_line(cli, surfaces, tmp_path):
+@pytest.mark.parametrize(
+    "model", ["visual_squeezenet", pytest.param("visual_efficientnet", marks=pytest.mark.slow)]
+)
+def test_a_head_without_hidden_layers_from_the_command_line(cli, surfaces, tmp_path, model):
     outcome = cli(
-        "model=visual_efficientnet", "data=folder", f"data.root={surfaces}",
-        "data.half_scale=false", "debug=tiny", "model.visual.fit.epochs=0", "trainer.threads=1",
+        f"model={model}", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
+        "debug=tiny", "model.visual.fit.epochs=0", "trainer.threads=1",
         f"hydra.run.dir={tmp_path / 'run'}",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err

@@ -3,12 +3,16 @@
 import pytest
 import torch
 from conftest import CLASSES, make_card, make_trace
+from scipy.stats import binomtest
+from sklearn.model_selection import LeaveOneGroupOut
 
 import tex_lightning as tl
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
+from tex_lightning.decision.unknown import novelty_threshold
+from tex_lightning.groups import leave_out
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.statistics import left_out_novelties
 from tex_lightning.networks.statistics import FeatureStatistics
@@ -66,24 +70,47 @@ def test_recordings_left_out_are_as_novel_as_new_ones():
     centres = 4 * torch.randn(3, 40)
     labels = torch.arange(60) % 3
     rows, new = (centres[labels] + torch.randn(60, 40) for _ in range(2))
-    found = torch.tensor(left_out_novelties(rows, labels, 3))
+    groups = [str(number) for number in range(60)]
+    found = torch.tensor(left_out_novelties(rows, labels, 3, groups))
     statistics = FeatureStatistics.of(rows, labels, 3)
     assert found.mean() == pytest.approx(statistics.novelty(new).mean().item(), rel=0.1)
     assert statistics.novelty(rows).mean() < found.mean()
-    assert left_out_novelties(rows[:4], labels[:4], 3) == []  # of two classes there is but one
+    assert left_out_novelties(rows[:4], labels[:4], 3, groups[:4]) == []  # of two there is but one
+    assert left_out_novelties(rows, labels, 3, [str(label) for label in labels.tolist()]) == []
 
 
-def test_recordings_are_left_out_in_ten_parts_of_each_class():
+def test_groups_are_left_out_as_scikit_learn_would_by_the_same_parts():
     generator = torch.Generator().manual_seed(0)
     labels = torch.randint(3, (70,), generator=generator)
     features = torch.randn(70, 4, generator=generator)
-    seen = [0, 0, 0]
-    parts = torch.empty(70, dtype=torch.long)
-    for place, label in enumerate(labels.tolist()):
-        parts[place] = seen[label] % 10
-        seen[label] += 1
+    groups = [f"{label}/{number // 4}" for number, label in enumerate(labels.tolist())]
+    parts = torch.tensor(leave_out(labels.tolist(), groups))
     expected = torch.empty(70)
-    for part in range(10):
-        kept = FeatureStatistics.of(features[parts != part], labels[parts != part], 3)
-        expected[parts == part] = kept.novelty(features[parts == part])
-    assert left_out_novelties(features, labels, 3) == pytest.approx(expected.tolist())
+    for kept, out in LeaveOneGroupOut().split(features, labels, parts):
+        own = FeatureStatistics.of(features[kept], labels[kept], 3)
+        expected[out] = own.novelty(features[out])
+    assert left_out_novelties(features, labels, 3, groups) == pytest.approx(expected.tolist())
+
+
+def test_as_many_known_recordings_are_rejected_as_asked_where_four_are_tiles_of_a_photo():
+    """Tiles of a photo are alike: a threshold from tiles left out one by one rejected most."""
+    torch.manual_seed(0)
+    photos, tiles, classes, rate = 40, 4, 4, 0.05
+    centres = 3 * torch.randn(classes, 120)
+    labels = torch.arange(classes).repeat_interleave(photos * tiles)
+
+    def draw() -> torch.Tensor:
+        of_photos = torch.randn(classes * photos, 120).repeat_interleave(tiles, dim=0)
+        return centres[labels] + of_photos + 0.1 * torch.randn(len(labels), 120)
+
+    rows, new = draw(), draw()
+    statistics = FeatureStatistics.of(rows, labels, classes)
+    rejected = {}
+    for name, size in (("tile", 1), ("photo", tiles)):
+        groups = [str(number // size) for number in range(len(labels))]
+        known = left_out_novelties(rows, labels, classes, groups)
+        rejected[name] = int((statistics.novelty(new) > novelty_threshold(known, rate)).sum())
+    assert rejected["tile"] / len(new) > 0.5
+    # of 160 photos, which are what is independent
+    interval = binomtest(rejected["photo"] // tiles, classes * photos).proportion_ci(0.95, "wilson")
+    assert interval.low < rate < interval.high

@@ -39,7 +39,8 @@ def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_lear
     theirs = Ridge(alpha=strength * (rows**2).sum() / len(rows), fit_intercept=False)
     groups = np.repeat(np.arange(len(counts)), counts)
     left_out = cross_val_predict(theirs, rows, targets, groups=groups, cv=LeaveOneGroupOut())
-    weight, ours = _ridge(torch.from_numpy(rows), torch.from_numpy(targets), strength, counts)
+    given = torch.from_numpy(rows), torch.from_numpy(targets)
+    weight, ours = _ridge(*given, strength, torch.from_numpy(groups))
     np.testing.assert_allclose(weight.T, theirs.fit(rows, targets).coef_, atol=1e-10)
     np.testing.assert_allclose(ours, left_out, atol=1e-10)
 
@@ -85,6 +86,29 @@ def test_probabilities_are_as_sure_as_they_are_right():
     accuracy = (found == labels[150:]).double().mean()
     assert 0.4 < accuracy < 0.95  # hard enough to be wrong at times
     assert abs(sure.double().mean() - accuracy) < 0.08
+
+
+def test_pieces_of_a_group_do_not_answer_for_each_other():
+    """Four pieces of a stroke are alike: left out one by one they make any score look right."""
+    pieces, strokes, bands = 4, 30 * CLASSES, 40
+    rng = np.random.default_rng(1)
+    labels = torch.arange(CLASSES).repeat_interleave(strokes // CLASSES * pieces)
+
+    def draw() -> list[torch.Tensor]:
+        of_strokes = np.repeat(0.8 * rng.standard_normal((strokes, bands)), pieces, axis=0)
+        rows = np.eye(bands)[labels] + of_strokes + 0.1 * rng.standard_normal(of_strokes.shape)
+        return [torch.from_numpy(row).float()[None, :, None] for row in rows]
+
+    inputs, unseen, sure = draw(), draw(), []
+    for size in (1, pieces):
+        network = LinearNet(CLASSES, bands=bands, strength=0.03)
+        network.fit(inputs, labels, [str(number // size) for number in range(len(labels))])
+        logits = torch.stack([network(one[None])[0, :, 0].detach() for one in unseen])
+        sure.append(float(logits.softmax(dim=1).amax(dim=1).mean()))
+    accuracy = float((logits.argmax(dim=1) == labels).double().mean())
+    assert 0.4 < accuracy < 0.7
+    assert sure[0] - accuracy > 0.2  # what pieces say
+    assert abs(sure[1] - accuracy) < 0.1  # what strokes say
 
 
 def test_features_of_fusion_are_standardised_or_the_scores():

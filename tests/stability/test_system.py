@@ -57,14 +57,14 @@ def make(tmp_path):
         for modality in modalities:
             path = tmp_path / f"{label}_{group}.{modality}"
             path.write_text(path.name)
-            made[modality] = Recording(label, modality, path, group)
+            made[modality] = Recording(label, modality, path, group, fold=group)
         return made
 
     def system(senses: dict[str, str]) -> System:
         modalities = dict.fromkeys(senses.values())
         samples = [Sample(label, rows(label, group, modalities)) for label in LABELS
                    for group in (0, 1)]  # fmt: skip
-        dataset = PerturbedDataset(Whole(), seed=0, folds=2)
+        dataset = PerturbedDataset(Whole(), seed=0)
         dataset.add(row for sample in samples for row in sample.recordings.values())
         kind = "fusion" if len(senses) > 1 else next(iter(senses))
         return System("mine", kind, [Member(Path("x"), Stub(senses), samples, dataset)])

@@ -163,7 +163,8 @@ def test_held_out_classes_are_tested_and_never_trained_on(cli, surfaces, tmp_pat
     [
         ("decision.alpha=1.5", "decision.alpha is 1.5"),
         ("decision.reject_below=2", "decision.reject_below is 2"),
-        ("data.hold_out=[granite]", "data.hold_out names granite"),
+        ("data.hold_out=[granite]", "data.hold_out names granite, and the data has no such"),
+        ("data.hold_out=[alpha beta]", "commas between names: data.hold_out=[alpha,beta]."),
         ("model=minirocket", "a baseline looks at the whole recording"),
     ],
 )

@@ -48,10 +48,13 @@ class PhotoBranch(Branch):
         height, width = recording.shape[:2]
         least = max(self.min_size)
         if min(height, width) < least:
+            if self.decoder.resize is not None:
+                more = " or train with a larger data.resize"
+            else:
+                more = " or train with data.half_scale=false" if self.decoder.half_scale else ""
             raise UserError(
                 f"The {self.what} has {width}x{height} pixels after decoding, and this network "
-                f"needs {least} on each side; use a larger one or train with "
-                "data.half_scale=false."
+                f"needs {least} on each side; use a larger one{more}."
             )
 
     def __call__(self, recording: Tensor) -> Tensor:

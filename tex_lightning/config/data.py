@@ -24,8 +24,10 @@ class Folding:
     """How recordings are divided into folds, and which of them are trained on."""
 
     folds: int = key(
-        "number of folds; the fold of a recording is its group modulo this", least=2, most=100_000
-    )
+        "number of folds, of whole groups; where groups are numbers the fold is the number modulo "
+        "this",
+        least=2, most=100_000,
+    )  # fmt: skip
     test_fold: int | None = key(
         "fold that is tested, never trained or chosen on; with task=evaluate null tests everything"
     )

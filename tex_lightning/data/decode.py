@@ -89,7 +89,9 @@ class SignalDecoder(Decoder):
 
     def __post_init__(self) -> None:
         if self.channel is not None and (type(self.channel) is not int or self.channel < 0):
-            raise UserError(f"decode.channel is {self.channel!r}; give a number from 0, or null.")
+            raise UserError(
+                f"model.SENSE.decode.channel is {self.channel!r}; give a number from 0, or null."
+            )
 
     def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, SourceRate]:
         """Read a trace of one or three axes and bring it to the configured rate.

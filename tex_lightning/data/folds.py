@@ -1,18 +1,21 @@
-"""Folds by recording number or by conditions, and samples: what is classified as one.
+"""Folds by group or by conditions, and samples: what is classified as one.
 
-A recording's fold is its group modulo the number of folds, so that everything recorded together
-is tested together. The paper (section IV) trains on nine recordings of each class and tests on
-the tenth, ten times.
+Everything recorded together is tested together. Where groups are numbers a recording's fold is its
+number modulo the number of folds: the paper (section IV) trains on nine recordings of each class
+and tests on the tenth, ten times. Where some have names, groups are spread over the folds so that
+each has about as much of every class and modality.
 """
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from tex_lightning.config import Folding
 from tex_lightning.data.conditions import is_tested, tested_part
-from tex_lightning.data.recordings import Recording, Recordings, plural
+from tex_lightning.data.recordings import Recording, Recordings, natural_key, plural
 from tex_lightning.errors import UserError, listed
+from tex_lightning.groups import divide
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,36 @@ class Sample:
     recordings: Mapping[str, Recording]
 
 
+def with_folds(recordings: Recordings, folds: int) -> Recordings:
+    """Give every recording of a whole table its fold, unless they have them.
+
+    Args:
+        recordings: The table; of a part of it folds may be others.
+        folds: Number of folds; of fewer groups each is a fold.
+    """
+    rows = recordings.rows
+    if all(row.fold is not None for row in rows):
+        return recordings
+    count = count_folds(recordings, folds)
+    if any(isinstance(row.group, str) for row in rows):
+        kinds = [(row.label, row.modality) for row in rows]
+        found = divide(kinds, [row.group_key for row in rows], count)
+    else:
+        numbers = sorted({int(row.group) for row in rows})
+        whole = len({number % count for number in numbers}) == min(len(numbers), count)
+        place = {number: number % count if whole else at for at, number in enumerate(numbers)}
+        found = [place[int(row.group)] % count for row in rows]
+    folded = zip(rows, found, strict=True)
+    return replace(recordings, rows=tuple(replace(row, fold=fold) for row, fold in folded))
+
+
+def count_folds(recordings: Recordings, folds: int) -> int:
+    """Number of folds that a table has: as many as asked for, or as there are groups."""
+    named = any(isinstance(row.group, str) for row in recordings)
+    groups = {row.group_key if named else row.group for row in recordings}
+    return min(folds, len(groups)) if len(groups) > 1 else folds  # one cannot be divided
+
+
 def split(recordings: Recordings, by: Folding) -> Split:
     """Divide by fold, or by ``test_where`` where the recordings of a sense have its conditions.
 
@@ -44,7 +77,7 @@ def split(recordings: Recordings, by: Folding) -> Split:
     so that ten folds are ten draws of them and any two systems see the same.
     """
     parts: dict[str, list[Recording]] = {"train": [], "val": [], "test": []}
-    for row in recordings:
+    for row in with_folds(recordings, by.folds):
         parts[_part(row, by)].append(row)
     if by.per_class is not None:
         parts["train"] = next_of_each(parts["train"], by.per_class, by.test_fold or 0, by.folds)
@@ -52,17 +85,28 @@ def split(recordings: Recordings, by: Folding) -> Split:
 
 
 def _part(row: Recording, by: Folding) -> str:
-    fold = row.group % by.folds
     alone, others = ("train", "test") if by.inverted else ("test", "train")
     tested = None if by.test_where is None else is_tested(row, by.test_where)
     if tested is None:  # nothing but its fold decides
-        tested = by.test_fold is None or fold == by.test_fold
-    return alone if tested else "val" if fold == by.val_fold else others
+        tested = by.test_fold is None or row.fold == by.test_fold
+    return alone if tested else "val" if row.fold == by.val_fold else others
 
 
 def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
-    """The first ``count`` recordings of each class and sense after a fold, cyclically."""
-    following = sorted(rows, key=lambda row: ((row.group - fold) % folds, row.group))
+    """The first ``count`` recordings of each class and sense after a fold, cyclically.
+
+    Args:
+        rows: Recordings with folds.
+        count: How many of each class and sense are taken.
+        fold: The fold after which they are taken.
+        folds: Number of folds.
+    """
+
+    def place(row: Recording) -> tuple[int, Any]:
+        assert row.fold is not None, "the reader's table has folds"
+        return (row.fold - fold) % folds, natural_key(str(row.group))
+
+    following = sorted(rows, key=place)
     taken: Counter[tuple[str, str]] = Counter()
     kept = set()
     for row in following:

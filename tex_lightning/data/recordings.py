@@ -19,8 +19,9 @@ from tex_lightning.text import to_cell
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
 COLUMNS = ("label", "modality", "path", "group")
-RATE, PART = "rate", "part"
-KNOWN = (*COLUMNS, RATE, PART)
+RATE, OLD_RATE, PART = "rate", "sampling_rate", "part"
+KNOWN = (*COLUMNS, RATE, OLD_RATE, PART)
+NUMBER = re.compile("[0-9]{1,18}")  # a group that counts; longer ones are names
 
 Conditions = tuple[tuple[str, str], ...]
 
@@ -34,13 +35,16 @@ class Recording:
         modality: ``haptic`` for an acceleration trace, ``image`` for a photo, ``sound``, or a name
             of the user's.
         path: The file.
-        group: Number of the recording inside its class; it decides the fold.
+        group: What was recorded together and is never divided between training and test: any text,
+            such as a session, a specimen or a person, wherever it occurs; or a whole number, which
+            counts inside the class and decides the fold.
         sampling_rate: Rate of a signal in Hz where the reader knows it, else None
             (a WAV file carries its own; other formats have the configured rate).
         conditions: Conditions of the recording as names and values, such as
             ``("speed", "60")``; every further column of a manifest is one.
         part: The part of the file, as fractions of the length of a signal or of the width of a
             photo (:mod:`.parts`); None is the whole file.
+        fold: The fold, which belongs to a division of the whole table (:mod:`.folds`); None before.
 
     Example:
         >>> import tex_lightning as tl
@@ -52,10 +56,16 @@ class Recording:
     label: str
     modality: str
     path: Path
-    group: int
+    group: int | str
     sampling_rate: float | None = None
     conditions: Conditions = ()
     part: Part | None = None
+    fold: int | None = field(default=None, compare=False)
+
+    @property
+    def group_key(self) -> str:
+        """Name the group among those of all classes and modalities."""
+        return self.group if isinstance(self.group, str) else f"{self.label}/{self.group}"
 
     @property
     def source(self) -> str:
@@ -170,9 +180,10 @@ def read_manifest(path: Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
-    of traces whose format carries none. A column ``part``,
-    such as ``0-0.5``, says where in its file a recording lies. All other columns are
-    conditions of the recordings, such as speed, force or light.
+    of traces whose format carries none. Earlier versions called it ``sampling_rate``. A column
+    ``part``, such as ``0-0.5``, says where in its file a recording lies. All other columns are
+    conditions of the recordings, such as speed, force or light. ``group`` is any text or a number
+    (:class:`Recording`).
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
@@ -224,13 +235,13 @@ def _doubtful_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
     if not hints:
         return ()
     text = f"Manifest {path} has columns that are taken for conditions: {', '.join(hints)}."
-    return (Note("column of the manifest", len(hints), text),)
+    return (Note("column of the manifest", 0, text),)
 
 
 def _meant(name: str) -> str | None:
     """The column that a name resembles."""
     near = difflib.get_close_matches(name.lower(), KNOWN, n=1)
-    return RATE if names_rate(name) else next(iter(near), None)
+    return RATE if names_rate(name) or near == [OLD_RATE] else next(iter(near), None)
 
 
 def check_distinct(what: str, rows: Iterable[Recording]) -> None:
@@ -257,14 +268,12 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
             f"{where}: modality is {shorten(repr(modality))}{nearest(modality, MODALITIES)}; write "
             f"{', '.join(MODALITIES)} or one word of your own."
         )
-    try:
-        group = int(line["group"])
-    except (TypeError, ValueError) as error:
+    group = (line["group"] or "").strip()
+    if not group:
         raise UserError(
-            f"{where}: group is not a number ({reason(error)}); write 0 or more."
-        ) from error
-    if group < 0:
-        raise UserError(f"{where}: group is {group}; write 0 or more.")
+            f"{where}: group is empty; name what was recorded together, such as a session, or "
+            "number the recordings of a class from 0."
+        )
     rate = _read_rate(where, line)
     target = resolved(path.parent / file)
     if not is_file(target):
@@ -272,7 +281,9 @@ def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
     conditions = tuple(
         (name, value) for name, value in line.items() if name and value and name not in KNOWN
     )
-    return Recording(label, modality, target, group, rate, conditions, _read_part(where, line))
+    known = int(group) if NUMBER.fullmatch(group) else group
+    part = _read_part(where, line)
+    return Recording(label, modality, target, known, rate, conditions, part)
 
 
 def _read_part(where: str, line: dict[str, str]) -> Part | None:
@@ -288,9 +299,13 @@ def _read_part(where: str, line: dict[str, str]) -> Part | None:
 
 
 def _read_rate(where: str, line: dict[str, str]) -> float | None:
-    if not line.get(RATE):
+    given = {line[name] for name in (RATE, OLD_RATE) if line.get(name)}
+    if not given:
         return None
-    rate = positive_number(line[RATE])
-    if rate is None:
-        raise UserError(f"{where}: rate is {shorten(line[RATE])}; write one number of Hz.")
+    rates = {positive_number(value) for value in given}
+    rate = rates.pop()
+    if rates or rate is None:
+        raise UserError(
+            f"{where}: rate is {shorten(' and '.join(sorted(given)))}; write one number of Hz."
+        )
     return rate

@@ -42,7 +42,11 @@ def _wrong(row: Any) -> str:  # noqa: ANN401
             "one word, such as haptic or image",
         ),
         "path": (isinstance(row.path, Path), "a pathlib.Path"),
-        "group": (_is_number(row.group, Integral) and row.group >= 0, "a whole number from 0"),
+        "group": (
+            (isinstance(row.group, str) and row.group.strip() != "")
+            or (_is_number(row.group, Integral) and int(row.group) >= 0),
+            "a text, such as a session, or a whole number from 0",
+        ),
         "sampling_rate": (
             row.sampling_rate is None
             or (_is_number(row.sampling_rate, Real) and 0 < row.sampling_rate < math.inf),

@@ -91,7 +91,7 @@ def choose_channel(path: Path, table: Array, channel: int | None) -> Array:
         return table
     if channel >= table.shape[1]:
         raise UserError(
-            f"Trace {path} has {table.shape[1]} channels, and decode.channel of its sense is "
+            f"Trace {path} has {table.shape[1]} channels, and model.SENSE.decode.channel is "
             f"{channel}, counted from 0; choose another."
         )
     return table[:, [channel]]

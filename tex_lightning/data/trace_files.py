@@ -101,7 +101,7 @@ def _read_file(path: Path, channel: int | None) -> RawTrace:
             if samples.shape[1] == 2:
                 raise UserError(
                     f"Trace {path} has two channels, but a trace has one or three axes; choose one "
-                    "by decode.channel of its sense, or save it with one."
+                    "by +model.SENSE.decode.channel=0, or save it with one."
                 )
             return RawTrace(_as_axes(path, samples), float(rate))
         if suffix == ".npy":

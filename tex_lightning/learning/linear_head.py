@@ -6,11 +6,11 @@ which any one may show little of the material. With a few hundred photos this be
 trained on single fragments, and takes seconds.
 
 The penalty keeps the scores of few photos small: unsure even where they are correct, and of little
-weight beside another sense. So they are scaled until the confidence in photos that are left out of
-the fit, one part after the other, matches the accuracy.
+weight beside another sense. So they are scaled until the confidence in groups of photos that are
+left out of the fit, one part after the other, matches the accuracy.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -21,24 +21,26 @@ from torch import Tensor
 
 from tex_lightning.data.banks import PhotoBank, mirrored, random_corner
 from tex_lightning.decision.temperature import fit_temperature
+from tex_lightning.groups import leave_out
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.trunks.textures import TextureFeatures
 from tex_lightning.progress import track
-
-FOLDS = 10  # in which photos are left out
 
 Pixels = npt.NDArray[np.uint8]
 Labels = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 
-def fit_linear_head(module: SurfaceModule, photos: PhotoBank, labels: Labels) -> None:
+def fit_linear_head(
+    module: SurfaceModule, photos: PhotoBank, labels: Labels, groups: Sequence[str]
+) -> None:
     """Set FC3 of ``module``'s network, which has neither FC1 nor FC2.
 
     Args:
         module: With pretrained weights in the trunk, on the device that computes the features.
         photos: Photos of the training set, perturbed if that has an augmentation.
         labels: Class index of each; every class occurs.
+        groups: What was recorded together, of each photo.
     """
     recipe = module.fit_config["probe"]
     module.network.trunk.eval()
@@ -52,34 +54,28 @@ def fit_linear_head(module: SurfaceModule, photos: PhotoBank, labels: Labels) ->
     fit = partial(_regression, strength=recipe["strength"])
     with threadpool_limits(limits=1):  # on so few rows threads wait for each other
         weights, biases = fit(rows, labels[numbers])
-        sharpness = _sharpness(fit, rows, labels, numbers)
+        parts = np.array(leave_out(labels.tolist(), groups))
+        sharpness = _sharpness(fit, rows, labels[numbers], parts[numbers]) if len(parts) else 1.0
     _set_scores(module, sharpness * scale * weights, sharpness * biases)
 
 
 def _sharpness(
     fit: Callable[[Floats, Labels], tuple[Floats, Floats]],
     rows: Floats,
-    labels: Labels,
-    numbers: npt.NDArray[np.int64],
+    targets: Labels,
+    parts: Labels,
 ) -> float:
-    """What makes scores of photos that were left out of the fit as sure as they are right.
+    """What makes scores of photos that were left out of the fit as confident as they are right.
 
     Args:
         fit: Gives weights and biases.
         rows: Features of views of the photos.
-        labels: Class index of each photo.
-        numbers: The photo of each view.
-
-    Returns:
-        1 where a class has but one photo, which cannot be left out.
+        targets: Class index of each view.
+        parts: The part in which each view is left out.
     """
-    if np.bincount(labels).min() == 1:
-        return 1.0
-    ranks = labels.argsort(kind="stable").argsort()  # photos of a class are in different folds
-    folds, targets = (ranks % FOLDS)[numbers], labels[numbers]
     scores = np.empty((len(rows), targets.max() + 1))
-    for fold in np.unique(folds):
-        out = folds == fold
+    for part in np.unique(parts):
+        out = parts == part
         weights, biases = fit(rows[~out], targets[~out])
         scores[out] = rows[out] @ weights.T + biases
     return 1 / fit_temperature(list(torch.from_numpy(scores)[:, :, None]), targets.tolist())

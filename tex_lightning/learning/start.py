@@ -1,5 +1,6 @@
 """Start a trunk from given weights: ImageNet's, or those of a checkpoint of this package."""
 
+import inspect
 import itertools
 import logging
 import math
@@ -11,7 +12,7 @@ import torch
 
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.data.banks import InputBank, PhotoBank
+from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -119,7 +120,8 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
     """Fill the trunk with the given weights, and fit what is fitted to all recordings at once.
 
     That is VisualNet's head on pretrained features, and a network of signals that has a method
-    ``fit(inputs, labels)``, as :class:`~tex_lightning.networks.linear.LinearNet`.
+    ``fit(inputs, labels)`` or ``fit(inputs, labels, groups)``, as
+    :class:`~tex_lightning.networks.linear.LinearNet`.
 
     Args:
         training: Says what to start from.
@@ -134,9 +136,7 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
         log.info(start_trunk(module.classifier, weights))
     network: Any = module.network
     if hasattr(network, "fit"):
-        bank, labels = batches.banks[training.card.kind]
-        inputs = cast(InputBank, bank).inputs
-        network.fit(inputs, torch.from_numpy(np.resize(labels, len(inputs))))
+        _fit_closed_form(training, network, *batches.banks[training.card.kind])
     if not isinstance(network, VisualNet):
         return
     module.to(pick_device(training.config.trainer.accelerator))
@@ -144,10 +144,24 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
         if weights is None:
             warn_of_random_weights(network.trunk)
         bank, labels = batches.banks[training.card.kind]
-        fit_linear_head(module, cast(PhotoBank, bank), labels)
+        fit_linear_head(module, cast(PhotoBank, bank), labels, _groups(training))
     elif weights is not None:
         _probe(training, module, batches)
     module.to("cpu")
+
+
+def _fit_closed_form(training: Training, network: Any, bank: Bank, labels: Indices) -> None:  # noqa: ANN401
+    """Fit a network of one's own kind to all recordings and their perturbed copies at once."""
+    inputs = cast(InputBank, bank).inputs
+    given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
+    if "groups" in inspect.signature(network.fit).parameters:
+        given.append(_groups(training) * (len(inputs) // len(labels)))
+    network.fit(*given)
+
+
+def _groups(training: Training) -> list[str]:
+    """Group of each training recording of the sense."""
+    return [row.group_key for row in training.parts.train.of(training.card.modalities[0])]
 
 
 def _probe(training: Training, module: SurfaceModule, batches: TrainingBatches) -> None:

@@ -9,10 +9,9 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store
+from tex_lightning.groups import leave_out
 from tex_lightning.networks.statistics import FeatureStatistics
 from tex_lightning.progress import track
-
-PARTS = 10  # in which training recordings are left out of the statistics
 
 
 def keep_statistics(
@@ -38,31 +37,29 @@ def keep_statistics(
         features = torch.stack(means)
         found = FeatureStatistics.of(features, labels, len(classes))
         classifier.statistics[name] = found.to(classifier.device)
-        novelties[name] = left_out_novelties(features, labels, len(classes))
+        groups = [row.group_key for row in own]
+        novelties[name] = left_out_novelties(features, labels, len(classes), groups)
     return novelties
 
 
-def left_out_novelties(features: Tensor, labels: Tensor, classes: int) -> list[float]:
-    """Novelty of every training recording by statistics of nine tenths without it.
+def left_out_novelties(
+    features: Tensor, labels: Tensor, classes: int, groups: Sequence[str]
+) -> list[float]:
+    """Novelty of every training recording by statistics without its part of the groups.
 
     Args:
         features: (recordings, D).
-        labels: (recordings,) class indices.
+        labels: (recordings,) class indices, of every class at least one.
         classes: Number of classes.
+        groups: Group of each recording.
 
     Returns:
-        Nothing where a class has but one recording, which cannot be left out.
+        Nothing where a class has but one group, which cannot be left out.
     """
-    if int(labels.bincount(minlength=classes).min()) < 2:
-        return []
-    ranks = torch.empty_like(labels)  # recordings of a class are in different parts
-    ends = labels.bincount(minlength=classes).cumsum(0)
-    order = labels.argsort(stable=True)
-    begins = torch.cat([ends[:1] * 0, ends[:-1]])[labels[order]]
-    ranks[order] = (torch.arange(len(labels)) - begins) % PARTS
-    found = torch.empty(len(labels))
-    for part in range(int(ranks.max()) + 1):
-        out = ranks == part
+    parts = torch.tensor(leave_out(labels.tolist(), groups))
+    found = torch.empty(len(parts))
+    for part in set(parts.tolist()):
+        out = parts == part
         statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
         found[out] = statistics.novelty(features[out])
     return [float(each) for each in found]

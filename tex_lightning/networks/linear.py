@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.decision.temperature import fit_temperature
+from tex_lightning.groups import PARTS, leave_out
 from tex_lightning.networks.blocks import Head, Level
 
 LEAST_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
@@ -72,16 +73,19 @@ class LinearNet(nn.Module):
         return self.head.score_layer
 
     @torch.no_grad()
-    def fit(self, inputs: Sequence[Tensor], labels: Tensor) -> None:
+    def fit(
+        self, inputs: Sequence[Tensor], labels: Tensor, groups: Sequence[str] | None = None
+    ) -> None:
         """Fit the scores to all training recordings at once.
 
         The scores are brought to the size at which the softmax of a recording's mean score is a
-        probability: measured on each recording by what the others say of it, or on each fragment
-        where a class has but one recording, which flatters.
+        probability: measured on each group of recordings by what the others say of it, or on each
+        fragment where a class has but one group, which overestimates.
 
         Args:
             inputs: Features (1, D, L) of each recording.
             labels: (recordings,) class indices, each at least once.
+            groups: What was recorded together, of each recording; None takes each by itself.
         """
         counts = torch.tensor([each.shape[-1] for each in inputs])
         rows = torch.cat([each[0].T for each in inputs]).cpu().double()
@@ -89,14 +93,15 @@ class LinearNet(nn.Module):
         mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
         scale = torch.where(deviation > LEAST_DEVIATION, 1 / deviation, 0)
         rows = (rows - mean) * scale
-        targets = nn.functional.one_hot(labels, self.classes).double()
-        targets = torch.repeat_interleave(targets, counts, dim=0)
+        owners = torch.repeat_interleave(torch.arange(len(labels)), counts)
+        targets = nn.functional.one_hot(labels, self.classes).double()[owners]
         share = targets.mean(dim=0)
-        alone = bool((labels.bincount() == 1).any())
-        groups = [1] * len(rows) if alone else counts.tolist()
-        weight, held_out = _ridge(rows, targets - share, self.strength, groups)
-        parts = _parts(SHARPNESS * (held_out + share), counts.tolist())
-        scores = [part.T if alone else part.mean(dim=0)[:, None] for part in parts]
+        parts = leave_out(labels.tolist(), groups or range(len(labels)))
+        alone = not parts
+        left_out = torch.arange(len(rows)) % PARTS if alone else torch.tensor(parts)[owners]
+        weight, held_out = _ridge(rows, targets - share, self.strength, left_out)
+        votes = torch.split(SHARPNESS * (held_out + share), counts.tolist())
+        scores = [vote.T if alone else vote.mean(dim=0)[:, None] for vote in votes]
         sharpness = SHARPNESS / fit_temperature(scores, labels.tolist())
         self.mean.copy_(mean[:, None, None])
         self.scale.copy_(scale[:, None, None])
@@ -105,24 +110,19 @@ class LinearNet(nn.Module):
         layer.bias = nn.Parameter((sharpness * share).to(layer.weight))
 
 
-def _ridge(
-    rows: Tensor, targets: Tensor, strength: float, groups: list[int]
-) -> tuple[Tensor, Tensor]:
-    """Weights (D, classes), and what each group of rows gets by weights fitted without it.
-
-    Of fitted values H y those of a group G without its own rows are
-    y - (1 - H_GG)^-1 (y - H y) on G.
-    """
+def _ridge(rows: Tensor, targets: Tensor, strength: float, parts: Tensor) -> tuple[Tensor, Tensor]:
+    """Weights (D, classes), and what each row gets by weights fitted without its part."""
     ridge = strength * rows.square().sum() / len(rows)
-    inverse = torch.linalg.inv(rows.T @ rows + ridge * torch.eye(rows.shape[1], dtype=rows.dtype))
-    weight = inverse @ rows.T @ targets
-    errors = targets - rows @ weight
-    left = []
-    for part, error in zip(_parts(rows, groups), _parts(errors, groups), strict=True):
-        own = torch.eye(len(part), dtype=rows.dtype) - part @ inverse @ part.T
-        left.append(torch.linalg.solve(own, error))
-    return weight, targets - torch.cat(left)
+    normal = rows.T @ rows + ridge * torch.eye(rows.shape[1], dtype=rows.dtype)
+    moment = rows.T @ targets
+    held_out = torch.empty_like(targets)
+    for part in set(parts.tolist()):
+        out = parts == part
+        own = rows[out]
+        held_out[out] = own @ _solved(normal - own.T @ own, moment - own.T @ targets[out])
+    return _solved(normal, moment), held_out
 
 
-def _parts(rows: Tensor, sizes: list[int]) -> tuple[Tensor, ...]:
-    return torch.split(rows, sizes)
+def _solved(matrix: Tensor, target: Tensor) -> Tensor:
+    """The matrix is positive definite."""
+    return torch.cholesky_solve(target, torch.linalg.cholesky(matrix))

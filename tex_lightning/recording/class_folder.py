@@ -142,7 +142,8 @@ class ClassFolder:
             UserError: If they cannot be written.
         """
         table, name = self.table(), self.next_name()
-        group = max((row.group for row in table if row.label == self.label), default=-1) + 1
+        own = [row.group for row in table if row.label == self.label]
+        group = max((each for each in own if isinstance(each, int)), default=-1) + 1
         writers: dict[Recording, Callable[[Path], None]] = {}
         for modality, (rate, samples) in signals.items():
             path = self._place(table, modality) / f"{name}.wav"

@@ -191,9 +191,9 @@ def _predictions(place: Path, kind: str, fold: int, pair: Pair) -> Path:
 
 
 def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
-    rows, folds = workspace.recordings, workspace.data.folds
-    apart = Recordings(tuple(row for row in rows if row.group % folds == pair[1]))
-    kept = Recordings(tuple(row for row in rows if row.group % folds != pair[1]))
+    rows = workspace.recordings
+    apart = Recordings(tuple(row for row in rows if row.fold == pair[1]))
+    kept = rows.without(apart)
     on_fold = replace(workspace, recordings=kept).on_fold(pair[0], directory)
     networks = fit_fold(on_fold, test_parts=False)
     entry = networks[workspace.kind]

@@ -124,7 +124,7 @@ def _dataset(
                 known, each.store = each.store.entries, Store(cache_root(data.cache_dir), decoders)
                 each.store.entries |= known
             return each
-    datasets.append(PerturbedDataset(store, seed, data.folds))
+    datasets.append(PerturbedDataset(store, seed))
     return datasets[-1]
 
 

@@ -142,12 +142,10 @@ class PerturbedDataset:
     Attributes:
         store: Decoded files.
         seed: Seed of everything random.
-        folds: Into how many the recordings are divided; a partner is looked for in the same one.
     """
 
     store: Store
     seed: int
-    folds: int
 
     def __post_init__(self) -> None:
         self.rows: dict[str, Recording] = {}
@@ -187,7 +185,7 @@ class PerturbedDataset:
             for _, other in sorted(self.rows.items())
             if other.modality == row.modality and other.label != row.label
         ]
-        near = [other for other in others if (other.group - row.group) % self.folds == 0]
+        near = [other for other in others if other.fold == row.fold]
         choice = near or others
         return choice[int(rng.integers(len(choice)))]
 

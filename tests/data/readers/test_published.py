@@ -247,7 +247,6 @@ def test_kth_tips2b_names_what_is_wrong(copy):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["data=kylberg", "data.group_by=surface", "data.folds=10"], "give data.folds=4"),
         (["data=folder", "data.group_by=surface"], "is not read by data=folder"),
         (["data=kylberg", "data.group_by=surfaces"], "did you mean surface?"),
         (["data=lmt108", "data.reader.split=both"], "choose training, testing"),

@@ -8,6 +8,7 @@ from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build_typed
 from tex_lightning.data.conditions import check_conditions
 from tex_lightning.data.decode import IMAGE_SUFFIXES
+from tex_lightning.data.folds import with_folds
 from tex_lightning.data.rates import stated_rate
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.table_check import checked_table
@@ -24,7 +25,7 @@ class Reader(Protocol):
 def read_recordings(
     config: DataConfig, modalities: Sequence[str] | None = None, *, least: int = 2
 ) -> Recordings:
-    """Read the configured data set, cut to its first ``data.classes`` classes if that is set.
+    """Read the configured data set with its folds, cut to its first ``data.classes`` classes.
 
     Args:
         config: Names the reader.
@@ -52,7 +53,7 @@ def read_recordings(
             f"The data has only the class {', '.join(classes)}; telling classes apart takes two; "
             "add recordings of another."
         )
-    recordings = recordings.in_classes(classes[: config.classes])
+    recordings = with_folds(recordings.in_classes(classes[: config.classes]), config.folds)
     if config.test_where is not None:
         senses = {row.modality for row in recordings} if modalities is None else modalities
         rows = tuple(row for row in recordings if row.modality in senses)

@@ -18,7 +18,6 @@ class GroupedReader:
         root: Folder of the data set.
         group_by: What makes a group, and so a fold.
         groups: What ``group_by`` may be, and how many groups that usually makes.
-        folds: Number of folds.
 
     Raises:
         UserError: If ``group_by`` is unknown.
@@ -27,23 +26,10 @@ class GroupedReader:
     root: str
     group_by: str
     groups: Mapping[str, int]
-    folds: int
 
     def __post_init__(self) -> None:
         for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
             raise UserError(f"{complaint}.")
-
-    def check_folds(self, groups: int) -> None:
-        """Refuse more folds than there are groups: some would be empty.
-
-        Raises:
-            UserError: Saying how many there may be.
-        """
-        if self.folds > groups:
-            raise UserError(
-                f"data.group_by={self.group_by} makes {groups} groups, but data.folds is "
-                f"{self.folds}: give data.folds={groups}."
-            )
 
 
 def check_same_classes(root: Path, rows: Iterable[Recording]) -> None:

@@ -66,7 +66,7 @@ class ClusterReader(GroupedReader):
 
         Raises:
             UserError: If a folder or a column is missing, a file has another name or number twice,
-                senses do not have the same classes, or folds would be empty.
+                or senses do not have the same classes.
         """
         root = Path(self.root).expanduser()
         folders = {sense: root / name for sense, name in self.folders.items() if name is not None}
@@ -74,9 +74,8 @@ class ClusterReader(GroupedReader):
         strokes = [
             row for sense, folder in folders.items() for row in self._read_sensor(folder, sense)
         ]
-        values = sorted({row.group for row in strokes}) or list(CONDITIONS[self.group_by])
-        self.check_folds(len(values))
-        rows = [replace(row, group=values.index(row.group)) for row in strokes]
+        values = sorted({int(row.group) for row in strokes}) or list(CONDITIONS[self.group_by])
+        rows = [replace(row, group=values.index(int(row.group))) for row in strokes]
         if photos is not None:
             rows += _read_photos(photos, len(values))
         if not rows:

@@ -31,17 +31,18 @@ class HattReader(GroupedReader):
     Attributes:
         root: Folder with the recordings, or the one that holds them as ``RecordedData``.
         group_by: What makes a fold: a ``stretch`` of every recording, or a ``recording``.
+        folds: Number of folds, and so of stretches.
     """
+
+    folds: int
 
     def read(self) -> Recordings:
         """Read all textures.
 
         Raises:
-            UserError: If there are none, two files are one recording, or folds would be empty.
+            UserError: If there are none, or two files are one recording.
         """
         textures = _textures(Path(self.root).expanduser())
-        if self.group_by == "recording":
-            self.check_folds(max(map(len, textures.values())))
         rows = [
             row
             for label, files in textures.items()

@@ -29,18 +29,7 @@ class KylbergReader(GroupedReader):
     Attributes:
         root: Folder with a folder for each class, or the one that holds it as ``kylberg``.
         group_by: What makes a fold: ``patch`` of all surfaces, or one of four source ``surface``s.
-
-    Raises:
-        UserError: If ``group_by`` is unknown, or surfaces do not make so many folds.
     """
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.group_by == "surface" and self.folds != len(SURFACES):
-            raise UserError(
-                f"data.group_by=surface makes a fold of each source surface, but data.folds "
-                f"is {self.folds}: give data.folds={len(SURFACES)}."
-            )
 
     def read(self) -> Recordings:
         """Read all classes, one folder each.

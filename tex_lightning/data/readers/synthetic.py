@@ -75,7 +75,7 @@ def with_conditions(spec: SyntheticSpec, recordings: Recordings) -> Recordings:
     }
     rows = []
     for row in recordings:
-        conditions = recorded_under(spec, row.modality, places[row.label], row.group)
+        conditions = recorded_under(spec, row.modality, places[row.label], int(row.group))
         rows.append(replace(row, conditions=tuple(conditions.items())))
     return replace(recordings, rows=tuple(rows))
 
