@@ -30,6 +30,7 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor, nn
 
 from benchmarks._classifiers import configured
+from tex_lightning.classifier import Trained
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
@@ -217,7 +218,7 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
         ``environment`` and, by network, the entries of :meth:`Turns.summary`.
     """
     networks: dict[str, Any] = {}
-    unimodal: dict[str, Path] = {}
+    unimodal: dict[str, Trained] = {}
     with tempfile.TemporaryDirectory() as folder, kept_memory():
         config = _config(overrides)
         opening = Opening(config.data, trained_networks(config.model), [config.data.test_fold])
@@ -241,8 +242,8 @@ def _config(overrides: tuple[str, ...]) -> Config:
 
 
 def _train(
-    workspace: Workspace, senses: list[str], unimodal: dict[str, Path], watch: Turns
-) -> Path:
+    workspace: Workspace, senses: list[str], unimodal: dict[str, Trained], watch: Turns
+) -> Trained:
     card, parts = make_card(workspace, senses, unimodal), workspace.parts()
     return train_network(make_training(workspace, card, parts, unimodal), watch)
 

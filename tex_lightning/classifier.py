@@ -7,7 +7,7 @@ that prediction from raw files does exactly what testing did.
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from tex_lightning.branches import Branch, make_branch
 from tex_lightning.branches.base import content
-from tex_lightning.card import Card, damaged, named, read_checkpoint
+from tex_lightning.card import LEFT_OUT, Card, damaged, named, read_checkpoint
 from tex_lightning.config.model import FUSION
 from tex_lightning.decision.voting import RULES, Vote, random_tuples
 from tex_lightning.errors import UserError
@@ -105,7 +105,19 @@ class SurfaceClassifier(nn.Module):
             UserError: If the file is missing, damaged, from elsewhere, a baseline's or of another
                 kind.
         """
-        path, stored = Path(path).expanduser(), read_checkpoint(path)
+        return read_trained(path, kind).classifier
+
+    @classmethod
+    def from_content(cls, path: Path, stored: dict[str, Any]) -> "SurfaceClassifier":
+        """Build the classifier that a checkpoint holds, ready to classify on the CPU.
+
+        Args:
+            path: The file, for messages.
+            stored: What :func:`~tex_lightning.card.read_checkpoint` gave.
+
+        Raises:
+            UserError: As :meth:`from_checkpoint`.
+        """
         try:
             card = Card.from_dict(stored["hyper_parameters"]["card"])
             if card.baseline:
@@ -123,11 +135,6 @@ class SurfaceClassifier(nn.Module):
             raise named(path, error) from error
         except Exception as error:  # damage shows in as many ways as there are formats
             raise damaged(path, error) from error
-        if kind is not None and classifier.card.kind != kind:
-            raise UserError(
-                f"Checkpoint {path} holds a {classifier.card.kind} network where a {kind} network "
-                "is needed; give another file."
-            )
         return classifier.eval()
 
     def expect_statistics(self, state: Mapping[str, Tensor]) -> None:
@@ -361,6 +368,44 @@ def class_scores(network: nn.Module, features: Tensor) -> Tensor:
     layer: Any = score_layer_of(network)
     found: Tensor = layer.weight.flatten(1) @ features + layer.bias[:, None]
     return found
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A trained classifier and what its checkpoint says of the training.
+
+    Attributes:
+        classifier: Ready to classify.
+        checkpoint: Its file.
+        fit_seconds: Seconds that the training took.
+        val_loss: Loss on the validation fold; None where nothing was validated.
+        left_out: By sense the novelties of training recordings that were left out of the
+            statistics; empty where they were fitted by the layers before the scores.
+    """
+
+    classifier: SurfaceClassifier
+    checkpoint: Path
+    fit_seconds: float
+    val_loss: float | None = None
+    left_out: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, classifier: SurfaceClassifier, path: Path, stored: Mapping[str, Any]) -> "Trained":
+        """Join a classifier with what its checkpoint says beside it."""
+        seconds, loss = stored.get("fit_seconds", 0.0), stored.get("val_loss")
+        return cls(classifier, path, seconds, loss, stored.get(LEFT_OUT, {}))
+
+
+def read_trained(path: str | Path, kind: str | None = None) -> Trained:
+    """Read the checkpoint of a network, once; arguments and errors of ``from_checkpoint``."""
+    path, stored = Path(path).expanduser(), read_checkpoint(path)
+    classifier = SurfaceClassifier.from_content(path, stored)
+    if kind is not None and classifier.card.kind != kind:
+        raise UserError(
+            f"Checkpoint {path} holds a {classifier.card.kind} network where a {kind} network "
+            "is needed; give another file."
+        )
+    return Trained.of(classifier, path, stored)
 
 
 def lightning_state(classifier: SurfaceClassifier) -> dict[str, Tensor]:

@@ -234,7 +234,8 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
         content = {"state_dict": single.state_dict(), "hyper_parameters": card}
         torch.save(content, paths[name])
     model = module("three")
-    FusionStart(paths, 20.0).setup(None, model, "fit")
+    starts = {name: SurfaceClassifier.from_checkpoint(path) for name, path in paths.items()}
+    FusionStart(starts, 20.0).setup(None, model, "fit")
     assert model.head_factor == 20
     classifier = model.eval().classifier
     rng = torch.Generator().manual_seed(0)
@@ -259,8 +260,8 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
 @pytest.mark.parametrize("factor", [9.9, 50.1])
 def test_the_head_factor_has_the_papers_range(factor):
     with pytest.raises(UserError, match="from 10 to 50"):
-        FusionStart({"haptic": Path("h.ckpt")}, factor)
-    FusionStart({"haptic": Path("h.ckpt")}, 10.0)
+        FusionStart({}, factor)
+    FusionStart({}, 10.0)
 
 
 @pytest.mark.parametrize("kind", ["fusion", "three"])

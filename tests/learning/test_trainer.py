@@ -5,9 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from conftest import make_card
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
+from tex_lightning.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.train import _fit, _refuse_diverged, train_network
@@ -98,10 +100,13 @@ def test_another_progress_bar_takes_its_place_and_none_is_none() -> None:
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:
     final, working = tmp_path / "haptic.ckpt", tmp_path / "haptic"
-    final.touch()
+    classifier = SurfaceClassifier(card := make_card("haptic", width=0.1))
+    content = {"hyper_parameters": {"card": card.to_dict()}}
+    torch.save({**content, "state_dict": lightning_state(classifier)}, final)
     working.mkdir()
     (working / "last.ckpt").touch()
-    assert train_network(SimpleNamespace(final=final, working=working)) == final
+    training = SimpleNamespace(final=final, working=working, card=card)
+    assert train_network(training).checkpoint == final
     assert not working.exists()
 
 

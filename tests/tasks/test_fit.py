@@ -58,9 +58,23 @@ def fused(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("fused")
 
 
-def test_fusion_trains_three_networks_and_reports_them(cli, surfaces, fused):
+def test_fusion_trains_three_networks_and_reports_them(cli, surfaces, fused, monkeypatch):
+    load, save, touched = torch.load, torch.save, []
+
+    def note(verb, function):
+        def call(*arguments, **options):
+            touched.extend((verb, each) for each in arguments if isinstance(each, Path))
+            return function(*arguments, **options)
+
+        return call
+
+    monkeypatch.setattr(torch, "load", note("read", load))
+    monkeypatch.setattr(torch, "save", note("written", save))
     outcome = cli("model=fusion", *tiny(surfaces, fused))
     assert outcome.status == 0, outcome.err
+    final = [(verb, path) for verb, path in touched if path.parent == fused / "checkpoints"]
+    assert not [path for verb, path in final if verb == "read"]
+    assert len(final) == 3  # each is written once, when everything in it is known
     results = json.loads((fused / "results.json").read_text())
     assert set(results) >= {
         "task", "model", "data", "classes", "seed", "wall_seconds", "environment", "networks",

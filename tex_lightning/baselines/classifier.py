@@ -14,7 +14,7 @@ from tex_lightning.branches.base import as_tensor
 from tex_lightning.branches.photo import PhotoBranch
 from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.card import Card, damaged, named, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, Trained
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording
@@ -178,17 +178,26 @@ def load_classifier(path: str | Path) -> SurfaceClassifier:
     Raises:
         UserError: If the file cannot be used, or a library that the baseline needs is missing.
     """
-    content = read_checkpoint(path)
+    return load_trained(path).classifier
+
+
+def load_trained(path: str | Path) -> Trained:
+    """Load the same with what its checkpoint says of the training.
+
+    Raises:
+        UserError: As :func:`load_classifier`.
+    """
+    path, content = Path(path).expanduser(), read_checkpoint(path)
     if not isinstance(content, dict) or "baseline" not in content:
-        return SurfaceClassifier.from_checkpoint(path)
+        return Trained.of(SurfaceClassifier.from_content(path, content), path, content)
     try:
         classifier = BaselineClassifier(Card.from_dict(content["hyper_parameters"]["card"]))
         classifier.baseline.load_state(content["baseline"])
     except UserError as error:
-        raise named(Path(path), error) from error
+        raise named(path, error) from error
     except Exception as error:  # damage shows in as many ways as there are formats
-        raise damaged(Path(path), error) from error
-    return classifier
+        raise damaged(path, error) from error
+    return Trained.of(classifier, path, content)
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,11 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import torch
 from scipy.stats import binomtest
 
-from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.data.folds import Sample
@@ -18,44 +17,41 @@ from tex_lightning.data.store import Store
 from tex_lightning.decision.temperature import fit_temperature
 from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
 from tex_lightning.evaluation.pairing import scarcest
-from tex_lightning.files import write_atomically
 from tex_lightning.inference.early_stopping import SEQUENTIAL, needs_threshold
 from tex_lightning.inference.engine import accelerate
 
 log = logging.getLogger(__name__)
 
 
-def calibrate(
+def calibrated_card(
     classifier: SurfaceClassifier,
-    checkpoint: Path,
     samples: Sequence[Sample],
     store: Store,
     config: Config,
-) -> None:
-    """Fit the temperature, and the threshold of sequential decisions, and keep them in the card.
+) -> Card:
+    """Return the card with the temperature, and the threshold of sequential decisions.
 
     Args:
-        classifier: As loaded from ``checkpoint``; its card is replaced.
-        checkpoint: The file, which is rewritten.
-        samples: Samples of the validation fold; without any nothing happens.
+        classifier: Trained, in evaluation mode.
+        samples: Samples of the validation fold; without any the card stays as it is.
         store: Their recordings.
         config: How it runs and decides.
     """
     card = classifier.card
     if not samples or "temperature" in card.calibration:
-        return
+        return card
     with torch.inference_mode():
         logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
     if card.rule == "score":  # which alone counts then
         logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
     labels = class_indices([sample.label for sample in samples], card.classes)
     found = {**card.calibration, "temperature": fit_temperature(logits, labels)}
-    classifier.card = replace(card, calibration=found)
+    card = replace(card, calibration=found)
     if config.decision.name == SEQUENTIAL and needs_threshold(classifier):
         fast = accelerate(classifier, config.engine)
+        fast.card = card
         found |= choose_confidence_threshold(fast, config.decision, samples, store)
-        classifier.card = replace(card, calibration=found)
-    keep_card(classifier.card, checkpoint)
+    return replace(card, calibration=found)
 
 
 def choose_confidence_threshold(
@@ -108,10 +104,3 @@ def upper_bound(count: int, samples: int, confidence: float) -> float:
     """One-sided upper Clopper-Pearson bound on a share of which ``count`` were seen."""
     interval = binomtest(count, samples, alternative="less").proportion_ci(confidence)
     return float(interval.high)
-
-
-def keep_card(card: Card, checkpoint: Path) -> None:
-    """Replace the card in a checkpoint."""
-    content = read_checkpoint(checkpoint)
-    content["hyper_parameters"]["card"] = card.to_dict()
-    write_atomically(checkpoint, lambda partial: torch.save(content, partial))

@@ -3,24 +3,25 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import torch
 
-from tex_lightning.card import LEFT_OUT, NOVELTIES, read_checkpoint
+from tex_lightning.card import NOVELTIES, Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample, Split, make_samples
 from tex_lightning.data.loading import load_sample
 from tex_lightning.data.store import Store
-from tex_lightning.evaluation.calibrate import keep_card
 
 MOST = 1000  # samples; a thousandth is finer than any rate that is asked for
 
 
-def keep_novelties(
-    classifier: SurfaceClassifier, checkpoint: Path, parts: Split, store: Store
-) -> None:
-    """Keep in the card what ``decision.unknown`` is set by: novelties of known samples, by sense.
+def card_with_novelties(
+    classifier: SurfaceClassifier,
+    novelties: Mapping[str, Sequence[float]],
+    parts: Split,
+    store: Store,
+) -> Card:
+    """Return the card with what ``decision.unknown`` is set by: novelties of known samples.
 
     They are those of the validation fold, and where no layer before the scores was trained also
     those of training recordings that were left out of the statistics in turn. Trained features fit
@@ -28,22 +29,22 @@ def keep_novelties(
     (docs/unknown.md).
 
     Args:
-        classifier: As loaded from ``checkpoint``; its card is replaced.
-        checkpoint: The file, which is rewritten.
+        classifier: Trained, in evaluation mode.
+        novelties: By sense those of training recordings that were left out of the statistics.
         parts: Parts of the recordings.
         store: Their recordings decoded.
     """
     card = classifier.card
     if card.novelties or not classifier.statistics:
-        return
-    left_out = _left_out(read_checkpoint(checkpoint)[LEFT_OUT], classifier, parts)
+        return card
+    left_out = _left_out(novelties, classifier, parts)
     validated = _measured(classifier, make_samples(parts.val, card.modalities), store)
     rows = [*left_out, *validated]
     rows = rows[:: max(1, math.ceil(len(rows) / MOST))]
     if rows:
         columns = dict(zip(card.senses, map(list, zip(*rows, strict=True)), strict=True))
-        classifier.card = replace(card, calibration={**card.calibration, NOVELTIES: columns})
-        keep_card(classifier.card, checkpoint)
+        card = replace(card, calibration={**card.calibration, NOVELTIES: columns})
+    return card
 
 
 def _measured(

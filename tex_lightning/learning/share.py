@@ -3,21 +3,22 @@
 import hashlib
 import json
 import logging
-import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import torch
 from filelock import FileLock
 
 from tex_lightning.card import read_checkpoint
+from tex_lightning.classifier import Trained, read_trained
 from tex_lightning.files import unwritable, write_atomically
-from tex_lightning.learning.train import train_network
+from tex_lightning.learning.train import calibrate, train_network
 from tex_lightning.learning.training import Training
 
 log = logging.getLogger(__name__)
 
 
-def train_shared(training: Training, folder: Path) -> Path:
+def train_shared(training: Training, folder: Path) -> Trained:
     """Train in a shared folder, or wait for the process that does, and copy the checkpoint.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
@@ -32,7 +33,7 @@ def train_shared(training: Training, folder: Path) -> Path:
         UserError: If it cannot be made.
     """
     if training.final.is_file():
-        return training.final
+        return read_trained(training.final)
     recipe = {
         "card": training.card.to_dict(),
         "fit": training.fit_values,
@@ -42,7 +43,7 @@ def train_shared(training: Training, folder: Path) -> Path:
     }
     if training.unimodal:
         recipe["model"] = asdict(training.config.model)
-        recipe["starts"] = [_digest(path) for path in training.unimodal.values()]
+        recipe["starts"] = [_digest(start) for start in training.unimodal.values()]
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
     place = folder / f"{training.card.kind}-{digest}"
     try:
@@ -50,19 +51,17 @@ def train_shared(training: Training, folder: Path) -> Path:
     except OSError as error:
         raise unwritable(folder, error) from error
     with FileLock(place / "lock"):
-        checkpoint = train_network(replace(training, directory=place))
-    write_atomically(training.final, lambda partial: _copy(checkpoint, partial))
-    return training.final
+        trained = train_network(replace(training, directory=place), calibrated=False)
+    content = read_checkpoint(trained.checkpoint)
+    content["hyper_parameters"]["card"] = calibrate(training, trained).to_dict()
+    write_atomically(training.final, lambda partial: torch.save(content, partial))
+    return replace(trained, checkpoint=training.final)
 
 
-def _digest(checkpoint: Path) -> str:
+def _digest(start: Trained) -> str:
     """Digest of the weights alone, since another calibration changes the rest."""
     digest = hashlib.sha256()
-    for name, value in read_checkpoint(checkpoint)["state_dict"].items():
+    for name, value in start.classifier.cpu().state_dict().items():
         digest.update(name.encode())
         digest.update(value.numpy().tobytes())
     return digest.hexdigest()
-
-
-def _copy(source: Path, target: Path) -> None:
-    shutil.copyfile(source, target)

@@ -14,14 +14,16 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
 from tex_lightning.branches.contract import PartFault
-from tex_lightning.card import LEFT_OUT, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.card import Card
+from tex_lightning.classifier import Trained, read_trained
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.calibrate import calibrated_card
+from tex_lightning.evaluation.known import card_with_novelties
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.fusion import FusionModule
@@ -36,12 +38,13 @@ log = logging.getLogger(__name__)
 ONE_VALUE = "Expected more than 1 value per channel"  # says PyTorch of batch normalisation
 
 
-def train_network(training: Training, *watchers: Callback) -> Path:
-    """Train unless the checkpoint is there already; return its path.
+def train_network(training: Training, *watchers: Callback, calibrated: bool = True) -> Trained:
+    """Train, calibrate and write the checkpoint, unless it is there already.
 
     Args:
         training: What is trained.
         watchers: Callbacks beside the configured ones.
+        calibrated: Whether probabilities and thresholds are set on the validation fold.
 
     Raises:
         UserError: If a recording is too short, or weights or checkpoints do not fit.
@@ -50,7 +53,7 @@ def train_network(training: Training, *watchers: Callback) -> Path:
     if training.final.is_file():
         log.info("%s is trained already.", training.final)
         shutil.rmtree(training.working, ignore_errors=True)  # if it was killed before it did so
-        return training.final
+        return read_trained(training.final, training.card.kind)
     begin = time.perf_counter()
     last = training.working / "last.ckpt"
     module, data = _prepare(training, last)
@@ -59,8 +62,9 @@ def train_network(training: Training, *watchers: Callback) -> Path:
         trainer, timer, keeper = make_trainer(training, *watchers)
         _fit(trainer, module, data, last if last.is_file() else None)
         module.fit_seconds = preparation + timer.time_elapsed("train")
-        _finish(training, trainer, module, keeper)
-    return training.final
+        _finish(training, trainer, module, keeper, calibrated)
+    seconds, loss = module.fit_seconds, module.val_loss
+    return Trained(module.classifier, training.final, seconds, loss, module.left_out)
 
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
@@ -110,9 +114,8 @@ def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path 
 def _make_batches(training: Training, module: SurfaceModule) -> TrainingBatches:
     """Cut from the training recordings of every sense, its features on the device."""
     classifier, card, banks = module.classifier, training.card, {}
-    for name, path in training.unimodal.items():
-        start = SurfaceClassifier.from_checkpoint(path, name)
-        classifier.branch(name).adopt(start.branch(name))
+    for name, start in training.unimodal.items():
+        classifier.branch(name).adopt(start.classifier.branch(name))
     classifier.features.to(pick_device(training.config.trainer.accelerator))
     for name, branch in classifier.branches.items():
         rows = training.parts.train.of(branch.modality).rows
@@ -146,10 +149,21 @@ def _keep_statistics(training: Training, module: SurfaceModule) -> None:
     module.fit_seconds += time.perf_counter() - begin
 
 
+def calibrate(training: Training, trained: Trained) -> Card:
+    """Complete the card of a trained network by what is set on the validation fold."""
+    classifier, parts, store = trained.classifier, training.parts, training.store
+    classifier.to(pick_device(training.config.trainer.accelerator))
+    validation = make_samples(parts.val, classifier.card.modalities)
+    classifier.card = calibrated_card(classifier, validation, store, training.config)
+    classifier.card = card_with_novelties(classifier, trained.left_out, parts, store)
+    classifier.cpu()
+    return classifier.card
+
+
 def _features_are_untrained(training: Training) -> bool:
     """Whether no layer before the scores was fitted to the labels."""
-    parts = [read_checkpoint(path).get(LEFT_OUT) for path in training.unimodal.values()]
-    return training.fit_values["epochs"] == 0 and all(parts)
+    starts = training.unimodal.values()
+    return training.fit_values["epochs"] == 0 and all(start.left_out for start in starts)
 
 
 def _refuse_diverged(module: SurfaceModule) -> None:
@@ -166,7 +180,11 @@ def _is_finite(module: SurfaceModule) -> bool:
 
 
 def _finish(
-    training: Training, trainer: Trainer, module: SurfaceModule, keeper: ModelCheckpoint | None
+    training: Training,
+    trainer: Trainer,
+    module: SurfaceModule,
+    keeper: ModelCheckpoint | None,
+    calibrated: bool,
 ) -> None:
     """Write the checkpoint of the best validation loss, or of the last step where none was asked.
 
@@ -186,6 +204,10 @@ def _finish(
     module.float()  # whatever it was trained in
     if trainer.is_global_zero:
         _keep_statistics(training, module)
+        if calibrated:
+            module.network.to(memory_format=torch.contiguous_format)  # as a loaded one is
+            trained = Trained(module.classifier, training.final, 0.0, None, module.left_out)
+            module.hparams["card"] = calibrate(training, trained).to_dict()
     trainer.save_checkpoint(training.final, weights_only=True)
     if trainer.is_global_zero:
         shutil.rmtree(training.working, ignore_errors=True)

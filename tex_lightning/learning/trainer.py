@@ -121,7 +121,8 @@ def make_trainer(
         callbacks.append(ModelSummary(SUMMARISED))
     if kind == FUSION:
         start = training.config.model.fusion.head_start
-        callbacks.append(FusionStart(training.unimodal, fit["head_factor"], start))
+        starts = {name: each.classifier for name, each in training.unimodal.items()}
+        callbacks.append(FusionStart(starts, fit["head_factor"], start))
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,

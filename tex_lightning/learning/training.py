@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.card import Card
+from tex_lightning.classifier import Trained
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Split
 from tex_lightning.data.store import Store
@@ -19,7 +20,7 @@ class Training:
         parts: Recordings by part.
         store: Decoded files.
         directory: The run folder.
-        unimodal: By sense the checkpoints that FusionNet starts from; empty for the others.
+        unimodal: By sense the networks that FusionNet starts from; empty for the others.
         config: How the networks of this model are trained.
     """
 
@@ -27,7 +28,7 @@ class Training:
     parts: Split
     store: Store
     directory: Path
-    unimodal: dict[str, Path]
+    unimodal: dict[str, Trained]
     config: Config
 
     @property

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from tex_lightning.card import Card, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.classifier import SurfaceClassifier, Trained, lightning_state
 from tex_lightning.config import DataConfig
 from tex_lightning.config.check_ranges import nearest
 from tex_lightning.data.folds import next_of_each, split
@@ -129,7 +129,7 @@ def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> Sur
 
 def write_checkpoint(
     classifier: SurfaceClassifier, source: Path, target: Path, seconds: float
-) -> None:
+) -> Trained:
     """Write a changed classifier as the training wrote its source.
 
     Args:
@@ -144,6 +144,7 @@ def write_checkpoint(
     content["fit_seconds"] = content.get("fit_seconds", 0.0) + seconds
     content["val_loss"] = None
     write_atomically(target, lambda partial: torch.save(content, partial))
+    return Trained(classifier, target, content["fit_seconds"])
 
 
 def _still_valid(card: Card) -> dict[str, float]:

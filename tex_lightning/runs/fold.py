@@ -5,16 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.training import fit_baseline
-from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.card import Card
+from tex_lightning.classifier import Trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
-from tex_lightning.evaluation.calibrate import calibrate
-from tex_lightning.evaluation.known import keep_novelties
 from tex_lightning.evaluation.outcomes import RANDOM, environment
 from tex_lightning.learning.share import train_shared
 from tex_lightning.learning.start import name_source
@@ -25,7 +23,7 @@ from tex_lightning.progress import steps
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.runs.explained import draw_telling
 from tex_lightning.runs.testing import draw_figures, report_network
-from tex_lightning.runs.workspace import Workspace, make_card, starting_card
+from tex_lightning.runs.workspace import Workspace, given_start, make_card
 
 log = logging.getLogger(__name__)
 
@@ -72,20 +70,20 @@ def fit_fold(
         By network its entry of ``results.json``.
     """
     parts, model = workspace.parts(), workspace.config.model
-    unimodal: dict[str, Path] = {}
+    unimodal: dict[str, Trained] = {}
     networks: dict[str, Any] = {}
     if workspace.kind == FUSION:
-        given = {name: Path(path).expanduser() for name, path in model.checkpoints.items()}
-        for name, path in given.items():
-            starting_card(workspace, name, path)  # before time is spent on the other networks
-        unimodal = given.copy()
+        # before time is spent on the other networks
+        given = model.checkpoints.items()
+        unimodal = {name: given_start(workspace, name, Path(path)) for name, path in given}
     for name in steps(model.trained, str):
         if name != workspace.kind:
-            networks[name] = _fit_network(workspace, parts, [name], {}, draw=draw, test=test_parts)
-            unimodal[name] = Path(networks[name]["checkpoint"])
+            unimodal[name], networks[name] = _fit_network(
+                workspace, parts, [name], {}, draw=draw, test=test_parts
+            )
         else:
             ordered = {sense: unimodal[sense] for sense in model.senses if sense in unimodal}
-            networks[name] = _fit_network(workspace, parts, model.senses, ordered, draw=draw)
+            _, networks[name] = _fit_network(workspace, parts, model.senses, ordered, draw=draw)
     return networks
 
 
@@ -93,29 +91,29 @@ def _fit_network(
     workspace: Workspace,
     parts: Split,
     senses: Sequence[str],
-    unimodal: dict[str, Path],
+    unimodal: dict[str, Trained],
     *,
     draw: bool,
     test: bool = True,
-) -> dict[str, Any]:
+) -> tuple[Trained, dict[str, Any]]:
     card, shared = make_card(workspace, senses, unimodal), workspace.config.crossval.share
     training = make_training(workspace, card, parts, unimodal)
     if card.baseline:
-        checkpoint = fit_baseline(training)
+        trained = fit_baseline(training)
     elif shared is not None:
-        checkpoint = train_shared(training, Path(shared).expanduser())
+        trained = train_shared(training, Path(shared).expanduser())
     else:
-        checkpoint = train_network(training)
+        trained = train_network(training)
     if not is_rank_zero():  # it alone tests and writes
-        return {"checkpoint": str(checkpoint)}
+        return trained, {"checkpoint": str(trained.checkpoint)}
     if not test:
-        fit_seconds = read_checkpoint(checkpoint)["fit_seconds"]
-        return {"checkpoint": str(checkpoint), "fit_seconds": fit_seconds}
-    return _tested_network(workspace, checkpoint, parts, draw=draw)
+        entry = {"checkpoint": str(trained.checkpoint), "fit_seconds": trained.fit_seconds}
+        return trained, entry
+    return trained, _tested_network(workspace, trained, parts, draw=draw)
 
 
 def make_training(
-    workspace: Workspace, card: Card, parts: Split, unimodal: dict[str, Path]
+    workspace: Workspace, card: Card, parts: Split, unimodal: dict[str, Trained]
 ) -> Training:
     """Collect the networks, data and settings of one network's training."""
     return Training(
@@ -124,20 +122,16 @@ def make_training(
 
 
 def _tested_network(
-    workspace: Workspace, checkpoint: Path, parts: Split, *, draw: bool
+    workspace: Workspace, trained: Trained, parts: Split, *, draw: bool
 ) -> dict[str, Any]:
-    """Calibrate and test a trained network; its entry of ``results.json``."""
+    """Test a trained network; its entry of ``results.json``."""
     config, store, directory = workspace.config, workspace.store, workspace.directory
-    classifier = load_classifier(checkpoint)
+    classifier = trained.classifier
     classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
-    validation, samples = (make_samples(part, modalities) for part in (parts.val, parts.test))
-    calibrate(classifier, checkpoint, validation, store, config)
-    keep_novelties(classifier, checkpoint, parts, store)
+    samples = make_samples(parts.test, modalities)
     unknown = workspace.unknown_samples(modalities)
-    result, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, unknown
-    )
+    result, outcomes = report_network(trained, samples, store, directory, config, unknown)
     figures = {}
     if draw:
         figures = draw_figures(outcomes, workspace.classes, kind, directory, config.figures.formats)

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import torch
-
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.loading import load_sample
@@ -27,8 +25,7 @@ from tex_lightning.runs.sequential import report_sequential
 
 
 def report_network(
-    classifier: SurfaceClassifier,
-    checkpoint: Path,
+    trained: Trained,
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
@@ -38,8 +35,7 @@ def report_network(
     """Test a network as prediction runs it; write its predictions into the run folder.
 
     Args:
-        classifier: As loaded from ``checkpoint``, on its device.
-        checkpoint: Its file.
+        trained: The network, on its device.
         samples: What is tested, at least one.
         store: Their recordings.
         directory: The run folder.
@@ -49,20 +45,20 @@ def report_network(
     Returns:
         Its entry of ``results.json``, and what became of each sample.
     """
+    classifier = trained.classifier
     kind, classes = classifier.card.kind, classifier.card.classes
     warn_of_few(classifier.card.deciding(config.decision))
     decider = prepare(classifier, config.engine, config.decision)
     outcomes = run_test(decider, samples, store)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
-    stored = torch.load(checkpoint, map_location="cpu", weights_only=True)
     entry = {
         **summarise(outcomes),
         **by_condition(samples, outcomes),
         **calibration_metrics(outcomes, classes, decider.card.reject_below),
         **network_facts(classifier, samples[0], store),
-        "fit_seconds": stored["fit_seconds"],
-        "val_loss": stored.get("val_loss"),  # None where nothing was validated
-        "checkpoint": str(checkpoint.resolve()),
+        "fit_seconds": trained.fit_seconds,
+        "val_loss": trained.val_loss,  # None where nothing was validated
+        "checkpoint": str(trained.checkpoint.resolve()),
     }
     drawn = config.decision.alphas or config.decision.confidence_thresholds
     if isinstance(decider, SequentialClassifier) and drawn:

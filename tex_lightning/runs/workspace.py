@@ -9,7 +9,7 @@ from tex_lightning.baselines.classifier import new_classifier
 from tex_lightning.baselines.making import make_baseline
 from tex_lightning.branches import Branch
 from tex_lightning.card import DECISION, Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.config import Config, DataConfig
 from tex_lightning.config.instantiation import find_callable
 from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
@@ -206,8 +206,8 @@ def _try_new(config: Config, branch: Branch, recordings: Recordings, store: Stor
     try_parts(own, recordings, store, len(card.classes))
 
 
-def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Path]) -> Card:
-    """Describe the classifier to train; FusionNet's branches are what their checkpoints say."""
+def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Trained]) -> Card:
+    """Describe the classifier to train; FusionNet's branches are those of its networks."""
     data, config, parts = workspace.data, workspace.config, workspace.parts()
     card = configured_card(config, senses, workspace.classes)
     ranges = {
@@ -218,7 +218,7 @@ def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, P
     if not unimodal:
         source = None if card.baseline else config.start_of(card.kind)
         return replace(card, trained_on=trained_on(card, parts, data, source))
-    starts = {name: starting_card(workspace, name, path) for name, path in unimodal.items()}
+    starts = {name: start.classifier.card for name, start in unimodal.items()}
     return replace(
         card,
         trained_on=trained_on_parts(card, parts, data, *starts.values()),
@@ -244,14 +244,15 @@ def configured_card(config: Config, senses: Sequence[str], classes: list[str]) -
     )
 
 
-def starting_card(workspace: Workspace, name: str, path: Path) -> Card:
-    """The card of a unimodal checkpoint, if FusionNet may start from it.
+def given_start(workspace: Workspace, name: str, path: Path) -> Trained:
+    """Read a unimodal checkpoint, if FusionNet may start from it.
 
     Raises:
         UserError: If it is no such network, classes or decoding differ, or it has seen the fold
             that this run tests.
     """
-    card = SurfaceClassifier.from_checkpoint(path, name).card
+    start = read_trained(path, name)
+    card = start.classifier.card
     if card.classes != workspace.classes:
         raise UserError(
             f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
@@ -266,4 +267,4 @@ def starting_card(workspace: Workspace, name: str, path: Path) -> Card:
             )
     test = workspace.parts().test.of(card.modalities[0])
     refuse_leak(test, card, f"Checkpoint {path}", workspace.data)
-    return card
+    return start

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.data.folds import make_samples
@@ -55,7 +55,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     seconds = time.perf_counter() - begin
     kind = classifier.card.kind
     target = job.directory / "checkpoints" / f"{kind}.ckpt"
-    write_checkpoint(classifier, source, target, seconds)
+    trained = write_checkpoint(classifier, source, target, seconds)
     counts = Counter((row.label, row.modality) for row in rows)
     entry: dict[str, Any] = {
         "added": {
@@ -68,7 +68,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     }
     tested = rows.classes and config.data.test_fold is not None
     if tested:
-        entry |= _test(config, classifier, target, job.directory)
+        entry |= _test(config, trained, job.directory)
     results: dict[str, Any] = {
         "task": config.task,
         "model": kind,
@@ -117,11 +117,10 @@ def _added(
     return enroll(classifier, usable, store), usable, skipped
 
 
-def _test(
-    config: Config, classifier: SurfaceClassifier, checkpoint: Path, directory: Path
-) -> dict[str, Any]:
+def _test(config: Config, trained: Trained, directory: Path) -> dict[str, Any]:
     """Test the new checkpoint on the fold that was left out, as far as it knows its classes."""
-    card, data = classifier.card, config.data
+    classifier, data = trained.classifier, config.data
+    card = classifier.card
     present = read_recordings(data, card.modalities, least=1).classes
     data = replace(data, hold_out=[name for name in present if name not in card.classes])
     rows = recordings_to_test(data, classifier, "The checkpoint")
@@ -135,7 +134,7 @@ def _test(
             "to add all recordings and test nothing."
         )
     classifier.to(pick_device(config.trainer.accelerator))
-    entry, outcomes = report_network(classifier, checkpoint, samples, store, directory, config)
+    entry, outcomes = report_network(trained, samples, store, directory, config)
     draw_figures(outcomes, card.classes, card.kind, directory, config.figures.formats)
     return entry
 

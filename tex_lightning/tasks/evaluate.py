@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.baselines.classifier import load_trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.job import Job
 from tex_lightning.data.conditions import tested_part
@@ -33,7 +33,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """
     begin, directory = time.perf_counter(), job.directory
     checkpoint = Path(str(config.checkpoint)).expanduser()
-    classifier = load_classifier(checkpoint)
+    trained = load_trained(checkpoint)
+    classifier = trained.classifier
     device = pick_device(config.trainer.accelerator)
     classifier.to(device)
     kind, classes = classifier.card.kind, classifier.card.classes
@@ -54,9 +55,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             f"There is nothing to test a {kind} network on in {tested_part(config.data)}; choose "
             "another data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
-    network, outcomes = report_network(
-        classifier, checkpoint, samples, store, directory, config, unknown_samples
-    )
+    network, outcomes = report_network(trained, samples, store, directory, config, unknown_samples)
     figures = draw_figures(outcomes, classes, kind, directory, config.figures.formats)
     figures |= draw_telling(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Mapping
-from pathlib import Path
 
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
@@ -17,10 +16,10 @@ log = logging.getLogger(__name__)
 
 
 class FusionStart(Callback):
-    """Load the unimodal checkpoints and set the learning rate of the fusion layer.
+    """Copy the unimodal networks and set the learning rate of the fusion layer.
 
     Args:
-        checkpoints: By sense that of its network.
+        starts: By sense the classifier whose network is copied.
         head_factor: Learning rate of the fusion layer over that of the networks, 10 to 50.
         head_start: ``scores`` begins with the sum of all networks' class scores, ``random`` with
             small random weights.
@@ -30,14 +29,17 @@ class FusionStart(Callback):
     """
 
     def __init__(
-        self, checkpoints: Mapping[str, Path], head_factor: float, head_start: str = "scores"
+        self,
+        starts: Mapping[str, SurfaceClassifier],
+        head_factor: float,
+        head_start: str = "scores",
     ) -> None:
         if not MIN_FACTOR <= head_factor <= MAX_FACTOR:
             raise UserError(
                 f"model.fusion.fit.head_factor is {head_factor:g}; "
                 f"choose a value from {MIN_FACTOR:g} to {MAX_FACTOR:g}."
             )
-        self.checkpoints = checkpoints
+        self.starts = starts
         self.head_factor = head_factor
         self.head_start = head_start
 
@@ -47,9 +49,8 @@ class FusionStart(Callback):
             return
         target, head = pl_module.classifier, pl_module.network.head
         networks = []
-        for name, path in self.checkpoints.items():
-            start = SurfaceClassifier.from_checkpoint(path, name)
-            target.branch(name).adopt(start.branch(name))
+        for name, start in self.starts.items():
+            target.branch(name).adopt(start.cpu().branch(name))
             networks.append(start.network)
         fused = FusionNet(*networks, classes=len(target.card.classes), **target.card.fusion)
         if self.head_start == "scores":
@@ -63,7 +64,7 @@ class FusionStart(Callback):
         """State the rates; each step's are logged as lr/backbone and lr/head."""
         groups = trainer.optimizers[0].param_groups  # no backbone where nothing in it is trained
         log.debug(
-            "FusionNet starts from %s; learning rate of the %s.",
-            " and ".join(path.name for path in self.checkpoints.values()),
+            "FusionNet starts from the networks of %s; learning rate of the %s.",
+            " and ".join(self.starts),
             " and ".join(f"{group['name']} {group['lr']:.3g}" for group in groups),
         )
