@@ -1,6 +1,5 @@
 """The LightningModules: parameter groups, schedules, losses."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
