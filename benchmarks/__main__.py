@@ -14,7 +14,15 @@ from tex_lightning.config import flatten
 from tex_lightning.screen import console
 
 FOREMOST = "ratio"
-LONG = ("faults", "growth", "hostile", "longrun", "mutations", "scale")  # minutes each: by name
+LONG = (
+    "digests",
+    "faults",
+    "growth",
+    "hostile",
+    "longrun",
+    "mutations",
+    "scale",
+)  # minutes each: by name
 
 
 def names() -> list[str]:

@@ -263,9 +263,9 @@ def _predictions(folder: Path) -> Iterator[tuple[str, list[str]]]:
 def _trainings(folder: Path) -> Iterator[tuple[str, list[str]]]:
     """Weights, manifests and tables of severities."""
     for name in WEIGHTS:
-        kind = "visual_squeezenet" if name.endswith(".pth") else "visual"
-        yield name, [f"model={kind}", "model.visual.width=1", "model.visual.norm=none",
-                     f"weights={folder / name}", "data=synthetic"]  # fmt: skip
+        trunk = "alexnet_torchvision" if name.endswith(".pth") else "alexnet"
+        plain = ["model.visual.width=1", "model.visual.norm=none", "data=synthetic"]
+        yield name, ["model=visual", f"trunk={trunk}", f"weights={folder / name}", *plain]
     for name in MANIFESTS:
         yield name, ["model=haptic", "data=manifest", f"data.manifest={folder / name}"]
     for name in SEVERITIES:

@@ -3,7 +3,7 @@
 Networks have random weights, random statistics of batch normalisation, and features that have
 learnt from the recordings; those of ``few/*`` are fitted. Labels are compared on real recordings
 where a folder ``shared/data`` lies beside the checkout, else on noise of as many sizes.
-``python -m benchmarks export`` takes about half an hour; ``BENCHMARK_EXPORT=haptic,squeezenet``
+``python -m benchmarks export`` takes about half an hour; ``BENCHMARK_EXPORT=haptic,lite0``
 runs networks of these names only.
 """
 
@@ -48,11 +48,8 @@ NETWORKS: dict[str, tuple[str, ...]] = {
     "alexnet_torchvision": ("model=visual", "trunk=alexnet_torchvision"),
     "tcnn": ("model=visual_tcnn",),
     "vgg_m": ("model=visual_vgg_m",),
-    "squeezenet": ("model=visual_squeezenet", "weights=null"),
-    "squeezenet_quarter": ("model=visual_squeezenet", "weights=null", "model.visual.width=0.25"),
     "lite0": (LITE, "weights=null"),
     "lite0_quarter": (LITE, "weights=null", "model.visual.width=0.25"),
-    "lite1": (LITE, "weights=null", "trunk=efficientnet_lite1"),
     "lite2": (LITE, "weights=null", "trunk=efficientnet_lite2"),
     "fusion_fc2": ("model=fusion",),
     "fusion_fc3": ("model=fusion_fc3",),

@@ -84,8 +84,7 @@ def networks() -> dict[str, tuple[nn.Module, Size]]:
 def sizes() -> dict[str, list[list[str]]]:
     """Rows of the smaller networks: their page, and what is told of each."""
     textures = {
-        "efficientnet": ("efficientnet_lite0", "efficientnet_lite1", "efficientnet_lite2"),
-        "squeezenet": ("squeezenet",),
+        "efficientnet": ("efficientnet_lite0", "efficientnet_lite2"),
     }
     found = {
         page: [_row(name, _texture_network(name), 3) for name in names]

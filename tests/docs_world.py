@@ -90,15 +90,13 @@ def write_shared(root: Path) -> Path:
     write_surfaces(data / "paired", FEW, "haptic", "image")
     write_manifest(data / "surfaces10.csv", data / "paired", "haptic", "image")
     write_surfaces(data / "all", CLASSES, *SENSES, side=2 * 224)  # they are halved
-    (root / "weights").mkdir()
-    write_weights(root / "weights" / "squeezenet_v1.0_imagenet.npz", "squeezenet")
     return root
 
 
 def write_weights(path: Path, trunk: str) -> Path:
     """Random weights of a trunk as a file of Caffe's names."""
     torch.manual_seed(0)
-    network = TRUNKS[trunk](width=1.0, norm="none" if trunk == "squeezenet" else "lrn")
+    network = TRUNKS[trunk](width=1.0, norm="lrn")
     state = network.state_dict()
     names = [
         (f"{theirs}.{kind}", f"{ours}.{kind}")

@@ -58,7 +58,6 @@ NOT_RUN = {
 WEIGHTS = {
     "ALEXNET.caffemodel": "alexnet_caffe",
     "VGG_M.mat": "vgg_m",
-    "SQUEEZENET.npz": "squeezenet",
 }
 RECORDED = ("A", "B", "oak")
 ELSEWHERE = {"extend.md": "tests/plugin/test_extend.py"}

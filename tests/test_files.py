@@ -1,7 +1,6 @@
-"""Files that are whole or not there: full disks, exceptions, and what killed processes leave."""
+"""Files that are whole or not there: full disks and exceptions."""
 
 import errno
-import fcntl
 import logging
 import os
 import resource
@@ -70,26 +69,23 @@ def test_other_errors_pass_and_leave_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("folder", [False, True])
-def test_what_a_killed_process_left_goes_and_what_another_fills_stays(tmp_path, folder):
+def test_two_processes_fill_paths_of_their_own_that_go(tmp_path, folder):
     target = tmp_path / "file"
-    with partial_path(target, folder=folder) as filled:
-        with partial_path(target, folder=folder) as other:
-            assert filled.exists()
-            assert other != filled
-        assert not other.exists()
-    assert not filled.exists()
-    killed, elsewhere = tmp_path / ".file.abcd_123", tmp_path / ".file2.abcd_123"
-    for path in (killed, elsewhere):
-        path.mkdir() if folder else path.touch()
-    holder = os.open(killed, os.O_RDONLY)
-    fcntl.flock(holder, fcntl.LOCK_EX)  # as its process would, were it alive
-    write_text(target, "a")
-    assert killed.exists()
-    os.close(holder)
-    write_text(target, "b")
-    assert not killed.exists()
-    assert elsewhere.exists()
-    assert target.read_text() == "b"
+    with partial_path(target, folder=folder) as one, partial_path(target, folder=folder) as other:
+        assert one != other
+        for path in (one, other):
+            assert path.name.startswith(".file.")
+            (path / "a" if folder else path).write_text("half")
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_have_the_rights_that_the_user_gives_new_ones(tmp_path):
+    before = os.umask(0o027)
+    try:
+        write_text(tmp_path / "file", "a")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o640
 
 
 def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):

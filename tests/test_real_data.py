@@ -49,12 +49,12 @@ def test_the_live_label_of_a_real_surface_follows_within_a_second(cli, shared, t
 @pytest.mark.slow
 def test_imagenet_weights_and_a_manifest_run_from_reading_to_results(cli, shared, tmp_path):
     outcome = cli(
-        "model=fusion_squeezenet",
+        "model=fusion_efficientnet",
         "data=manifest",
         f"data.manifest={shared}/data/surfaces10.csv",
         "data.classes=2",
         "model.visual.trunk.patch=112",
-        f"weights={shared}/weights/squeezenet_v1.0_imagenet.npz",
+        "weights=imagenet",
         "debug=tiny",
         f"hydra.run.dir={tmp_path}",
     )
@@ -100,11 +100,11 @@ def test_fusion_beats_both_networks_on_synthetic_surfaces(cli, tmp_path):
 @pytest.mark.slow
 def test_fusion_stands_by_hapticnet_where_visualnet_errs(cli, shared, tmp_path):
     outcome = cli(
-        "model=fusion_squeezenet",
+        "model=fusion_efficientnet",
         "data=manifest",
         f"data.manifest={shared}/data/surfaces10.csv",
         "data.half_scale=false",
-        f"weights={shared}/weights/squeezenet_v1.0_imagenet.npz",
+        "weights=imagenet",
         "task=crossval",
         "crossval.only=[3]",
         f"hydra.run.dir={tmp_path}",

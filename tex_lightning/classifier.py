@@ -138,7 +138,7 @@ class SurfaceClassifier(nn.Module):
         return classifier.eval()
 
     def expect_statistics(self, state: Mapping[str, Tensor]) -> None:
-        """Have statistics of the sizes in a state; older checkpoints have none."""
+        """Have statistics of the sizes in a state."""
         self.statistics = _stored_statistics(state)
 
     @property
@@ -186,7 +186,7 @@ class SurfaceClassifier(nn.Module):
         if found is None:
             raise UserError(
                 f"This {self.card.title} keeps no statistics of its features, so what it has never "
-                "seen cannot be told; train it anew with this version."
+                "seen cannot be told; train it by task=fit."
             )
         return found
 

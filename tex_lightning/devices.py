@@ -3,7 +3,7 @@
 import torch
 
 from tex_lightning.config import TrainerConfig
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, shorten
 from tex_lightning.ranks import started_processes
 
 
@@ -79,6 +79,11 @@ def _count_devices(accelerator: str, wanted: object) -> int:
                 "trainer.devices=2 to train in two processes on the CPU."
             )
         return found
+    given = wanted if isinstance(wanted, list) else [wanted]
+    if not given or not all(str(each).isdecimal() for each in given):
+        raise UserError(
+            f"trainer.devices is {shorten(repr(wanted))}; give a number, a list or auto."
+        )
     if isinstance(wanted, list):
         return len(wanted)
     count = int(str(wanted))

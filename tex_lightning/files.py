@@ -4,24 +4,18 @@ import csv
 import errno
 import json
 import os
-import re
 import shutil
-import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, fields
 from glob import glob
 from pathlib import Path
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any
 
 from tex_lightning.errors import UserError, reason
 from tex_lightning.text import from_cell, to_cell
-
-try:
-    import fcntl
-except ImportError:  # Windows, where what a killed process leaves is not told from work in progress
-    fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -168,7 +162,6 @@ def write_atomically(target: Path, write: Callable[[Path], None]) -> None:
     try:
         with partial_path(target) as partial:
             write(partial)
-            partial.chmod(0o644)
             partial.replace(target)
     except OSError as error:
         raise unwritable(target, error) from error
@@ -187,64 +180,21 @@ def unwritable(path: str | Path, error: OSError) -> UserError:
 
 @contextmanager
 def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
-    """An empty file or folder beside ``target``, to fill and move there; what is left of it goes.
+    """A hidden path beside ``target``, to fill and move there; what is left of it is deleted.
 
-    It is locked as long as its process lives. What a killed process has left of the same target is
-    not, and goes first.
+    A process that is killed leaves it, and nothing reads it.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
-    if fcntl is not None:
-        _remove_abandoned(target)
-    partial, handle = _make_partial(target, folder=folder)
+    partial = target.with_name(f".{target.name}.{token_hex(4)}")
+    if folder:
+        partial.mkdir()
     try:
         yield partial
     finally:
-        _remove(partial)
-        if handle is not None:
-            os.close(handle)
-
-
-def _make_partial(target: Path, *, folder: bool) -> tuple[Path, int | None]:
-    """Make it and lock it; gives it and the open file that holds the lock, if there are locks."""
-    prefix = f".{target.name}."
-    while True:
         if folder:
-            name = tempfile.mkdtemp(dir=target.parent, prefix=prefix)
+            shutil.rmtree(partial, ignore_errors=True)
         else:
-            handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix)
-            os.close(handle)
-        if fcntl is None:
-            return Path(name), None
-        try:
-            handle = os.open(name, os.O_RDONLY)
-        except FileNotFoundError:
-            continue  # another process took it for abandoned before it was locked
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(handle, fcntl.LOCK_EX)
-        if Path(name).exists():
-            return Path(name), handle
-        os.close(handle)  # likewise
-
-
-def _remove_abandoned(target: Path) -> None:
-    """Remove what no process that lives is filling."""
-    name = re.compile(rf"\.{re.escape(target.name)}\.[a-z0-9_]{{8}}")  # as tempfile names it
-    for path in target.parent.iterdir():
-        if name.fullmatch(path.name):
-            with suppress(OSError):  # locked, or removed by another process
-                handle = os.open(path, os.O_RDONLY)
-                try:
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    _remove(path)
-                finally:
-                    os.close(handle)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager

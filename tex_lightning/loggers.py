@@ -33,12 +33,17 @@ def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
         UserError: If one cannot be made.
     """
     if (directory, name) not in _OPEN:
-        _OPEN[directory, name] = [
-            _make(f"logger.{title}", node, directory, name)
-            for title, node in nodes.items()
-            if node is not None  # which leaves one out
-        ]
+        _OPEN[directory, name] = make_loggers(nodes, directory, name)
     return _OPEN[directory, name]
+
+
+def make_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
+    """Make them anew; see :func:`open_loggers`."""
+    return [
+        _make(f"logger.{title}", node, directory, name)
+        for title, node in nodes.items()
+        if node is not None  # which leaves one out
+    ]
 
 
 def close_loggers(directory: Path, name: str) -> None:

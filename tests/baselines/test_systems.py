@@ -13,17 +13,11 @@ QUICK = {
     "mfcc_gmm": {"components": 2},
     "acnn": {"fragment_seconds": 0.4, "steps": 30, "patches": 300, "batch_size": 9},
     "minirocket": {"kernels": 168},
-    "multirocket_hydra": {"kernels": 84, "hydra_groups": 2},
 }
-# the kernels of the last are compiled for half a minute
-EACH = [
-    pytest.param(name, marks=pytest.mark.slow if name == "multirocket_hydra" else ())
-    for name in QUICK
-]
 LABELS = np.repeat(np.arange(3), 4)
 
 
-@pytest.fixture(scope="module", params=EACH)
+@pytest.fixture(scope="module", params=QUICK)
 def fitted(request, configured):
     """A baseline fitted to traces of unequal length."""
     traces = [
@@ -80,7 +74,7 @@ def test_two_classes(fitted, configured):
     assert len(baseline.logits(traces[0])) == 2
 
 
-@pytest.mark.parametrize("name", [each for each in EACH if each.values != ("minirocket",)])
+@pytest.mark.parametrize("name", [name for name in QUICK if name != "minirocket"])
 def test_command_line(name, surfaces, cli, tmp_path):
     changes = [f"model.baseline.{key}={value}" for key, value in QUICK[name].items()]
     outcome = cli(

@@ -54,12 +54,8 @@ def test_a_manifest_survives_a_round_trip(tmp_path):
 
 
 def test_rates_byte_order_marks_and_extra_columns_are_read(tmp_path):
-    for name in ("rate", "sampling_rate"):
-        lines = f"\ufefflabel,modality,path,group,{name},note\nw,haptic,a.wav,0,2500,x\n"
-        assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500
-    both = "label,modality,path,group,rate,sampling_rate\nw,haptic,a.wav,0,2500,10000\n"
-    with pytest.raises(UserError, match="line 2: rate is 10000 and 2500; write one number"):
-        read_manifest(manifest(tmp_path, both))
+    lines = "\ufefflabel,modality,path,group,rate,note\nw,haptic,a.wav,0,2500,x\n"
+    assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500
 
 
 def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):

@@ -43,7 +43,7 @@ def names(count):
     return [str(number) for number in range(count)]
 
 
-def module_of(classes, probe=PROBE, trunk="squeezenet"):
+def module_of(classes, probe=PROBE, trunk="efficientnet_lite0"):
     names, trunk = [str(number) for number in range(classes)], trunk_node(trunk)
     card = make_card("visual", classes=names, trunk=trunk, width=0.1, norm="none", head=[])
     torch.manual_seed(0)
@@ -69,9 +69,8 @@ def test_unseen_photos_are_right_and_the_convolutions_stay(classes):
     assert votes == labels.tolist()
 
 
-@pytest.mark.parametrize("trunk", ["squeezenet", "efficientnet_lite0"])
-def test_mean_score_is_that_of_scikit_learn_on_mean_features(trunk):
-    module = module_of(3, trunk=trunk)
+def test_mean_score_is_that_of_scikit_learn_on_mean_features():
+    module = module_of(3)
     photos, labels = photos_of(3, 12, seed=1)
     raw = []
     with torch.no_grad():
@@ -111,13 +110,10 @@ def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     assert _view(darker, 0, module).mean() < 0.99 * view.mean()
 
 
-@pytest.mark.parametrize(
-    "model", ["visual_squeezenet", pytest.param("visual_efficientnet", marks=pytest.mark.slow)]
-)
-def test_a_head_without_hidden_layers_from_the_command_line(cli, surfaces, tmp_path, model):
+def test_a_head_without_hidden_layers_from_the_command_line(cli, surfaces, tmp_path):
     outcome = cli(
-        f"model={model}", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
-        "debug=tiny", "model.visual.fit.epochs=0", "trainer.threads=1",
+        "model=visual_efficientnet", "data=folder", f"data.root={surfaces}",
+        "data.half_scale=false", "debug=tiny", "model.visual.fit.epochs=0", "trainer.threads=1",
         f"hydra.run.dir={tmp_path / 'run'}",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err

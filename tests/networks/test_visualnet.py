@@ -13,20 +13,16 @@ RECEPTIVE_FIELDS = {
     "alexnet_caffe": (-64, 355),
     "alexnet_torchvision": (-66, 355),
     "tcnn": (-32, 291),
-    "squeezenet": (-60, 347),
     "vgg_m": (-52, 331),
     "efficientnet_lite0": (-394, 1043),
-    "efficientnet_lite1": (-526, 1307),
     "efficientnet_lite2": (-526, 1307),
 }
 SINGLE_OUTPUT = {
     "alexnet_caffe": (199, 230),
     "alexnet_torchvision": (223, 254),
     "tcnn": (215, 230),
-    "squeezenet": (213, 244),
     "vgg_m": (201, 232),
     "efficientnet_lite0": (224, 255),
-    "efficientnet_lite1": (224, 255),
     "efficientnet_lite2": (224, 255),
 }
 
@@ -61,7 +57,6 @@ def test_published_head_of_tcnn():
     [
         ("alexnet_caffe", 2_334_080),
         ("alexnet_torchvision", 2_469_696),
-        ("squeezenet", 1_248_424),  # the classifier conv10 included
         # conv1 to conv5 of VGG-M: 7x7x3x96, 5x5x96x256, 3x3x256x512 and twice 3x3x512x512
         ("vgg_m", 14_112 + 614_400 + 1_179_648 + 2 * 2_359_296 + 96 + 256 + 3 * 512),
     ],
@@ -89,7 +84,6 @@ def test_one_prediction_for_a_patch(trunk):
         ("tcnn", 1224, 1632, (64, 89)),
         ("tcnn", 256, 256, (3, 3)),
         ("alexnet_caffe", 256, 256, (2, 2)),
-        ("squeezenet", 384, 384, (6, 6)),
         ("efficientnet_lite0", 300, 400, (3, 6)),
     ],
 )
@@ -118,18 +112,6 @@ def test_caffe_map_sizes():
         sides.append(window.output(sides[-1]))
     assert sides == [227, 55, 27, 13, 6]
     assert TRUNKS["alexnet_caffe"](width=NARROW, norm="none").output_side(224) == 6
-
-
-def test_squeezenet_map_sizes():
-    """The published map sides 111, 55, 27, 13 hold for 227; 224 ends in 13 as well."""
-    trunk = TRUNKS["squeezenet"](width=NARROW, norm="none")
-    maps = []
-    for name, layer in trunk.layers.named_children():
-        if name.startswith("pool"):
-            layer.register_forward_hook(lambda _, __, output: maps.append(output.shape[-1]))
-    trunk(torch.zeros(1, 3, 227, 227))
-    trunk(torch.zeros(1, 3, 224, 224))
-    assert maps == [55, 27, 13, 54, 27, 13]
 
 
 @pytest.mark.parametrize("trunk", TRUNKS)
@@ -199,7 +181,9 @@ def test_batch_normalisation_follows_every_hidden_convolution(trunk):
     assert [m.bias is not None for m in convolutions] == [False] * len(norms) + [True]
 
 
-@pytest.mark.parametrize(("trunk", "norm"), [("alexnet_caffe", "lrn"), ("squeezenet", "none")])
+@pytest.mark.parametrize(
+    ("trunk", "norm"), [("alexnet_caffe", "lrn"), ("alexnet_torchvision", "none")]
+)
 def test_plain_networks_have_no_batch_normalisation(trunk, norm):
     net = visualnet(3, trunk=trunk, norm=norm, width=NARROW)
     kinds = [type(m).__name__ for m in net.modules()]
@@ -227,7 +211,7 @@ def test_every_parameter_learns(trunk):
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
 
 
-@pytest.mark.parametrize("trunk", ["alexnet_torchvision", "squeezenet", "efficientnet_lite0"])
+@pytest.mark.parametrize("trunk", ["alexnet_torchvision", "efficientnet_lite0"])
 def test_lrn_is_only_for_caffe_trunks(trunk):
     with pytest.raises(UserError, match=r"model\.visual\.norm=lrn .*batch, none\."):
         visualnet(3, trunk=trunk, norm="lrn")

@@ -13,10 +13,6 @@ from conftest import visualnet as make
 from tex_lightning.errors import UserError
 from tex_lightning.networks.weights import load_trunk_weights
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-SQUEEZENET = REPOSITORY.parent / "shared" / "weights" / "squeezenet_v1.0_imagenet.npz"
-needs_squeezenet = pytest.mark.skipif(not SQUEEZENET.is_file(), reason="no SqueezeNet weights")
-
 ALEXNET_TORCHVISION = {
     "features.0": (64, 3, 11, 11),
     "features.3": (192, 64, 5, 5),
@@ -35,17 +31,7 @@ ALEXNET_CAFFE = {
 }
 
 
-def squeezenet_torchvision():
-    shapes = {"features.0": (96, 3, 7, 7), "classifier.1": (1000, 512, 1, 1)}
-    inputs = 96
-    for place, squeeze in zip(
-        (3, 4, 5, 7, 8, 9, 10, 12), (16, 16, 32, 32, 48, 48, 64, 64), strict=True
-    ):
-        shapes[f"features.{place}.squeeze"] = (squeeze, inputs, 1, 1)
-        shapes[f"features.{place}.expand1x1"] = (4 * squeeze, squeeze, 1, 1)
-        shapes[f"features.{place}.expand3x3"] = (4 * squeeze, squeeze, 3, 3)
-        inputs = 8 * squeeze
-    return shapes
+TRUNK_OF = {".npz": "alexnet_caffe", ".pth": "alexnet_torchvision", ".pt": "alexnet_torchvision"}
 
 
 def fabricate(shapes):
@@ -62,7 +48,7 @@ def save_npz(path, state):
     return path
 
 
-def visualnet(trunk="squeezenet", norm="none", **options):
+def visualnet(trunk="alexnet_torchvision", norm="none", **options):
     return make(3, trunk=trunk, norm=norm, **options).eval()
 
 
@@ -100,36 +86,6 @@ def assert_conv1_equals_caffe(net, weight, bias, stride):
     assert np.abs(actual - expected).max() < 1e-4 * np.abs(expected).max()
 
 
-@needs_squeezenet
-def test_npz_conv1_equals_caffe():
-    net = visualnet()
-    message = load_trunk_weights(net.trunk, SQUEEZENET)
-    assert message == f"squeezenet trunk from {SQUEEZENET} (caffe layout, 52 tensors)"
-    with np.load(SQUEEZENET) as raw:
-        assert_conv1_equals_caffe(net, raw["conv1.weight"], raw["conv1.bias"], stride=2)
-        conv10 = net.trunk.layers.conv10[0].weight.detach().numpy()
-        np.testing.assert_array_equal(conv10, raw["conv_final.weight"])
-        for name in ("squeeze", "expand1x1", "expand3x3"):
-            caffe = {"squeeze": "conv1x1_1", "expand1x1": "conv1x1_2", "expand3x3": "conv3x3_2"}
-            loaded = getattr(net.trunk.layers.fire5, name)[0].weight.detach().numpy()
-            np.testing.assert_array_equal(loaded, raw[f"fire5__{caffe[name]}.weight"])
-
-
-@needs_squeezenet
-def test_npz_features_tell_textures_apart():
-    """Two crops of a texture are closer to each other than to another texture."""
-    net = visualnet()
-    load_trunk_weights(net.trunk, str(SQUEEZENET))
-    rng = np.random.default_rng(0)
-    noise = rng.integers(0, 256, (300, 300, 3), dtype=np.uint8)
-    stripes = np.broadcast_to((np.arange(300) % 12 < 6)[None, :, None] * 255, (300, 300, 3))
-    crops = [image[at : at + 224, at : at + 224] for image in (noise, stripes) for at in (0, 51)]
-    with torch.no_grad():
-        features = torch.cat([net.trunk(normalised(crop)) for crop in crops]).flatten(1)
-    similar = torch.nn.functional.cosine_similarity(features[:, None], features[None], dim=-1)
-    assert min(similar[0, 1], similar[2, 3]) > similar[:2, 2:].max() + 0.1
-
-
 @pytest.mark.parametrize("trunk", ["alexnet_caffe", "tcnn"])
 def test_caffe_alexnet(tmp_path, trunk):
     state = fabricate(ALEXNET_CAFFE)
@@ -143,33 +99,16 @@ def test_caffe_alexnet(tmp_path, trunk):
     assert all(torch.equal(a, b) for a, b in zip(head, net.head.parameters(), strict=True))
 
 
-@pytest.mark.parametrize(
-    ("trunk", "shapes", "pairs"),
-    [
-        ("alexnet_torchvision", ALEXNET_TORCHVISION, {"features.8": "layers.conv4.0"}),
-        (
-            "squeezenet",
-            squeezenet_torchvision(),
-            {
-                "features.0": "layers.conv1.0",
-                "features.12.squeeze": "layers.fire9.squeeze.0",
-                "classifier.1": "layers.conv10.0",
-            },
-        ),
-    ],
-)
-def test_torchvision_layout_is_copied(tmp_path, trunk, shapes, pairs):
-    state = fabricate(shapes)
+def test_torchvision_layout_is_copied(tmp_path):
+    state = fabricate(ALEXNET_TORCHVISION)
     path = tmp_path / "weights.pth"
     torch.save(state, path)
-    net = visualnet(trunk)
+    net = visualnet()
     message = load_trunk_weights(net.trunk, path)
-    convolutions = sum(isinstance(each, torch.nn.Conv2d) for each in net.trunk.modules())
-    assert message == f"{trunk} trunk from {path} (torchvision layout, {2 * convolutions} tensors)"
+    assert message == f"alexnet_torchvision trunk from {path} (torchvision layout, 10 tensors)"
     loaded = net.trunk.state_dict()
-    for theirs, ours in pairs.items():
-        assert torch.equal(loaded[f"{ours}.weight"], state[f"{theirs}.weight"])
-        assert torch.equal(loaded[f"{ours}.bias"], state[f"{theirs}.bias"])
+    assert torch.equal(loaded["layers.conv4.0.weight"], state["features.8.weight"])
+    assert torch.equal(loaded["layers.conv4.0.bias"], state["features.8.bias"])
 
 
 def test_features_are_the_published_ones_divided_by_one_number(tmp_path):
@@ -235,25 +174,16 @@ def test_fetched_file_must_have_the_digest_of_its_name(hub, monkeypatch):
     assert not list(folder.iterdir())
 
 
-def test_official_addresses():
-    """The addresses of torchvision's own weight tables."""
-    urls = [visualnet(t).trunk.imagenet_url for t in ("alexnet_torchvision", "squeezenet")]
-    assert urls == [
-        "https://download.pytorch.org/models/alexnet-owt-7be5be79.pth",
-        "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth",
-    ]
-
-
 def test_no_network(hub, monkeypatch):
     def refuse(*_args, **_options):
         raise urllib.error.URLError("no route to host")
 
     monkeypatch.setattr(torch.hub, "download_url_to_file", refuse)
-    place = hub[0] / "squeezenet1_0-b66bff10.pth"
+    place = hub[0] / "alexnet-owt-7be5be79.pth"
     with pytest.raises(UserError) as caught:
         load_trunk_weights(visualnet().trunk, "imagenet")
     text = str(caught.value)
-    assert "https://download.pytorch.org/models/squeezenet1_0-b66bff10.pth" in text
+    assert "https://download.pytorch.org/models/alexnet-owt-7be5be79.pth" in text
     assert "no route to host" in text
     assert f"put the file at {place} or give weights=PATH." in text
 
@@ -274,7 +204,7 @@ def test_caffe_trunks_have_no_official_file(trunk):
 
 
 def test_other_addresses():
-    refused(visualnet(), "https://example.org/squeezenet.pth", "not an official file")
+    refused(visualnet(), "https://example.org/alexnet.pth", "not an official file")
 
 
 def test_missing_file(tmp_path):
@@ -298,14 +228,14 @@ def test_truncated_file(tmp_path, suffix, kept):
         torch.save(state, path)
     content = path.read_bytes()
     path.write_bytes(content[: int(kept * len(content))])
-    refused(visualnet(), path, str(path), "cannot be read")
+    refused(visualnet(TRUNK_OF[suffix]), path, str(path), "cannot be read")
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".pth", ".pt"])
 def test_file_of_something_else(tmp_path, suffix):
     path = tmp_path / f"weights{suffix}"
     path.write_text("<html>not found</html>")
-    refused(visualnet(), path, "cannot be read")
+    refused(visualnet(TRUNK_OF[suffix]), path, "cannot be read")
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
@@ -322,7 +252,7 @@ def test_single_array_under_the_name_of_an_archive(tmp_path):
     path = tmp_path / "weights.npz"
     with path.open("wb") as file:
         np.save(file, np.zeros(3))
-    refused(visualnet(), path, "cannot be read")
+    refused(visualnet("alexnet_caffe"), path, "cannot be read")
 
 
 def test_pickled_objects_are_not_run(tmp_path):
@@ -340,7 +270,7 @@ def test_not_a_state_dict(tmp_path, content):
 
 def test_weights_of_another_network(tmp_path):
     path = save_npz(tmp_path / "alexnet.npz", fabricate(ALEXNET_CAFFE))
-    refused(visualnet(), path, "conv1.weight", "(96, 3, 11, 11)", "(96, 3, 7, 7)")
+    refused(visualnet("vgg_m"), path, "conv1.weight", "(96, 3, 11, 11)", "(96, 3, 7, 7)")
 
 
 def test_missing_tensor(tmp_path):

@@ -247,7 +247,8 @@ def test_help_and_near_matches_know_the_users_files(cli, tmp_path):
     wrong = [*CONF, "data=flat", "data.reader.folder=.", "model=small", where]
     assert "did you mean data.reader.suffix?" in cli(*wrong, "data.reader.sufix=.jpg").err
     assert (
-        "unexpected keyword argument 'chanels'" in cli(*wrong, "model.visual.trunk.chanels=1").err
+        "(did you mean model.visual.trunk.channels?)"
+        in cli(*wrong, "model.visual.trunk.chanels=1").err
     )
     outcome = cli("--config-dir=/no/such", "model=small")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)

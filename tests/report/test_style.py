@@ -13,7 +13,7 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 from tex_lightning.report.style import FAMILIES, OTHERS, STYLE, colour_of, looks, styled
 
 NETWORKS = ["haptic", "visual", "sound", "fusion"]
-PEERS = ["minirocket", "mfcc_gmm", "mfcc_nb", "acnn", "lbp", "squeezenet_fv", "tcnn"]
+PEERS = ["minirocket", "mfcc_gmm", "mfcc_nb", "acnn", "lbp", "alexnet_fv", "tcnn"]
 NAMES = st.sampled_from([
     *NETWORKS, *PEERS, "visualnet_w0.5", "haptic_bands", "fusion (run)",
     "haptic+visual", "haptic+visual_sequential", "force", "",

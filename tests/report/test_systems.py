@@ -45,10 +45,10 @@ def test_a_system_of_fewer_senses_is_compared_on_its_part_of_each_sample():
 
 
 def test_rows_say_which_trunks_did_not_begin_at_random():
-    given = {"haptic": RANDOM, "visual": "/w/squeezenet.pth", "touch": "/r/a.ckpt (trained on 27)"}
-    assert _start({"weights": given}, "visual") == ["trunk from squeezenet.pth"]
+    given = {"haptic": RANDOM, "visual": "/w/alexnet.pth", "touch": "/r/a.ckpt (trained on 27)"}
+    assert _start({"weights": given}, "visual") == ["trunk from alexnet.pth"]
     assert _start({"weights": given}, "haptic") == []
-    both = ["visual trunk from squeezenet.pth", "touch trunk from /r/a.ckpt"]
+    both = ["visual trunk from alexnet.pth", "touch trunk from /r/a.ckpt"]
     assert _start({"weights": given}, "fusion") == both
     assert _start({}, "fusion") == []
 

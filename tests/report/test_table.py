@@ -101,7 +101,7 @@ def test_sweep(printed, tmp_path):
             "status": "done", "network": "fusion", "ci_low": 0.978, "ci_high": 1.0,
             "fit_seconds": 123_456.78, **CORRECT,
         }
-        for job, model in enumerate(["multirocket_hydra", "fusion_fc3_tcnn"])
+        for job, model in enumerate(["minirocket", "fusion_fc3_tcnn"])
     ]  # fmt: skip
     lost = {"job": "17", "overrides": ["model=haptic"], "status": "A sentence that explains."}
     sweep._print([*rows, lost], tmp_path)
@@ -117,7 +117,7 @@ def test_stability(printed, tmp_path):
         "worst_perturbation": {"name": "dropped_stretch", "mean_error": 0.999},
         "worst_class": {"name": "a_class_with_a_long_name_" * 3},
     }  # fmt: skip
-    systems = {"haptic": entry, "another_folder/fusion_squeezenet-2": entry, "c": {}}
+    systems = {"haptic": entry, "another_folder/fusion_efficientnet-2": entry, "c": {}}
     results = {"data": "manifest", "reference": "haptic", "systems": systems}
     stability_tables.print_stability(results, tmp_path)
     text = printed()
@@ -132,13 +132,9 @@ def test_profile(printed, tmp_path):
         "label_agreement": 0.98765, "dense_agreement": 1.0, "macs": 123e9, "gemm_gflops": 1234.5,
         "roofline_fraction": 0.98, "peak_memory_mib": 12_345.0,
         "flips_engine": 123, "vote_flips_engine": True, "flips_bf16": 0, "vote_flips_bf16": False,
-        "layers": [
-            {"name": "visual.trunk.layers.conv1.0", "kind": "FastResponseNorm", "ms": 1234.5,
-             "macs": 123e9, "gflops": 1234.0, "roofline_fraction": 2.5}
-        ],
     }  # fmt: skip
     results = {
-        "model": "fusion_squeezenet",
+        "model": "fusion_efficientnet",
         "weights": "run.ckpt",
         "environment": {"threads": 64},
         "networks": {"haptic": network, "visual": network},

@@ -10,7 +10,7 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-from conftest import CLASSES, make_card, make_trace
+from conftest import make_card, make_trace
 
 import tex_lightning as tl
 from tex_lightning.classifier import SurfaceClassifier
@@ -37,10 +37,10 @@ def save(card, path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def fusion(run_once, untrained, surfaces) -> Path:
-    """The folder of an exported FusionNet, with its 8-bit form."""
+    """The folder of an exported FusionNet."""
     return run_once(
         "task=export", f"checkpoint={untrained}", "data=folder", f"data.root={surfaces}",
-        "export.check=3", "export.int8=true",
+        "export.check=3",
     )  # fmt: skip
 
 
@@ -51,7 +51,6 @@ def test_export_json_says_what_was_compared(fusion):
     assert found["score_difference"] < 1e-5
     assert found["bytes"] == (fusion / "fusion.onnx").stat().st_size
     assert found["ratio"] == pytest.approx(found["latency_ms"] / found["classifier_ms"])
-    assert found["int8"]["bytes"] < found["bytes"]
 
 
 def test_the_file_says_what_it_is(fusion):
@@ -88,18 +87,6 @@ def test_it_classifies_sizes_it_was_not_traced_with(fusion, untrained, axes, sid
     assert outputs["probabilities"].argmax() in range(3)
 
 
-@pytest.mark.slow
-def test_a_program_of_torch_export(run_once, bands):
-    folder = run_once("task=export", f"checkpoint={bands}", "export.format=pt2", "export.check=2")
-    assert results(folder)["same_labels"] == 2
-    notes = {f"{KEY}.json": ""}
-    program = torch.export.load(folder / "haptic.pt2", extra_files=notes).module()
-    assert json.loads(notes[f"{KEY}.json"])["classes"] == list(CLASSES)
-    trace = torch.from_numpy(make_trace(1, 0, 3.1))[None]
-    vote = tl.load(bands).classifier.classify(haptic=trace)
-    assert int(program(haptic=trace)["label"]) == vote.label
-
-
 def test_a_model_card(cli, bands, tmp_path):
     assert not cli(
         "task=export", f"checkpoint={bands}", "export.format=card", f"export.out={tmp_path}",
@@ -134,8 +121,7 @@ def test_breaking_points_in_the_card(cli, untrained, tmp_path):
 def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path, monkeypatch):
     wrong = {"scores": np.zeros((3, 50)), "label": -1, "probabilities": np.zeros(3)}
     monkeypatch.setattr(export, "trace", lambda classifier: None)
-    monkeypatch.setattr(export, "plain_onnx", lambda classifier, traced: None)
-    monkeypatch.setattr(export, "completed", lambda classifier, model: None)
+    monkeypatch.setattr(export, "make_onnx", lambda classifier, traced: None)
     monkeypatch.setattr(export, "onnx_runner", lambda model: lambda inputs: wrong)
     outcome = cli("task=export", f"checkpoint={untrained}", f"export.out={tmp_path}/out")
     assert outcome.status == 2

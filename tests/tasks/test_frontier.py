@@ -156,7 +156,7 @@ def test_later_systems_and_folds_join_what_the_folder_holds(
 def test_missing_libraries_are_named_before_anything_is_trained(given, cli, tmp_path, monkeypatch):
     for module in ("aeon.transformations.collection.convolution_based", "skimage.feature"):
         monkeypatch.setitem(sys.modules, module, None)  # as if not installed
-    for module in ("rocket", "multirocket_hydra", "patterns"):
+    for module in ("rocket", "patterns"):
         monkeypatch.delitem(sys.modules, f"tex_lightning.baselines.{module}", raising=False)
     only = "frontier.only=[hapticnet_w0.125,minirocket,lbp]"
     outcome = cli("task=frontier", "frontier=fusion", *given, only, f"hydra.run.dir={tmp_path}/r")
@@ -179,16 +179,9 @@ def test_sequential_decision_counts_the_arithmetic_that_was_done(measured):
     assert macs["minirocket"] == ""
 
 
-def test_charts_can_be_opened(measured):
+def test_the_chart_can_be_opened(measured):
     with Image.open(measured / "frontier.png") as image:
         assert min(image.size) > 300
-    page = (measured / "frontier.html").read_text()
-    assert "minirocket" in page
-    assert 'src="http' not in page  # self-contained
-
-
-def test_charts_show_the_choice_in_a_mark_of_its_own(two_folds):
-    assert "diamond-open" in (two_folds / "frontier.html").read_text()
 
 
 def test_networks_that_differ_in_precision_are_trained_once(measured):
@@ -203,7 +196,7 @@ def test_every_system_is_timed_on_photos_of_its_own_size(given, cli, monkeypatch
         sides[half_scale] = next(samples)["image"].shape[0]
 
     monkeypatch.setattr(latencies, "_classify_next", classify)
-    systems = "frontier.only=[visualnet_squeezenet,visualnet_squeezenet_half]"
+    systems = "frontier.only=[visualnet_efficientnet_lite0,visualnet_efficientnet_lite0_half]"
     only = "crossval.only=[0]", "data.half_scale=false"
     assert cli("task=frontier", "frontier=fusion", *given, *only, systems).status == 0
     assert sides[False] == 2 * sides[True]
@@ -255,7 +248,7 @@ def test_one_source_of_weights_is_for_published_trunks(tmp_path):
     alone = ["model.senses=[haptic]"]
     assert with_system(job, preset, alone) == [*preset, *alone, "weights=null"]
     assert with_system(job, preset, ["seed=1"]) == [*preset, "seed=1"]
-    for model in ("model=visual_squeezenet", "model=fusion_squeezenet"):
+    for model in ("model=visual_efficientnet", "model=fusion_efficientnet"):
         assert with_system(job, given, [model]) == [*given, model]
 
 

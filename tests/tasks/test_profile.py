@@ -39,7 +39,6 @@ def test_profile_of_both_networks(cli, directory):
         "task=profile",
         "model=fusion",
         "debug=tiny",
-        "profile.growth=true",
         f"hydra.run.dir={directory}",
     )
     assert outcome.status == 0, outcome.err
@@ -63,30 +62,15 @@ def test_every_figure_of_the_contract_is_there_and_sane(directory):
         windows = network["windows"]
         assert network["arithmetic_ratio"] == windows * network["window_macs"] / network["macs"]
         assert 1 < network["arithmetic_ratio"] <= windows
-        assert sum(layer["macs"] for layer in network["layers"]) == network["macs"]
         rate = 2 * network["macs"] / network["fcn_ms"] / 1e6
         assert network["roofline_fraction"] == pytest.approx(rate / network["gemm_gflops"])
     assert found["networks"]["visual"]["windows"] == 4 * 2  # 320x256 pixels, 224 every 32
 
 
-def test_figures_growth_and_events_are_left_in_the_run_folder(directory):
+def test_figures_and_events_are_left_in_the_run_folder(directory):
     for name in ("haptic", "visual"):
-        for title in ("ways", "layers"):
-            assert (directory / "figures" / f"{name}_{title}.png").stat().st_size > 1000
+        assert (directory / "figures" / f"{name}_ways.png").stat().st_size > 1000
         assert list((directory / "tensorboard" / name).glob("events*"))
-    assert (directory / "growth.png").stat().st_size > 1000
-    with (directory / "growth.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    axes = {row["axis"] for row in rows}
-    assert axes == {
-        "trace, s",
-        "photo, megapixels",
-        "classes",
-        "pairs K",
-        "windows in a batch",
-        "threads",
-    }
-    assert all(bool(row["median_ms"]) != bool(row["note"]) for row in rows)
 
 
 @pytest.fixture(params=["fc2", "fc3"])

@@ -15,7 +15,7 @@ from tex_lightning.errors import UserError
 
 GIVEN = {
     "alexnet_caffe": "a.caffemodel",
-    "squeezenet": "s.npz",
+    "vgg_m": "v.mat",
     "efficientnet_lite0": "imagenet",
 }
 
@@ -31,8 +31,8 @@ def config(model: str) -> Config:
     [
         ("visual", "a.caffemodel"),
         ("alexnet_fv", "a.caffemodel"),
-        ("fusion_squeezenet", "s.npz"),
-        ("squeezenet_linear", "s.npz"),
+        ("visual_vgg_m", "v.mat"),
+        ("vgg_m_fv", "v.mat"),
         ("fusion_efficientnet", "imagenet"),
         ("visual_tcnn", None),
         ("haptic", None),
@@ -52,7 +52,7 @@ def test_other_weights_are_refused(weights):
 
 def test_command_line_takes_a_mapping(cli, tmp_path):
     outcome = cli(
-        "model=visual", "debug=tiny", "weights={squeezenet:nowhere.npz}", "data.classes=2",
+        "model=visual", "debug=tiny", "weights={vgg_m:nowhere.npz}", "data.classes=2",
         f"hydra.run.dir={tmp_path}/r",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err

@@ -24,21 +24,33 @@ ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
 
 
 @dataclass
-class Rocket(EstimatorBaseline):
+class MiniRocket(EstimatorBaseline):
     """A pipeline on traces (cases, 1, samples) of mean 0, as long as the longest of the training.
 
-    Shorter traces are repeated from their start, so that all of their movement counts; longer ones
-    are cut.
+    Features are shares of positive values. Shorter traces are repeated from their start, so that
+    all of their movement counts; longer ones are cut.
 
     Attributes:
+        kernels: Number of features.
         threads: For fitting. aeon's loops run over traces, so one trace never uses more than one.
         keep_level: Whether its level counts; else each trace's deviation is made 1, as published.
     """
 
+    kernels: int
     threads: int
     keep_level: bool
 
     kind: ClassVar = "haptic"
+
+    def with_budget(self, budget: float) -> Self:
+        """Fewer kernels."""
+        return replace(self, kernels=max(MIN_KERNELS, int(self.kernels * budget)))
+
+    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
+        """The pipeline of aeon's ``MiniRocketClassifier``."""
+        transform = Transform(n_kernels=self.kernels, n_jobs=self.threads, random_state=seed)
+        ridge = RidgeClassifierCV(alphas=ALPHAS)
+        return make_pipeline(transform, StandardScaler(with_mean=False), ridge)
 
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
         """Draw the kernels' biases from the traces and fit the ridge classifier."""
@@ -72,24 +84,3 @@ class Rocket(EstimatorBaseline):
         """Read the pipeline back."""
         super().load_state(state)
         self.length, self.scale = int(state["length"]), float(state["scale"])
-
-
-@dataclass
-class MiniRocket(Rocket):
-    """Features that are shares of positive values.
-
-    Attributes:
-        kernels: Number of features.
-    """
-
-    kernels: int
-
-    def with_budget(self, budget: float) -> Self:
-        """Fewer kernels."""
-        return replace(self, kernels=max(MIN_KERNELS, int(self.kernels * budget)))
-
-    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
-        """The pipeline of aeon's ``MiniRocketClassifier``."""
-        transform = Transform(n_kernels=self.kernels, n_jobs=self.threads, random_state=seed)
-        ridge = RidgeClassifierCV(alphas=ALPHAS)
-        return make_pipeline(transform, StandardScaler(with_mean=False), ridge)

@@ -116,13 +116,6 @@ class TrunkBaseline(Baseline):
         return sum(parameter.numel() for parameter in self.network.parameters())
 
 
-def layer_names(trunk: str) -> list[str]:
-    """Names of a trunk's layers up to the pooling that ends it."""
-    with torch.device("meta"):  # its shape without its weights
-        layers = published(trunk).layers
-    return [name for name, _ in layers.named_children()][:-1]
-
-
 def _least_side(trunk: type[Trunk]) -> int:
     """Smallest image side in pixels that the last map before the trunk's pooling is made of."""
     before = trunk.geometry[:-1]

@@ -11,6 +11,7 @@ from typing import Any
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 from tex_lightning.config import Config, flatten
+from tex_lightning.config.check_nodes import check_nodes
 from tex_lightning.config.check_ranges import beyond
 from tex_lightning.config.check_sections import check_data, check_flags, check_model
 from tex_lightning.config.check_tasks import AUTO, READ_FILES, check_decision, check_task
@@ -74,6 +75,7 @@ def check_config(config: Config) -> None:
         *check_task(config),
         *check_flags(config.trainer.flags),
     ]
+    complaints += check_nodes(config)
     if complaints:
         raise UserError("; ".join(complaints) + ".")
 

@@ -9,6 +9,8 @@ from tex_lightning.errors import shorten
 
 def beyond(name: str, value: object, key: Key) -> Iterator[str]:
     """A value, or one in a list, that its key does not allow; null passes."""
+    if key.filled and value == []:
+        yield f"{name} is empty: give one value or several"
     for item in value if isinstance(value, list) else [value]:
         if item is None:
             continue

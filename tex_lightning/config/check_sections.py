@@ -1,11 +1,11 @@
 """Checks of ``data``, ``model`` and the Trainer's flags beyond single keys."""
 
-import inspect
 from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any
 
 from tex_lightning.config import DataConfig, ModelConfig, TrainerConfig
+from tex_lightning.config.annotations import annotations, fits, in_words, parameters
 from tex_lightning.config.check_ranges import choice, least, nearest
 from tex_lightning.config.check_senses import check_senses
 from tex_lightning.config.instantiation import find_class
@@ -96,16 +96,18 @@ def check_model(model: ModelConfig) -> Iterator[str]:
 
 
 def check_flags(flags: dict[str, Any]) -> Iterator[str]:
-    """Flags that Lightning does not have, or that this package sets by itself."""
+    """Flags that Lightning does not have, takes otherwise, or that this package sets by itself."""
     added = flags.keys() - {entry.name for entry in fields(TrainerConfig)}
     if not added:
         return
     from lightning import Trainer  # takes seconds, and a prediction does without
 
-    known = [name for name in inspect.signature(Trainer.__init__).parameters if name != "self"]
+    known, kinds = parameters(Trainer) or {}, annotations(Trainer)
     for name in sorted(added):
         if name in OWN_FLAGS:
             yield f"trainer.{name} is set by this package: use {OWN_FLAGS[name]}"
         elif name not in known:
             near = nearest(name, known, "trainer.")
             yield f"trainer.{name} is no flag of Lightning's Trainer{near}: leave it out"
+        elif not fits(flags[name], kinds.get(name)):
+            yield f"trainer.{name} is {shorten(repr(flags[name]))}: give {in_words(kinds[name])}"

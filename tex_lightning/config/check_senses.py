@@ -1,12 +1,12 @@
 """Checks of the keys of a user's senses: none may be passed over in silence."""
 
-import inspect
 import logging
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
 from typing import Any
 
+from tex_lightning.config.annotations import parameters
 from tex_lightning.config.check_ranges import nearest
 from tex_lightning.config.instantiation import OWN, TARGET, find_callable, find_class
 from tex_lightning.config.model import (
@@ -41,6 +41,9 @@ def check_senses(model: ModelConfig) -> Iterator[str]:
         branch = model.branch(sense)
         if type(branch) in BASES:
             yield from _check_sense(f"model.{sense}", branch)
+        else:
+            decoder = _decoder_keys(find_class(f"model.{sense}", branch.node))
+            yield from _unread(f"model.{sense}.decode", branch.decode, decoder, {})
 
 
 def _check_sense(where: str, branch: BranchConfig) -> Iterator[str]:
@@ -52,8 +55,6 @@ def _check_sense(where: str, branch: BranchConfig) -> Iterator[str]:
         if name in PARTS or (isinstance(node, dict) and TARGET in node)
     }
     taken = {name: _parameters(f"{where}.{name}", node) for name, node in nodes.items()}
-    for name, node in nodes.items():
-        yield from _unread(f"{where}.{name}", node, taken[name], {})
     if None in taken.values():  # a class that takes any argument
         return
     # what a class is given in its own node wins
@@ -94,13 +95,8 @@ def _unread(
 
 def _parameters(where: str, node: Mapping[str, Any]) -> set[str] | None:
     """Names that a class takes; None if it takes any, or does not say."""
-    try:
-        found = inspect.signature(find_callable(where, node)).parameters.values()
-    except (TypeError, ValueError):  # of a class that is not written in Python
-        return None
-    if any(each.kind is each.VAR_KEYWORD for each in found):
-        return None
-    return {each.name for each in found if each.kind is not each.POSITIONAL_ONLY}
+    taken = parameters(find_callable(where, node))
+    return None if taken is None else {*taken}
 
 
 def _inherited(branch: BranchConfig) -> set[str]:

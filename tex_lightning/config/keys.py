@@ -1,8 +1,8 @@
 """Meaning, unit, choices and range of a key, as metadata on the field that declares it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, get_type_hints
 
 from omegaconf import MISSING
 
@@ -22,6 +22,7 @@ class Key:
         most: Largest number allowed.
         above: Number that must be exceeded.
         below: Number that must not be reached.
+        filled: Whether a list may not be empty.
     """
 
     meaning: str
@@ -31,6 +32,7 @@ class Key:
     most: float | None = None
     above: float | None = None
     below: float | None = None
+    filled: bool = False
 
     def allows(self, value: float) -> bool:
         """Whether a number is in range; NaN never is where there is a range."""
@@ -82,10 +84,16 @@ def key(
     return field(default=default, metadata=metadata)
 
 
-def walk(section: Any, prefix: str = "") -> Iterator[tuple[str, Key]]:  # noqa: ANN401
+def walk(section: Any) -> Iterator[tuple[str, Key]]:  # noqa: ANN401
     """Dotted names and metadata of all keys of a section of the schema, in order."""
+    return ((name, key) for name, key, _ in walk_types(section))
+
+
+def walk_types(section: Any, prefix: str = "") -> Iterator[tuple[str, Key, Any]]:  # noqa: ANN401
+    """Dotted names, metadata and types of all keys of a section of the schema, in order."""
+    kinds = get_type_hints(section)
     for each in fields(section):
         if METADATA in each.metadata:
-            yield f"{prefix}{each.name}", each.metadata[METADATA]
-        else:
-            yield from walk(each.default_factory, f"{prefix}{each.name}.")
+            yield f"{prefix}{each.name}", each.metadata[METADATA], kinds[each.name]
+        elif is_dataclass(each.default_factory):
+            yield from walk_types(each.default_factory, f"{prefix}{each.name}.")

@@ -34,22 +34,6 @@ TYPES = {
     "to Dict[": "a value to one of its keys, or choose it by its group, as in trunk=NAME",
     "is not a subclass of": "a value to one of its keys",
 }
-# Keys that were called otherwise, or their ends behind a dot.
-RENAMED = {
-    "data.split": "data.reader.split",
-    "decision.enough": "decision.confidence_threshold",
-    "decision.enoughs": "decision.confidence_thresholds",
-    "fit.gamma": "fit.schedule.gamma",
-    "fit.step_every": "fit.schedule.step_size",
-    "fit.weight_decay": "fit.optimizer.weight_decay",
-    "logger.tensorboard": "logger",
-    "model.kind": "model.senses",
-    "model/trunk": "trunk",
-    "model.settings.least_variance": "model.baseline.min_variance",
-    "model.settings.most_side": "model.baseline.max_side",
-    "model.settings": "model.baseline",
-    "model.visual.fragment": "model.visual.trunk.patch",
-}
 HYDRA_OWN = ("hydra", "hydra/")
 LAUNCHERS = "hydra/launcher"
 
@@ -159,7 +143,7 @@ def _check(
         return None
     values: Any = OmegaConf.to_container(config, resolve=False)
     keys = list(_keys(values))
-    if key in keys or (prefix == "+" and renamed(key) is None):
+    if key in keys or prefix == "+":
         return None
     return unknown_key(key, config, keys, groups)
 
@@ -170,7 +154,7 @@ def unknown_key(
     keys: Sequence[str] = (),
     groups: Sequence[str] | dict[str, Any] = (),
 ) -> UserError:
-    """The mistake of giving a key that there is not, or not any more.
+    """The mistake of giving a key that there is not.
 
     Args:
         key: Its dotted name.
@@ -178,23 +162,11 @@ def unknown_key(
         keys: All that are in there.
         groups: Groups of the configuration.
     """
-    if (now := renamed(key)) is not None:
-        return UserError(f"The key {shorten(key)} is {shorten(now)} now; give it by that name.")
     near = _near_in_node(key, keys) or _close(key, [*groups]) or _near_keys(key, config)
     return UserError(
         f"There is no key {shorten(key)}{_did_you_mean(near or _close(key, keys))}; "
         "`python -m tex_lightning --help=all` lists all."
     )
-
-
-def renamed(key: str) -> str | None:
-    """The key that does the work of one that once was; None if it never was."""
-    for old, new in RENAMED.items():
-        if key == old or key.startswith(f"{old}."):
-            return new + key.removeprefix(old)
-        if key.endswith(f".{old}"):
-            return key.removesuffix(old) + new
-    return None
 
 
 def _chosen(overrides: Sequence[str], groups: dict[str, list[str]]) -> list[str]:

@@ -12,7 +12,7 @@ SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
-EXPORT_FORMATS = ("onnx", "web", "pt2", "card")
+EXPORT_FORMATS = ("onnx", "web", "card")
 FIGURE_FORMATS = ("png", "pdf", "svg")
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
@@ -240,8 +240,6 @@ class ProfileConfig:
     budget_s: float = key(
         "time for a network after which no new round begins, except the first three", **DAY
     )
-    growth: bool = key("also measure cost against length, size, classes, pairs, batch, threads")
-    max_seconds: float = key("longest expected time of a single call in growth", **DAY)
 
 
 @dataclass
@@ -321,7 +319,7 @@ class ExportConfig:
 
     out: str | None = key("folder to write to; null takes the run folder", default=None)
     format: str = key(
-        "onnx for onnxruntime, web for a page in the browser, pt2 for PyTorch, card for people",
+        "onnx for onnxruntime, web for a page in the browser, card for people",
         choices=EXPORT_FORMATS,
     )
     check: int = key(
@@ -329,10 +327,6 @@ class ExportConfig:
         "written; with data=synthetic, noise of as many sizes",
         least=0, most=100_000,
     )  # fmt: skip
-    int8: bool = key(
-        "format=onnx: write a file with 8-bit convolutions too, calibrated on training recordings "
-        "of data=NAME; its accuracy is measured and never refused"
-    )
     stability: str | None = key(
         "format=card: run folder of task=stability whose breaking points the card lists",
         default=None,

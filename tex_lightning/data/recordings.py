@@ -19,8 +19,8 @@ from tex_lightning.text import to_cell
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's
 NAMES = {"haptic": "trace", "image": "photo"}  # of one recording, where that has another name
 COLUMNS = ("label", "modality", "path", "group")
-RATE, OLD_RATE, PART = "rate", "sampling_rate", "part"
-KNOWN = (*COLUMNS, RATE, OLD_RATE, PART)
+RATE, PART = "rate", "part"
+KNOWN = (*COLUMNS, RATE, PART)
 NUMBER = re.compile("[0-9]{1,18}")  # a group that counts; longer ones are names
 
 Conditions = tuple[tuple[str, str], ...]
@@ -180,10 +180,9 @@ def read_manifest(path: Path) -> Recordings:
     r"""Read a table from CSV with the columns ``label,modality,path,group``.
 
     Relative paths are relative to the manifest; an optional column ``rate`` (Hz) gives the rate
-    of traces whose format carries none. Earlier versions called it ``sampling_rate``. A column
-    ``part``, such as ``0-0.5``, says where in its file a recording lies. All other columns are
-    conditions of the recordings, such as speed, force or light. ``group`` is any text or a number
-    (:class:`Recording`).
+    of traces whose format carries none. A column ``part``, such as ``0-0.5``, says where in its
+    file a recording lies. All other columns are conditions of the recordings, such as speed, force
+    or light. ``group`` is any text or a number (:class:`Recording`).
 
     Raises:
         UserError: If the file is missing, a column is missing or a line cannot be understood.
@@ -241,7 +240,7 @@ def _doubtful_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
 def _meant(name: str) -> str | None:
     """The column that a name resembles."""
     near = difflib.get_close_matches(name.lower(), KNOWN, n=1)
-    return RATE if names_rate(name) or near == [OLD_RATE] else next(iter(near), None)
+    return RATE if names_rate(name) else next(iter(near), None)
 
 
 def check_distinct(what: str, rows: Iterable[Recording]) -> None:
@@ -299,13 +298,9 @@ def _read_part(where: str, line: dict[str, str]) -> Part | None:
 
 
 def _read_rate(where: str, line: dict[str, str]) -> float | None:
-    given = {line[name] for name in (RATE, OLD_RATE) if line.get(name)}
-    if not given:
+    if not line.get(RATE):
         return None
-    rates = {positive_number(value) for value in given}
-    rate = rates.pop()
-    if rates or rate is None:
-        raise UserError(
-            f"{where}: rate is {shorten(' and '.join(sorted(given)))}; write one number of Hz."
-        )
+    rate = positive_number(line[RATE])
+    if rate is None:
+        raise UserError(f"{where}: rate is {shorten(line[RATE])}; write one number of Hz.")
     return rate

@@ -1,1 +1,1 @@
-"""Write trained networks as files for use without this package: ONNX, torch.export, cards."""
+"""Write trained networks as files for use without this package."""

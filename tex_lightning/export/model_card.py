@@ -21,7 +21,7 @@ from tex_lightning.text import printable, to_markdown
 RESULTS = "results.json"
 BREAKS = "breaking_points.csv"
 OFFICIAL = "imagenet"  # the source that stands for a trunk's official weights
-LICENCES = {"efficientnet": "Apache-2.0 (EfficientNet-Lite)", "squeezenet": "BSD (SqueezeNet)"}
+LICENCES = {"efficientnet": "Apache-2.0 (EfficientNet-Lite)"}
 
 
 def model_card(classifier: SurfaceClassifier, checkpoint: Path, stability: Path | None) -> str:

@@ -17,12 +17,7 @@ EXTRA = 'install it with pip install "tex_lightning[export]"'
 
 
 def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: ANN401
-    """The model, as ``onnx.ModelProto``; a FusionNet's takes samples that lack a sense."""
-    return completed(classifier, plain_onnx(classifier, traced))
-
-
-def plain_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: ANN401
-    """The model for samples of all senses, with what the file says of itself.
+    """The model, as ``onnx.ModelProto``; a FusionNet's takes samples that lack a sense.
 
     Raises:
         UserError: If an operation has no form in ONNX, or a package is missing.
@@ -47,10 +42,10 @@ def plain_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: A
     if DRAWS in traced.inputs:  # a value that whoever runs it may replace
         default = onnx.numpy_helper.from_array(traced.inputs[DRAWS].numpy(), DRAWS)
         model.graph.initializer.append(default)
-    return model
+    return _completed(classifier, model)
 
 
-def completed(classifier: SurfaceClassifier, model: Any) -> Any:  # noqa: ANN401
+def _completed(classifier: SurfaceClassifier, model: Any) -> Any:  # noqa: ANN401
     """A plain model, of a FusionNet with every sense only where it is not absent."""
     if classifier.fusion is not None:
         outputs = [each.name for each in model.graph.output]

@@ -11,7 +11,7 @@ from tex_lightning.branches import Branch
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig
 from tex_lightning.data.decode import Decoder, PhotoDecoder, to_size
-from tex_lightning.data.folds import Sample, make_samples, split
+from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.store import Store, cache_root
@@ -35,16 +35,13 @@ class Given:
     decoded: dict[str, Tensor]
 
 
-def recordings(
-    data: DataConfig, classifier: SurfaceClassifier, count: int, *, train: bool = False
-) -> list[Given]:
+def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> list[Given]:
     """Usable samples of the data, evenly from all classes, or noise of as many sizes.
 
     Args:
         data: ``synthetic`` gives noise; anything else is read.
         classifier: Classifier that decodes.
         count: How many at most.
-        train: Take those that are not in the tested fold.
 
     Raises:
         UserError: If the data has no usable sample.
@@ -52,7 +49,7 @@ def recordings(
     if data.name == MADE_UP:
         return [_decoded(_noise(classifier, seed), classifier) for seed in range(count)]
     rows = read_recordings(data, classifier.card.modalities)
-    samples = make_samples(split(rows, data).train if train else rows, classifier.card.modalities)
+    samples = make_samples(rows, classifier.card.modalities)
     store = Store(cache_root(data.cache_dir), _raw_decoders(data, classifier))
     found: list[Given] = []
     for sample in _spread(samples):

@@ -191,27 +191,10 @@ class SurfaceModule(LightningModule):
         Raises:
             UserError: If one of the two cannot be made, or is none.
         """
-        fit, rate = self.fit_config, self.fit_config["learning_rate"]
-        groups = [
-            {"params": list(self.backbone_parameters()), "lr": rate, "name": "backbone"},
-            {"params": list(self.head_parameters()), "lr": rate * self.head_factor, "name": "head"},
-        ]
-        groups = [group for group in groups if group["params"]]
-        steps = max(1, fit["epochs"] * fit["steps_per_epoch"])
         where = f"model.{self.classifier.card.kind}.fit"
-        make_optimizer = build(f"{where}.optimizer", fit["optimizer"])
-        optimizer = call(f"{where}.optimizer", make_optimizer, groups)
-        make_scheduler = build(
-            f"{where}.schedule", fit["schedule"],
-            total_steps=steps, total_iters=steps, T_max=steps,
-            max_lr=[group["lr"] for group in groups],
-        )  # fmt: skip
-        scheduler = call(f"{where}.schedule", make_scheduler, optimizer)
-        if isinstance(scheduler, ReduceLROnPlateau) or not isinstance(scheduler, LRScheduler):
-            raise UserError(
-                f"{where}.schedule is {type(scheduler).__name__}, which does not go by the number "
-                "of the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
-            )
+        optimizer, scheduler = make_optimizer(
+            where, self.fit_config, list(self.backbone_parameters()), list(self.head_parameters())
+        )
         return {
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
@@ -230,3 +213,39 @@ class SurfaceModule(LightningModule):
         checkpoint["fit_seconds"] = self.fit_seconds
         checkpoint["val_loss"] = self.val_loss
         checkpoint[LEFT_OUT] = self.left_out
+
+
+def make_optimizer(
+    where: str, fit: dict[str, Any], backbone: list[nn.Parameter], head: list[nn.Parameter]
+) -> tuple[Any, LRScheduler]:
+    """Make a recipe's optimiser of two groups of parameters, and its schedule.
+
+    Args:
+        where: The recipe's key.
+        fit: The recipe.
+        backbone: Parameters at the base learning rate.
+        head: Parameters at ``head_factor`` times that.
+
+    Raises:
+        UserError: If one of the two cannot be made, or is none.
+    """
+    rate = fit["learning_rate"]
+    groups = [
+        {"params": backbone, "lr": rate, "name": "backbone"},
+        {"params": head, "lr": rate * fit["head_factor"], "name": "head"},
+    ]
+    groups = [group for group in groups if group["params"]]
+    steps = max(1, fit["epochs"] * fit["steps_per_epoch"])
+    optimizer = call(f"{where}.optimizer", build(f"{where}.optimizer", fit["optimizer"]), groups)
+    make_scheduler = build(
+        f"{where}.schedule", fit["schedule"],
+        total_steps=steps, total_iters=steps, T_max=steps,
+        max_lr=[group["lr"] for group in groups],
+    )  # fmt: skip
+    scheduler = call(f"{where}.schedule", make_scheduler, optimizer)
+    if isinstance(scheduler, ReduceLROnPlateau) or not isinstance(scheduler, LRScheduler):
+        raise UserError(
+            f"{where}.schedule is {type(scheduler).__name__}, which does not go by the number "
+            "of the step; choose a class that does, such as torch.optim.lr_scheduler.StepLR."
+        )
+    return optimizer, scheduler

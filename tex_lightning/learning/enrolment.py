@@ -88,7 +88,7 @@ def check_extensible(classifier: SurfaceClassifier) -> None:
     if set(classifier.statistics) != {*classifier.card.senses}:
         raise UserError(
             "The checkpoint keeps no statistics of its features, which stand for its old "
-            "recordings, as it was trained by an earlier version; train it anew with task=fit."
+            "recordings; train it anew with task=fit."
         )
     for name in classifier.card.senses:
         if classifier.level(name) == "fc3":

@@ -11,21 +11,22 @@ from typing import Any
 import torch
 from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
-from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch.callbacks import ModelCheckpoint, ModelSummary, Timer
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
+from torch import nn
 
-from tex_lightning.config import TrainerConfig
+from tex_lightning.config import Config, TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.folds import make_samples
 from tex_lightning.devices import pick_device
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason
 from tex_lightning.files import write_atomically
+from tex_lightning.learning.base import make_optimizer
 from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.training import Training
-from tex_lightning.loggers import open_loggers
+from tex_lightning.loggers import make_loggers, open_loggers
 from tex_lightning.screen import DEBUG, Screen
 
 UNHELPFUL = (
@@ -111,10 +112,7 @@ def make_trainer(
     # not Lightning's save_last, which leaves out the epochs that are not the best
     keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
     callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
-    callbacks += [
-        build_derived(f"callbacks.{name}", node, Callback)
-        for name, node in training.config.callbacks.items()
-    ]
+    callbacks += _own_callbacks(training.config)
     _settle_progress_bar(callbacks, training.config.trainer.flags)
     if Screen.verbose >= DEBUG:
         # Lightning's own choice prints on standard output
@@ -131,23 +129,59 @@ def make_trainer(
         "sync_batchnorm": _synchronises(training.config.trainer, kind),
         **training.config.trainer.flags,
     }
-    if isinstance(flags["strategy"], dict):
-        flags["strategy"] = build("trainer.strategy", flags["strategy"])
-    try:
-        trainer = Trainer(
-            **flags,
-            plugins=[CheckpointFiles()],
-            max_epochs=fit["epochs"],
-            callbacks=callbacks,
-            logger=open_loggers(training.config.logger, training.directory, kind),
-            use_distributed_sampler=False,  # every process knows its share of a batch
-            default_root_dir=training.directory,
-        )
-    except (MisconfigurationException, ValueError, TypeError) as error:
-        raise UserError(
-            f"Lightning's Trainer refuses what trainer says: {' '.join(str(error).split())}"
-        ) from error
+    trainer = _lightning_trainer(
+        flags,
+        plugins=[CheckpointFiles()],
+        max_epochs=fit["epochs"],
+        callbacks=callbacks,
+        logger=open_loggers(training.config.logger, training.directory, kind),
+        use_distributed_sampler=False,  # every process knows its share of a batch
+        default_root_dir=training.directory,
+    )
     return trainer, timer, keeper
+
+
+def try_parts_of_training(config: Config, directory: Path) -> None:
+    """Make what the trainings of a model will make, so that wrong arguments are refused before.
+
+    Args:
+        config: How the networks are trained.
+        directory: The run folder.
+
+    Raises:
+        UserError: Naming the key of what cannot be made.
+    """
+    model = config.model
+    make_loggers(config.logger, directory, model.kind)
+    if model.baseline is not None:
+        return
+    callbacks = _own_callbacks(config)
+    if any(model.fit_values(kind)["epochs"] for kind in model.trained):
+        with quiet_lightning():
+            _lightning_trainer(config.trainer.flags, callbacks=[ModelCheckpoint(), *callbacks])
+    for kind in model.trained:
+        fit = model.fit_values(kind)
+        if fit["epochs"]:
+            weights = [nn.Parameter(torch.zeros(2, 2)) for _ in range(2)]
+            make_optimizer(f"model.{kind}.fit", fit, weights[:1], weights[1:])
+
+
+def _own_callbacks(config: Config) -> list[Callback]:
+    return [
+        build_derived(f"callbacks.{name}", node, Callback)
+        for name, node in config.callbacks.items()
+    ]
+
+
+def _lightning_trainer(flags: dict[str, Any], **own: Any) -> Trainer:  # noqa: ANN401
+    if isinstance(flags["strategy"], dict):
+        flags = {**flags, "strategy": build("trainer.strategy", flags["strategy"])}
+    try:
+        return Trainer(**flags, **own)
+    except Exception as error:  # Lightning checks some of its flags, and others by using them
+        raise UserError(
+            f"Lightning's Trainer refuses what trainer says: {reason(error)}; correct that flag."
+        ) from error
 
 
 def _settle_progress_bar(callbacks: list[Callback], flags: dict[str, Any]) -> None:

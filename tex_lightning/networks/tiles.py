@@ -13,7 +13,6 @@ from math import prod
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import SameConv2d, Window
-from tex_lightning.networks.trunks.squeezenet import Fire
 
 MARGINS = 2  # receptive fields along an axis of a piece; of less, most is computed several times
 
@@ -57,12 +56,7 @@ def _windows(module: nn.Module, axis: int) -> Iterator[Window]:
         beyond = module.beyond if isinstance(module, SameConv2d) else 0
         yield Window(kernel, stride, padding, ceil, beyond)
         return
-    # of branches side by side, the one that reaches farthest
-    if isinstance(module, Fire):
-        parts: Sequence[nn.Module] = (module.squeeze, module.expand3x3)
-    else:
-        parts = list(module.children())
-    for part in parts:
+    for part in module.children():
         yield from _windows(part, axis)
 
 

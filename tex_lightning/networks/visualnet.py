@@ -74,8 +74,8 @@ class VisualNet(nn.Module):
         elif not self.trunk.textures:
             raise UserError(
                 f"model.visual.head=[] lets FC3 score the features of {name_trunk(type(trunk))} as "
-                "they are, and only those of squeezenet and efficientnet_lite0 to 2 are made for "
-                "it; give channels of FC1 and FC2."
+                "they are, and only those of efficientnet_lite0 and efficientnet_lite2 are made "
+                "for it; give channels of FC1 and FC2."
             )
         self.head = Head(hidden, self.hidden, classes, dropout)
 

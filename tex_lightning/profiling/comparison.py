@@ -1,7 +1,7 @@
 """One network against its sliding-window twin: arithmetic, time and memory, in one run."""
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,13 +15,12 @@ from tex_lightning.inference.engine import accelerate, has_bf16
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows, scores
 from tex_lightning.profiling.labels import agreement, flips
 from tex_lightning.profiling.memory import forward_peak_mib
-from tex_lightning.profiling.roofline import Pass, gemm_gflops, gflops, layers, products
+from tex_lightning.profiling.roofline import gemm_gflops, gflops, products
 from tex_lightning.profiling.subject import Subject, only_branch
 from tex_lightning.profiling.timing import Timing, interleaved, waiting
 
 BATCHES = (8, 32, 128)  # sizes that batched windows are tried in
 SLICES = 100  # a quick function gets this fraction of the budget in each round
-LAYER_PASSES = 9
 
 
 def compare(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> dict[str, Any]:
@@ -56,20 +55,7 @@ def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> 
         ways["fcn_bf16"] = _dense(subject, bf16)
         facts |= flips(exact, ways["fcn_bf16"](), "bf16")
     speed = _speed(_time(ways, x.device, profile), facts)
-    plain = accelerate(subject.classifier, replace(engine, compile=False))
-    table = layers(
-        _pass(subject, plain),
-        _pass(subject, subject.classifier),
-        speed["gemm_gflops"],
-        LAYER_PASSES,
-    )
-    return {
-        **speed,
-        **facts,
-        "batches": sizes,
-        "input": list(x.shape),
-        "layers": [asdict(layer) for layer in table],
-    }
+    return {**speed, **facts, "batches": sizes, "input": list(x.shape)}
 
 
 def _grid(subject: Subject, x: Tensor) -> Tensor:
@@ -80,12 +66,6 @@ def _grid(subject: Subject, x: Tensor) -> Tensor:
 def _dense(subject: Subject, classifier: SurfaceClassifier) -> Callable[[], Tensor]:
     """The way over the whole input, in pieces where the classifier divides it."""
     return partial(only_branch(classifier).dense, subject.features(classifier), "fc3")
-
-
-def _pass(subject: Subject, classifier: SurfaceClassifier) -> Pass:
-    """One pass of the network over the whole input, never divided."""
-    network = only_branch(classifier).network
-    return Pass(network, partial(scores, network, subject.features(classifier)))
 
 
 def _arithmetic(subject: Subject, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, Any]:

@@ -1,11 +1,9 @@
-"""Table and charts of ``task=frontier``."""
+"""Table and chart of ``task=frontier``."""
 
-import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
-from typing import Any
 
 from adjustText import adjust_text
 from matplotlib.axes import Axes
@@ -16,14 +14,11 @@ from matplotlib.transforms import Bbox
 
 from tex_lightning.files import write_lines
 from tex_lightning.report.added_senses import AddedSense, mark_added_senses
-from tex_lightning.report.figures import save_figure
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.style import GUIDE, looks, styled
 from tex_lightning.report.table import make_table, print_table
 from tex_lightning.screen import console, say
 from tex_lightning.text import printable
-
-log = logging.getLogger(__name__)
 
 PROCEDURE = "procedure"  # kind of the point that measures the choice
 DIM = "#555555"  # names of dominated systems
@@ -75,22 +70,6 @@ class Point:
 def write_frontier(points: Sequence[Point], path: Path) -> None:
     """Write one line per system, quickest first."""
     write_lines(path, Point, _by_latency(points))
-
-
-def draw_frontier(
-    points: Sequence[Point],
-    directory: Path,
-    formats: Sequence[str],
-    steps: Sequence[AddedSense] = (),
-) -> None:
-    """Write ``frontier.png`` (or other ``formats``), with plotly installed ``frontier.html``."""
-    save_figure(frontier_figure(points, steps), directory / "frontier", formats)
-    try:
-        import plotly.graph_objects  # noqa: F401  (an optional extra)
-    except ModuleNotFoundError:
-        log.info("frontier.html needs plotly; run: pip install 'tex_lightning[baselines]'")
-        return
-    _interactive(points).write_html(directory / "frontier.html", include_plotlyjs=True)
 
 
 @styled
@@ -191,13 +170,6 @@ def _colours(points: Sequence[Point]) -> dict[str, str]:
     return {point.system: found.get(point.system, "black") for point in points}
 
 
-def _symbol(point: Point) -> str:
-    """Plotly's, hollow where Matplotlib's is."""
-    if point.kind == PROCEDURE:
-        return "diamond-open"
-    return "circle" if point.on_frontier else "circle-open"
-
-
 def _line(points: Sequence[Point]) -> list[Point]:
     kept = [point for point in points if point.on_frontier]
     return sorted(kept, key=lambda item: (item.latency_ms_mean, item.vote_accuracy))
@@ -214,41 +186,6 @@ def _ratios() -> str:
         f"{kind} {row['sliding_window_ms'] / row['fcn_ms']:.1f}x" for kind, row in timed.items()
     )
     return f"the paper's gain of dense over sliding windows: {', '.join(ratios)}"
-
-
-def _interactive(points: Sequence[Point]) -> Any:  # noqa: ANN401  (plotly has no types)
-    import plotly.graph_objects as go
-
-    line = _line(points)
-    figure = go.Figure(
-        go.Scatter(
-            x=[item.latency_ms_mean for item in line],
-            y=[item.vote_accuracy for item in line],
-            mode="lines",
-            line={"dash": "dash", "shape": "hv", "color": "black"},
-            name="Pareto",
-        )
-    )
-    colours = _colours(points)
-    for point in points:
-        facts = "<br>".join(f"{key}: {value}" for key, value in asdict(point).items())
-        figure.add_scatter(
-            x=[point.latency_ms_mean], y=[point.vote_accuracy], mode="markers",
-            name=point.system, hovertext=facts, hoverinfo="text",
-            marker={
-                "size": _area(point) ** 0.5,
-                "color": colours[point.system],
-                "symbol": _symbol(point),
-                "line": {"width": 2 if point.chosen else 0, "color": "black"},
-            },
-            error_y={
-                "array": [point.ci_high - point.vote_accuracy],
-                "arrayminus": [point.vote_accuracy - point.ci_low],
-            },
-        )  # fmt: skip
-    figure.update_xaxes(type="log", title=f"ms for one sample<br>{_ratios()}")
-    figure.update_yaxes(title="vote accuracy")
-    return figure
 
 
 def print_frontier(points: Sequence[Point], directory: Path, command: str) -> None:

@@ -1,15 +1,16 @@
-"""Tables of ``task=profile``."""
+"""Table and chart of ``task=profile``."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
 from rich.table import Table
 
 from tex_lightning.evaluation.outcomes import RANDOM
-from tex_lightning.files import write_lines
-from tex_lightning.profiling.growth import Point
 from tex_lightning.report.paper import paper_table
+from tex_lightning.report.style import GUIDE, colour_of, styled
 from tex_lightning.report.table import make_table, print_tables
 
 Network = dict[str, Any]
@@ -23,7 +24,6 @@ WAYS = {
     "fcn_bf16": "FCN accelerated, bf16",
     "features": "features",
 }
-SHOWN_LAYERS = 8
 
 
 def _factor(key: str) -> Callable[[Network], str]:
@@ -71,11 +71,9 @@ FACTS: dict[str, Callable[[Network], str]] = {
 
 
 def print_profile(results: dict[str, Any], directory: Path) -> None:
-    """Print each network's figures, beside the paper's if it has them, then its slow layers."""
-    tables = []
-    for name, network in results["networks"].items():
-        tables += [_comparison(name, network, results), _layers(name, network)]
-    print_tables(directory, *tables)
+    """Print each network's figures, beside the paper's if it has them."""
+    networks = results["networks"].items()
+    print_tables(directory, *(_comparison(name, network, results) for name, network in networks))
 
 
 def _comparison(name: str, network: Network, results: dict[str, Any]) -> Table:
@@ -107,35 +105,30 @@ def _time(network: Network, key: str) -> str:
     return f"{network[f'{key}_ms']:,.1f}{p95}"
 
 
-def _layers(name: str, network: Network) -> Table:
-    title = f"{name}: the {SHOWN_LAYERS} layers that take longest"
-    table = make_table(title, ["layer", "kind"], ["ms", "MMAC", "GFLOP/s", "share"])
-    table.caption = "share: of the rate of matrix products"
-    for layer in sorted(network["layers"], key=lambda layer: -layer["ms"])[:SHOWN_LAYERS]:
-        table.add_row(
-            layer["name"],
-            layer["kind"],
-            f"{layer['ms']:.2f}",
-            f"{layer['macs'] / 1e6:,.0f}",
-            f"{layer['gflops']:.0f}",
-            f"{layer['roofline_fraction']:.0%}",
-        )
-    return table
-
-
-def write_growth(points: Sequence[Point], path: Path) -> None:
-    """Write one line per measurement as CSV; what was left out has a note and no time."""
-    write_lines(path, Point, points)
-
-
-def left_out(points: Sequence[Point]) -> list[str]:
-    """A line for each series that ends early, with the first value that was left out."""
-    first: dict[tuple[str, str, str], Point] = {}
-    for point in points:
-        if point.note:
-            first.setdefault((point.axis, point.network, point.part), point)
-    return [
-        f"{' '.join(series[1:])} against {series[0]}: left out from {point.value:g} on "
-        f"({point.note})."
-        for series, point in first.items()
+@styled
+def ways_figure(name: str, network: Network) -> Figure:
+    """Bars of all ways to classify one recording, on a logarithmic axis, the paper's below."""
+    paper = paper_table("profiling")
+    bars = [
+        (title, network[f"{key}_ms"], colour_of(name))
+        for key, title in WAYS.items()
+        if f"{key}_ms" in network
     ]
+    if name in paper:
+        for key, title in (("sliding_window", WAYS["sliding_window"]), ("fcn", "FCN")):
+            bars.append((f"paper: {title}, {paper['device']}", paper[name][f"{key}_ms"], GUIDE))
+    figure = Figure(figsize=(8, 0.4 * len(bars) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    titles, values, colours = zip(*bars, strict=True)
+    drawn = axes.barh(np.arange(len(bars)), values, color=colours)
+    shown = [f"{value:,.0f}" if value >= 100 else f"{value:.3g}" for value in values]
+    axes.bar_label(drawn, shown, padding=3)
+    axes.set_yticks(np.arange(len(bars)), titles)
+    axes.margins(x=0.2)
+    axes.invert_yaxis()
+    axes.set(
+        xscale="log",
+        xlabel="median ms",
+        title=f"{name}: {network['windows']} windows or one dense pass",
+    )
+    return figure

@@ -1,9 +1,8 @@
 """The start of every training task: recordings, store, classifier card, run folder."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from tex_lightning.baselines.classifier import new_classifier
 from tex_lightning.baselines.making import make_baseline
@@ -11,7 +10,6 @@ from tex_lightning.branches import Branch
 from tex_lightning.card import DECISION, Card
 from tex_lightning.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.config import Config, DataConfig
-from tex_lightning.config.instantiation import find_callable
 from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
@@ -22,6 +20,7 @@ from tex_lightning.decision.unknown import LABEL
 from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.unknown import taken
 from tex_lightning.learning.start import start_trunk
+from tex_lightning.learning.trainer import try_parts_of_training
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.usable import find_unusable, try_parts
@@ -86,6 +85,7 @@ def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspa
     Raises:
         UserError: If the data or the networks cannot be used.
     """
+    try_parts_of_training(config, directory)
     data, modalities = config.data, config.model.modalities
     branches = check_networks(config)
     rows = read_recordings(data, modalities)
@@ -142,8 +142,6 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
 def check_networks(config: Config) -> list[Branch]:
     """Build the networks, so that settings and weights that do not fit are refused at once.
 
-    The classes of all else that training makes later are only looked up.
-
     Returns:
         The branches, with weights of no meaning.
 
@@ -151,8 +149,6 @@ def check_networks(config: Config) -> list[Branch]:
         UserError: Naming the key that does not fit.
     """
     model = config.model
-    for where, node in _made_later(config):
-        find_callable(where, node)
     if model.baseline is None:
         return [_checked_branch(config, name) for name in model.senses]
     baseline = make_baseline(model.name, model.baseline, model.budget)
@@ -160,21 +156,6 @@ def check_networks(config: Config) -> list[Branch]:
         baseline.load_weights(config.baseline_weights)
     card = configured_card(config, model.senses, ["one", "other"])
     return list(new_classifier(card).branches.values())
-
-
-def _made_later(config: Config) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Keys and nodes of what the first training makes, when the data has been decoded."""
-    model = config.model
-    yield from (
-        (f"logger.{name}", node) for name, node in config.logger.items() if node is not None
-    )
-    if model.baseline is not None:
-        return
-    yield from ((f"callbacks.{name}", node) for name, node in config.callbacks.items())
-    for kind in model.trained:
-        fit = model.fit_values(kind)
-        made = ("optimizer", "schedule") if fit["epochs"] else ()
-        yield from ((f"model.{kind}.fit.{key}", fit[key]) for key in made)
 
 
 def _checked_branch(config: Config, name: str) -> Branch:

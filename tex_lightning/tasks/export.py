@@ -2,7 +2,6 @@
 
 import json
 import logging
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,18 +14,10 @@ from tex_lightning.config.job import Job
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export.check import Agreement, Runner, compare, refuse, tolerance
-from tex_lightning.export.int8 import CALIBRATION, quantised
 from tex_lightning.export.metadata import metadata
 from tex_lightning.export.model_card import model_card
-from tex_lightning.export.onnx_file import (
-    completed,
-    make_onnx,
-    plain_onnx,
-    without_defaults,
-    write_onnx,
-)
+from tex_lightning.export.onnx_file import make_onnx, without_defaults, write_onnx
 from tex_lightning.export.onnx_run import onnx_runner
-from tex_lightning.export.program import program_runner, write_program
 from tex_lightning.export.recordings import recordings
 from tex_lightning.export.tracing import trace
 from tex_lightning.export.web_page import write_page
@@ -79,22 +70,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 
 def _onnx(order: Order) -> dict[str, Any]:
-    """``KIND.onnx``, and with ``export.int8`` ``KIND_int8.onnx``, run by onnxruntime."""
-    classifier, config = order.classifier, order.config
-    plain = plain_onnx(classifier, trace(classifier))
-    model = completed(classifier, plain)
-    path = order.out / f"{classifier.card.kind}.onnx"
-    entry = _checked(order, onnx_runner(model), path, lambda partial: write_onnx(model, partial))
-    if not config.export.int8:
-        return entry
-    seen = recordings(config.data, classifier, CALIBRATION, train=True)
-    small = completed(classifier, quantised(plain, seen))
-    path = path.with_stem(f"{path.stem}_int8")
-    write_atomically(path, lambda partial: write_onnx(small, partial))
-    samples = recordings(config.data, classifier, config.export.check)
-    found = compare(onnx_runner(small), classifier, samples, config.engine)
-    _say(path, found)
-    return {**entry, "int8": {"file": path.name, "bytes": _size(path), **found.to_dict()}}
+    """``KIND.onnx``, run by onnxruntime."""
+    model = make_onnx(order.classifier, trace(order.classifier))
+    path = order.out / f"{order.classifier.card.kind}.onnx"
+    return _checked(order, onnx_runner(model), path, lambda partial: write_onnx(model, partial))
 
 
 def _web(order: Order) -> dict[str, Any]:
@@ -113,23 +92,6 @@ def _web(order: Order) -> dict[str, Any]:
         wraps=False,
     )
     return {**entry, "page": "index.html", "page_bytes": size}
-
-
-def _pt2(order: Order) -> dict[str, Any]:
-    """``KIND.pt2``, run by PyTorch."""
-    classifier = order.classifier
-    traced = trace(classifier)
-    with tempfile.TemporaryDirectory() as folder:
-        written = Path(folder) / "program.pt2"
-        write_program(traced, classifier, written)
-        path = order.out / f"{classifier.card.kind}.pt2"
-        return _checked(
-            order, program_runner(written), path, lambda partial: _copy(written, partial)
-        )
-
-
-def _copy(source: Path, target: Path) -> None:
-    target.write_bytes(source.read_bytes())
 
 
 def _card(order: Order) -> dict[str, Any]:
@@ -171,6 +133,5 @@ def _size(path: Path) -> int:
 FORMATS: dict[str, Callable[[Order], dict[str, Any]]] = {
     "onnx": _onnx,
     "web": _web,
-    "pt2": _pt2,
     "card": _card,
 }

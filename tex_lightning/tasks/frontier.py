@@ -27,10 +27,11 @@ from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, w
 from tex_lightning.evaluation.pairing import correct_shares
 from tex_lightning.files import read_record
 from tex_lightning.report.added_senses import print_added_senses, write_added_senses
+from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import (
     PROCEDURE,
     Point,
-    draw_frontier,
+    frontier_figure,
     print_frontier,
     write_frontier,
 )
@@ -83,7 +84,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     means = {name: latency.mean for name, latency in timings.items()}
     added = added_senses(frontier.senses or [], measured, means)
     steps = chain(frontier.senses or [], chosen, means, added)
-    draw_frontier(shown, directory, config.figures.formats, steps)
+    figure = frontier_figure(shown, steps)
+    save_figure(figure, directory / "frontier", config.figures.formats)
     if frontier.senses is not None:
         write_added_senses(added, directory / "senses.csv")
     results = {

@@ -2,25 +2,21 @@
 
 import logging
 import time
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any
 
 import torch
 
-from tex_lightning.card import Card
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.loggers import log_profile
 from tex_lightning.profiling.comparison import compare
-from tex_lightning.profiling.growth import growth
 from tex_lightning.profiling.subject import Subject, only_branch
 from tex_lightning.progress import steps
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.profile_figures import growth_figure, layers_figure, ways_figure
-from tex_lightning.report.profile_table import left_out, print_profile, write_growth
+from tex_lightning.report.profile_table import print_profile, ways_figure
 from tex_lightning.runs.subjects import (
     learn_statistics,
     load_networks,
@@ -47,16 +43,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         name = subject.classifier.card.kind
         log.info("Profiling the %s network.", name)
         networks[name] = compare(subject, config.engine, config.profile)
-        figures = {
-            "ways": ways_figure(name, networks[name]),
-            "layers": layers_figure(name, networks[name]),
-        }
-        for title, figure in figures.items():
-            path = directory / "figures" / f"{name}_{title}"
-            save_figure(figure, path, config.figures.formats)
-        log_profile(config.logger, directory, name, networks[name], figures)
-    if config.profile.growth:
-        _measure_growth(config, subjects, directory)
+        figure = ways_figure(name, networks[name])
+        save_figure(figure, directory / "figures" / f"{name}_ways", config.figures.formats)
+        log_profile(config.logger, directory, name, networks[name], {"ways": figure})
     results = {
         "task": config.task,
         "model": config.model.name,
@@ -92,21 +81,3 @@ def _subjects(config: Config, device: torch.device) -> list[Subject]:
         if fresh:
             learn_statistics(subjects[-1])
     return subjects
-
-
-def _measure_growth(config: Config, subjects: list[Subject], directory: Path) -> None:
-    log.info("Measuring how the cost grows.")
-    points = list(growth(subjects, _fusion_card(config, subjects), config.engine, config.profile))
-    write_growth(points, directory / "growth.csv")
-    save_figure(growth_figure(points), directory / "growth", config.figures.formats)
-    for line in left_out(points):
-        log.info("%s", line)
-
-
-def _fusion_card(config: Config, subjects: list[Subject]) -> Card | None:
-    """Of a FusionNet of all networks, if several are profiled."""
-    cards = [subject.classifier.card for subject in subjects]
-    if len(cards) < 2:
-        return None
-    branches = {name: node for card in cards for name, node in card.branches.items()}
-    return replace(cards[0], branches=branches, fusion={"level": config.model.fusion.level})

@@ -13,7 +13,7 @@ from tex_lightning.networks.trunks import TRUNKS, published
 from tex_lightning.networks.trunks.efficientnet_lite import STAGES, EfficientNetLite0
 from tex_lightning.networks.weights import load_trunk_weights
 
-VARIANTS = ["efficientnet_lite0", "efficientnet_lite1", "efficientnet_lite2"]
+VARIANTS = ["efficientnet_lite0", "efficientnet_lite2"]
 
 
 def lively(name):
@@ -91,7 +91,6 @@ def test_installed_weights_give_the_maps_of_the_reference():
     ("name", "total"),
     [
         ("efficientnet_lite0", 4_652_008),
-        ("efficientnet_lite1", 5_416_680),
         ("efficientnet_lite2", 6_092_072),
     ],
 )
@@ -127,7 +126,7 @@ def test_every_feature_is_a_mean_over_its_window(patch, window, size):
 
 
 def test_all_stages_are_features():
-    assert [published(name).out_channels for name in VARIANTS] == [784, 784, 856]
+    assert [published(name).out_channels for name in VARIANTS] == [784, 856]
     assert visualnet(3, trunk="efficientnet_lite0", head=[]).hidden == 784
 
 

@@ -3,12 +3,7 @@
 from tex_lightning.networks.blocks import Norm
 from tex_lightning.networks.trunks.alexnet import CaffeAlexNet, TorchvisionAlexNet
 from tex_lightning.networks.trunks.base import Trunk
-from tex_lightning.networks.trunks.efficientnet_lite import (
-    EfficientNetLite0,
-    EfficientNetLite1,
-    EfficientNetLite2,
-)
-from tex_lightning.networks.trunks.squeezenet import SqueezeNetTrunk
+from tex_lightning.networks.trunks.efficientnet_lite import EfficientNetLite0, EfficientNetLite2
 from tex_lightning.networks.trunks.tcnn import TcnnTrunk
 from tex_lightning.networks.trunks.vgg_m import VggMTrunk
 
@@ -16,10 +11,8 @@ TRUNKS: dict[str, type[Trunk]] = {
     "alexnet_caffe": CaffeAlexNet,
     "alexnet_torchvision": TorchvisionAlexNet,
     "tcnn": TcnnTrunk,
-    "squeezenet": SqueezeNetTrunk,
     "vgg_m": VggMTrunk,
     "efficientnet_lite0": EfficientNetLite0,
-    "efficientnet_lite1": EfficientNetLite1,
     "efficientnet_lite2": EfficientNetLite2,
 }
 

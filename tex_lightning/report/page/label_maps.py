@@ -28,7 +28,7 @@ def map_folder(directory: Path, network: str) -> Path:
 
 
 def find_maps(directory: Path, network: str, row: int, modality: str) -> list[Path]:
-    """Those of one recording, one of each sense that looks at it; none in older run folders."""
+    """Those of one recording, one of each sense that looks at it."""
     return sorted((map_folder(directory, network) / str(row) / modality).glob("*.png"))
 
 
