@@ -31,7 +31,7 @@ def stroke(tmp_path) -> Path:
 
 
 def test_it_is_predicted_from_and_streamed(cli, checkpoint, stroke):
-    given = [f"checkpoint={checkpoint}", f"+force={stroke}"]
+    given = [f"checkpoint={checkpoint}", f"force={stroke}"]
     outcome = cli("task=predict", *given)
     assert outcome.status == 0, outcome.err
     outcome = cli("task=stream", *given, "stream.chunk=2.5")
@@ -41,6 +41,7 @@ def test_it_is_predicted_from_and_streamed(cli, checkpoint, stroke):
 
 def test_it_is_profiled(cli, checkpoint, stroke, tmp_path):
     given = [f"checkpoint={checkpoint}", f"+force={stroke}", f"hydra.run.dir={tmp_path}/run"]
+    given[1] = f"force={stroke}"
     outcome = cli("task=profile", *given, "debug=tiny")
     assert outcome.status == 0, outcome.err
     results = json.loads((tmp_path / "run" / "results.json").read_text())
@@ -57,7 +58,18 @@ def test_one_that_is_not_read_is_refused(cli, checkpoint, stroke, tmp_path, task
     assert "There is no key" not in outcome.err
 
 
+@pytest.mark.parametrize("typo", ["hatpic", "chekpoint", "verbos"])
+def test_a_mistyped_key_is_no_sense(cli, checkpoint, typo):
+    outcome = cli("task=predict", f"checkpoint={checkpoint}", f"{typo}=A.wav")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+    assert f"There is no key {typo} (did you mean" in outcome.err
+
+
 def test_other_tasks_have_no_such_key(cli, stroke, tmp_path):
     outcome = cli(f"+force={stroke}", f"hydra.run.dir={tmp_path}/run")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)
     assert "There is no key force" in outcome.err
+    (tmp_path / "conf" / "branch").mkdir(parents=True)
+    (tmp_path / "conf" / "branch" / "force.yaml").write_text("defaults: [haptic, _self_]\n")
+    known = ["--config-dir", tmp_path / "conf", "force=A.wav", f"hydra.run.dir={tmp_path}/run"]
+    assert "force=FILE is read by task=predict, task=profile" in cli(*known).err

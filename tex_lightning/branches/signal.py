@@ -158,7 +158,9 @@ class SignalBranch(Branch):
         self, rows: Sequence[Recording], store: Store, fit: Mapping[str, Any], seed: int
     ) -> Iterator[Tensor]:
         """Of all signals perturbed, once for each copy; seeded by recording and copy."""
-        augmentation = Augmentation.of(fit["perturb"], rate=self.decoder.sampling_rate)
+        augmentation = Augmentation.of(
+            fit["perturb"], rate=self.decoder.sampling_rate, modality=self.modality
+        )
         if augmentation is None:
             return
         for copy in range(fit["perturbed_copies"]):

@@ -19,6 +19,7 @@ from tex_lightning.config.recording import RecordConfig, SourceConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     OPTIMIZED_METRICS,
+    READ_FILES,
     READS,
     SILENT,
     CrossvalConfig,
@@ -37,8 +38,9 @@ from tex_lightning.config.tasks import (
 )
 
 __all__ = [
-    "READS", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig", "EngineConfig",
-    "EnrollConfig", "ExportConfig", "FiguresConfig", "Folding", "FrontierConfig", "GenerateConfig",
+    "READS", "READ_FILES", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig",
+    "EngineConfig", "EnrollConfig", "ExportConfig", "FiguresConfig", "Folding", "FrontierConfig",
+    "GenerateConfig",
     "ModelConfig", "PredictConfig", "ProfileConfig", "RecordConfig", "SourceConfig",
     "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten",
     "plain_values", "register",

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import fields
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
 
@@ -9,12 +11,14 @@ from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
+from tex_lightning.config import CONF, READ_FILES, Config
 from tex_lightning.errors import UserError, reason
 from tex_lightning.files import matches
 
 # whose values name files
 KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
 OWN_SENSE = re.compile(r"\+\w+")  # a key beside those of the schema
+MISSPELT = 0.75  # similarity of a key with two letters exchanged
 
 
 def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -43,13 +47,17 @@ def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def quote_files(arguments: Sequence[str]) -> list[str]:
-    """Put quotes around values that name files and contain characters of Hydra's grammar.
+    """Add ``+`` to files of a user's own senses, and quotes to what Hydra's grammar would misread.
 
+    ``force=FILE`` is then ``+force=FILE`` for tasks that read files, unless it resembles a key.
     ``haptic=my file [1].wav`` then means that file, if there is one; so does a pattern that
     matches some. Everything else stays as it is.
     """
     parser, quoted = OverridesParser.create(), []
+    reads = any(argument.removeprefix("task=") in READ_FILES for argument in arguments)
     for argument in arguments:
+        if reads and _is_own_sense(argument):
+            argument = f"+{argument}"
         key, _, value = argument.partition("=")
         names_files = key in KEYS or OWN_SENSE.fullmatch(key)
         if names_files and _names_files(value) and _misread(parser, argument):
@@ -57,6 +65,14 @@ def quote_files(arguments: Sequence[str]) -> list[str]:
             argument = f'{key}="{escaped}"'
         quoted.append(argument)
     return quoted
+
+
+def _is_own_sense(argument: str) -> bool:
+    """Whether it names neither a key, nor a group, nor what resembles one."""
+    name, equals, _ = argument.partition("=")
+    known = [*(each.name for each in fields(Config)), *(path.name for path in CONF.iterdir())]
+    near = get_close_matches(name, known, n=1, cutoff=MISSPELT)
+    return bool(equals) and name.isidentifier() and not near
 
 
 def _escaped(match: re.Match[str]) -> str:

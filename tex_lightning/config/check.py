@@ -10,11 +10,11 @@ from typing import Any
 
 from omegaconf import MISSING, DictConfig, OmegaConf
 
-from tex_lightning.config import Config, flatten
+from tex_lightning.config import READ_FILES, Config, flatten
 from tex_lightning.config.check_nodes import check_nodes
 from tex_lightning.config.check_ranges import beyond
 from tex_lightning.config.check_sections import check_data, check_flags, check_model
-from tex_lightning.config.check_tasks import AUTO, READ_FILES, check_decision, check_task
+from tex_lightning.config.check_tasks import AUTO, check_decision, check_task
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.keys import walk
 from tex_lightning.config.mistakes import unknown_key

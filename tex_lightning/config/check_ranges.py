@@ -24,7 +24,8 @@ def choice(name: str, value: object, allowed: Sequence[object]) -> Iterator[str]
     """A value outside ``allowed``, with the nearest one that is in it."""
     if value not in allowed:
         known = list(map(str, allowed))
-        yield f"{name} is {shorten(value)}{nearest(str(value), known)}: choose {', '.join(known)}"
+        rest = f"choose {', '.join(known)}" if known else "there is none to choose, leave it out"
+        yield f"{name} is {shorten(value)}{nearest(str(value), known)}: {rest}"
 
 
 def nearest(given: str, known: Iterable[str], prefix: str = "") -> str:

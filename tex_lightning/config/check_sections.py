@@ -8,6 +8,7 @@ from tex_lightning.config import DataConfig, ModelConfig, TrainerConfig
 from tex_lightning.config.annotations import annotations, fits, in_words, parameters
 from tex_lightning.config.check_ranges import choice, least, nearest
 from tex_lightning.config.check_senses import check_senses
+from tex_lightning.config.fit import SignalFitConfig
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.errors import shorten
 from tex_lightning.perturbations.augment import trainable
@@ -82,8 +83,10 @@ def check_model(model: ModelConfig) -> Iterator[str]:
         yield f"model.visual.head is {given}: give channels of FC1 and FC2, or [] for neither"
     for sense in model.known:
         branch = model.branch(sense)
+        medium = "signal" if isinstance(branch.fit, SignalFitConfig) else "photo"
         for name in branch.fit.perturb:
-            yield from choice(f"model.{sense}.fit.perturb", name, trainable(branch.modality))
+            known = trainable(branch.modality, medium)
+            yield from choice(f"model.{sense}.fit.perturb", name, known)
         if branch.fit.epochs == 0 and not (sense == "visual" and not head):
             # what is fitted to all recordings at once is all there is
             network = find_class(f"model.{sense}.network", branch.network)

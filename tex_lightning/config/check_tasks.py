@@ -4,13 +4,17 @@ from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import PurePath
 
-from tex_lightning.config import Config
+from tex_lightning.config import READ_FILES, Config
 from tex_lightning.config.check_ranges import beyond, choice
 from tex_lightning.config.keys import Key, plain
 from tex_lightning.config.model import ModelConfig
 from tex_lightning.config.tasks import EVERY_SENSE, FIGURE_FORMATS
 from tex_lightning.errors import shorten
-from tex_lightning.perturbations.table import perturbations, read_severities
+from tex_lightning.perturbations.table import (
+    perturbations,
+    read_severities,
+    signal_perturbations,
+)
 
 AUTO = "auto"
 PROFILED = (
@@ -23,7 +27,6 @@ PROFILED = (
 )
 NEED_CHECKPOINTS = ("evaluate", "enroll", "predict", "stream", "export")
 READ_CHECKPOINTS = (*NEED_CHECKPOINTS, "profile", "record")
-READ_FILES = ("predict", "profile", "record", "stream")  # or sensors, by modality
 RECORDED = ("haptic", "sound", "image")
 # Keys that the other tasks would pass over in silence, and the tasks that read them.
 READ_BY = {
@@ -256,8 +259,10 @@ def _stability(config: Config) -> Iterator[str]:
     if config.task == "stability" and not stability.systems:
         yield "stability.systems names nothing: give run folders or checkpoints, e.g. [RUN]"
     own = [name for path in stability.severities for name in read_severities(path)]
+    generic = tuple(signal_perturbations(""))  # of senses that the systems may have
     for name in stability.only or []:
-        yield from choice("stability.only", name, (*perturbations(), *own))
+        if not name.endswith(generic):
+            yield from choice("stability.only", name, (*perturbations(), *own))
     if stability.only is not None and not stability.only:
         yield "stability.only names nothing: leave it null for all perturbations"
     known = Key("fold", least=0, most=config.data.folds - 1)

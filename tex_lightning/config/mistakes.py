@@ -11,6 +11,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from tex_lightning.config import READ_FILES
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.reading import keys_read
@@ -30,7 +31,7 @@ TYPES = {
     "is not a valid bool": "true or false",
     "to string": "text",
     "is not Optional": "a value other than null",
-    "is not a ListConfig": "a list, as in [0,1]",
+    "is not a ListConfig": "a list, as in {0}=[{2}]",
     "to Dict[": "a value to one of its keys, or choose it by its group, as in trunk=NAME",
     "is not a subclass of": "a value to one of its keys",
 }
@@ -49,6 +50,7 @@ def explain(error: Exception, arguments: Sequence[str], conf: Path) -> UserError
     wanted = next((give for said, give in TYPES.items() if said in str(error.__cause__)), None)
     if wanted is not None and str(error).startswith(MERGING):
         given = shorten(str(error).removeprefix(MERGING))
+        wanted = wanted.format(*given.partition("="))
         return UserError(f"{given} is not of the right type; give {wanted}.")
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
@@ -162,6 +164,9 @@ def unknown_key(
         keys: All that are in there.
         groups: Groups of the configuration.
     """
+    if OmegaConf.is_dict(config.model.get(key)):  # a sense
+        readers = ", ".join(f"task={task}" for task in READ_FILES)
+        return UserError(f"{key}=FILE is read by {readers} alone; leave it out.")
     near = _near_in_node(key, keys) or _close(key, [*groups]) or _near_keys(key, config)
     return UserError(
         f"There is no key {shorten(key)}{_did_you_mean(near or _close(key, keys))}; "

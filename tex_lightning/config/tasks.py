@@ -14,6 +14,7 @@ OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
 EXPORT_FORMATS = ("onnx", "web", "card")
 FIGURE_FORMATS = ("png", "pdf", "svg")
+READ_FILES = ("predict", "profile", "record", "stream")  # tasks that read files, by modality
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 DAY = {"unit": "s", "above": 0, "most": 86_400}

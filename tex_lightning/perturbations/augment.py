@@ -7,7 +7,12 @@ from typing import Self
 import numpy as np
 
 from tex_lightning.perturbations.pixels import Array, Scene
-from tex_lightning.perturbations.table import SEVERITIES, Perturbation, perturbations
+from tex_lightning.perturbations.table import (
+    SEVERITIES,
+    Perturbation,
+    perturbations,
+    signal_perturbations,
+)
 
 
 @dataclass(frozen=True)
@@ -25,9 +30,11 @@ class Augmentation:
     rate: float = 0.0
 
     @classmethod
-    def of(cls, names: Sequence[str], share: float = 1.0, rate: float = 0.0) -> Self | None:
-        """The named ones; None where there are none."""
-        known = perturbations()
+    def of(
+        cls, names: Sequence[str], share: float = 1.0, rate: float = 0.0, modality: str = ""
+    ) -> Self | None:
+        """The named ones of the package, or of a modality of the user's; None without names."""
+        known = {**perturbations(), **signal_perturbations(modality)}
         return cls(tuple(known[name] for name in names), share, rate) if names else None
 
     def __call__(self, recording: Array, rng: np.random.Generator) -> Array:
@@ -39,11 +46,12 @@ class Augmentation:
         return kind.apply(recording, severity, Scene(rng, self.rate, _alone))
 
 
-def trainable(modality: str) -> tuple[str, ...]:
+def trainable(modality: str, medium: str = "signal") -> tuple[str, ...]:
     """Names of those that may be trained on: not held out, for a signal with any number of axes."""
+    generic = signal_perturbations(modality) if medium == "signal" else {}
     return tuple(
         name
-        for name, each in perturbations().items()
+        for name, each in {**perturbations(), **generic}.items()
         if each.modality == modality and not each.held_out and each.axes is None
     )
 

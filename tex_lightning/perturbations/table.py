@@ -3,7 +3,7 @@
 import math
 import pkgutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ class Perturbation:
         log: Whether the scale between levels is even in logarithms.
         axes: Number of axes that a signal must have; None for any.
         held_out: Whether it is kept from training.
+        generic: Whether signals of any sensor have it.
         function: Dotted path of a user's, or name of the package's; None where that is ``name``.
     """
 
@@ -51,6 +52,7 @@ class Perturbation:
     log: bool = False
     axes: int | None = None
     held_out: bool = False
+    generic: bool = False
     function: str | None = None
 
     @property
@@ -100,6 +102,32 @@ class Perturbation:
 def perturbations() -> dict[str, Perturbation]:
     """All of them by name, modality by modality, those of :data:`BOTH` last."""
     return _read(SCALES)
+
+
+@cache
+def signal_perturbations(modality: str) -> dict[str, Perturbation]:
+    """Perturbations of signals that the package does not know, by MODALITY_NAME; none of others.
+
+    They are the generic ones of traces, and what becomes of a modality that others hit.
+    """
+    known = perturbations()
+    if modality in {each.modality for each in known.values()}:
+        return {}
+    found = [
+        replace(each, name=each.name.removeprefix("haptic_"), function=each.function or each.name)
+        for each in known.values()
+        if each.generic
+    ]
+    found += [replace(known[f"haptic_{effect}"], name=effect) for effect in (MISSING, SWAPPED)]
+    own = [
+        replace(
+            each,
+            name=f"{modality}_{each.name}",
+            modality=each.modality if each.modality == BOTH else modality,
+        )
+        for each in found
+    ]
+    return {each.name: each for each in own}
 
 
 def read_severities(path: str | Path) -> dict[str, Perturbation]:

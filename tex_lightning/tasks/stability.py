@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config
+from tex_lightning.config.check_ranges import choice
 from tex_lightning.config.job import Job
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.unusable import skipped_entry
@@ -22,6 +23,7 @@ from tex_lightning.perturbations.table import (
     Perturbation,
     perturbations,
     read_severities,
+    signal_perturbations,
 )
 from tex_lightning.progress import stage
 from tex_lightning.report.figures import save_figure
@@ -83,8 +85,15 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 def _chosen(config: Config, systems: Sequence[System]) -> list[Perturbation]:
     """Those asked for that some system meets; what is left out is said."""
     known, only = dict(perturbations()), config.stability.only
+    for system in systems:
+        for branch in system.members[0].evaluator.classifier.branches.values():
+            if branch.medium == "signal":
+                known |= signal_perturbations(branch.modality)
     for path in config.stability.severities:
         known |= read_severities(path)
+    for name in only or ():
+        if complaint := next(choice("stability.only", name, tuple(known)), None):
+            raise UserError(f"{complaint}.")
     asked = list(known.values()) if only is None else [known[name] for name in only]
     chosen = [each for each in asked if any(system.meets(each) for system in systems)]
     left_out = [each.name for each in asked if each not in chosen]
