@@ -54,6 +54,12 @@ def cache(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("cache")
 
 
+@pytest.fixture(autouse=True)
+def only_the_packages_own_classes(monkeypatch) -> None:
+    """What one test trusts, the next does not."""
+    monkeypatch.setattr("tex_lightning.config.trust._TRUSTED", set())
+
+
 def trunk_node(name: str) -> dict[str, object]:
     """A published trunk as a card names it."""
     cls = TRUNKS[name]

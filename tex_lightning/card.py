@@ -12,7 +12,6 @@ import torch
 from tex_lightning.config import DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, kind_of
-from tex_lightning.config.trust import require_trust
 from tex_lightning.decision.unknown import novelty_threshold
 from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError, shorten
@@ -82,11 +81,9 @@ class Card:
         Raises:
             KeyError: If a value is missing.
             ValueError: If a value cannot be meant.
-            UserError: If it names a class of a package that is not trusted.
         """
         card = cls(**{entry.name: stored[entry.name] for entry in fields(cls)})
         _check(card)
-        require_trust("The checkpoint", [card.branches, card.baseline])
         return card
 
     def deciding(self, given: DecisionConfig) -> Self:

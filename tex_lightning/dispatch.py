@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from tex_lightning.config import SILENT, flatten, plain_values
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
 from tex_lightning.config.job import Job
-from tex_lightning.config.trust import trust, trusting
+from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.defaults import TRAINING, with_defaults
 from tex_lightning.devices import check_precision, count_processes, use_tf32
@@ -63,16 +63,15 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         raise UserError(
             "Several processes were started, which have to share a run folder; give hydra.run.dir."
         )
+    trust(*config.trusted, *named_classes(config.model.nodes))
     own = is_rank_zero() and config.task not in SILENT
     with (
         verbosity(config.verbose),
         finishing(),
         kept_memory(),
-        trusting(config.trusted),
         quiet_threads(),
         locked_folder(job.directory) if own else nullcontext(),
     ):
-        trust(config)
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)
         if config.model.name == AUTO:

@@ -15,7 +15,7 @@ from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.config.trust import trusting
+from tex_lightning.config.trust import trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.decision.voting import Vote
@@ -43,8 +43,8 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
         path: A checkpoint or the run folder that holds it.
         *overrides: Arguments of ``task=predict`` on the command line, such as ``"top_k=5"``,
             ``"decision.reject_below=0.7"``, ``"engine=reference"``, ``"trainer.accelerator=cpu"``.
-        trusted: Packages, beside installed plugins, whose classes the checkpoint may name; their
-            code runs.
+        trusted: Packages, beside installed plugins, whose classes a checkpoint may name, in
+            this process from now on; their code runs.
 
     Raises:
         UserError: If there is no such checkpoint, or an override is invalid.
@@ -56,8 +56,8 @@ def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Pre
         ['a', 'b', 'c']
     """
     config = _compose(path, overrides)
-    with trusting([*config.trusted, *trusted]):
-        return Predictor(load_classifier(find_checkpoint(path)), config)
+    trust(*config.trusted, *trusted)
+    return Predictor(load_classifier(find_checkpoint(path)), config)
 
 
 def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:

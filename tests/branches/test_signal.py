@@ -10,6 +10,7 @@ from torch import nn
 from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.config.trust import trust
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
@@ -137,6 +138,7 @@ def test_files_and_arrays_are_received_alike(tmp_path):
 
 
 def test_a_card_makes_it_and_a_classifier_votes():
+    trust(f"{__name__}.Energy", f"{__name__}.Loudness")
     node = {
         "_target_": "tex_lightning.branches.signal.SignalBranch",
         "modality": "force",

@@ -214,23 +214,25 @@ def test_a_sense_that_does_not_exist_is_refused(cli, data, tmp_path):
     assert "model.senses names smell" in outcome.err
 
 
-def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, tmp_path):
+def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, monkeypatch, tmp_path):
     outcome = cli(
         *CONF, *data, "model=nearest", "model.baseline.power=1", f"hydra.run.dir={tmp_path}"
     )
     assert outcome.status == 0, outcome.err
     assert results(tmp_path)["networks"]["visual"]["correct"] == 3
     given = [f"checkpoint={tmp_path}", f"image={flat}/beta_0.png", "task=predict"]
+    monkeypatch.setattr("tex_lightning.config.trust._TRUSTED", set())  # as in a new process
     assert "my_ext is not trusted" in cli(*CONF, *given).err
     outcome = cli(*CONF, *given, "trusted=[my_ext]")
     assert json.loads(outcome.out)["label"] == "beta"
     assert tl.load(tmp_path, trusted=["my_ext"]).classifier.baseline.power == 1
 
 
-def test_a_sweep_tests_a_fold_of_the_users_data(cli, data, tmp_path):
+def test_a_sweep_tests_a_fold_of_the_users_data_and_reports_a_fusion(cli, data, tmp_path):
     outcome = cli(
-        "-m", *CONF, *data, "task=crossval", "crossval.only=[3]", "model=visual",
-        "trunk=small", "seed=5", "logger=text", f"hydra.sweep.dir={tmp_path}",
+        "-m", *CONF, *data, "task=crossval", "crossval.only=[3]", "model=fusion",
+        "model.senses=[visual,force]", "trunk=small", "seed=5", "logger=text",
+        f"hydra.sweep.dir={tmp_path}",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     assert results(tmp_path / "0")["networks"]["visual"]["folds"][0]["fold"] == 3
@@ -299,10 +301,20 @@ def test_code_of_an_unknown_package_does_not_run(cli, run, flat, monkeypatch, tm
     assert (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize("target", ["tex_lightning.__main__.os.system", "tex_lightning.card.Path"])
-def test_a_trusted_package_does_not_lend_its_name(run, tmp_path, target):
-    with pytest.raises(tl.UserError, match=r"cannot be made|pathlib is not trusted"):
-        tl.load(forge(run, tmp_path / "a.ckpt", target))
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ("tex_lightning.__main__.os.system", "tex_lightning is not trusted"),
+        ("tex_lightning.card.Path", "tex_lightning is not trusted"),
+        ("tex_lightning.files.Path", "tex_lightning is not trusted"),
+        ("my_ext.Path", "pathlib is not trusted"),
+        ("my_ext.torch.nn.Conv2d", "torch is not trusted"),
+        ("my_ext.torch.hub.load", "is no class"),
+    ],
+)
+def test_a_trusted_package_does_not_lend_its_name(run, tmp_path, target, said):
+    with pytest.raises(tl.UserError, match=said):
+        tl.load(forge(run, tmp_path / "a.ckpt", target), trusted=["my_ext"])
 
 
 def test_python_trusts_what_it_is_told_to(run, flat):

@@ -123,7 +123,8 @@ def test_folds_are_pooled_before_seeds_and_fit_seconds_are_one_sum(tmp_path, cap
 def test_a_second_sweep_in_the_folder_is_refused_until_the_first_has_ended(tmp_path, capsys):
     trainer = {"devices": 1, "num_nodes": 1}
     hydra = {"sweep": {"dir": str(tmp_path)}}
-    config = OmegaConf.create({"hydra": hydra, "trainer": trainer, **FIGURES})
+    values = {"hydra": hydra, "trainer": trainer, "trusted": [], "model": {}, **FIGURES}
+    config = OmegaConf.create(values)
     first, second = SweepSummary(), SweepSummary()
     first.on_multirun_start(config)
     pickle.loads(pickle.dumps(first))  # as launchers send it to their processes

@@ -90,7 +90,11 @@ class EstimatorBaseline(Baseline):
 
     Attributes:
         estimator: Fitted by :meth:`fit`; :meth:`logits` asks it for ``predict_log_proba``.
+        estimator_classes: Classes that it consists of, as ``module.Name``, beside
+            :data:`.estimators.ESTIMATORS`.
     """
+
+    estimator_classes: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         self.estimator: Any = None
@@ -114,11 +118,11 @@ class EstimatorBaseline(Baseline):
 
     def state(self) -> State:
         """The estimator as bytes."""
-        return {"estimator": dump_estimator(self.estimator)}
+        return {"estimator": dump_estimator(self.estimator, self.estimator_classes)}
 
     def load_state(self, state: State) -> None:
         """Read the estimator back."""
-        self.estimator = load_estimator(state["estimator"])
+        self.estimator = load_estimator(state["estimator"], self.estimator_classes)
 
     def count_parameters(self) -> int:
         """All numbers in the estimator's fitted arrays."""

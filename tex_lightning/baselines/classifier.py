@@ -15,7 +15,7 @@ from tex_lightning.branches.photo import PhotoBranch
 from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.card import Card, damaged, named, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier, Trained
-from tex_lightning.config.instantiation import find_class
+from tex_lightning.config.trust import make_value, trusted_class
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
@@ -139,13 +139,13 @@ class BaselineClassifier(SurfaceClassifier):
         name, node, budget = (self.card.baseline[key] for key in ("name", "node", "budget"))
         self.baseline = make_baseline(name, node, budget)
         (sense,), (values,) = self.card.senses, self.card.branches.values()
-        kind = find_class(f"model.{sense}", values)
+        kind = trusted_class(f"model.{sense}", values)
         if kind.medium != (medium := MEDIA[self.baseline.kind]):
             raise UserError(
                 f"{name} looks at a {medium}, and {sense} is a {kind.medium}; choose "
                 "another sense in model.senses, or leave it out."
             )
-        decoder = kind.make_decoder(values["decode"])
+        decoder = kind.make_decoder(make_value(f"model.{sense}.decode", values["decode"]))
         network = FittedBaseline(self.baseline)
         if medium == PhotoBranch.medium:
             return {sense: PixelBranch(sense, values["modality"], decoder, Pixels(), network)}

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from tex_lightning.config.instantiation import INSTALL, TARGET, build_typed, missing_library
+from tex_lightning.config.instantiation import INSTALL, TARGET, missing_library
+from tex_lightning.config.trust import make
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
     """
     if (library := missing_library(node)) is not None:
         raise UserError(f"model={name} needs {library}, which is not installed; run: {INSTALL}")
-    made = build_typed(WHERE, node)
+    made = make(WHERE, node)
     from tex_lightning.baselines.base import Baseline
 
     if not isinstance(made, Baseline):

@@ -6,16 +6,17 @@ from typing import Any
 from torch import nn
 
 from tex_lightning.branches.base import Branch
-from tex_lightning.config.instantiation import TARGET, build, find_class
+from tex_lightning.config.instantiation import TARGET
+from tex_lightning.config.trust import make, make_value, trusted_class
 from tex_lightning.errors import UserError, shorten
 
 __all__ = ["Branch", "make_branch"]
 
-OWN = (TARGET, "modality", "decode", "features", "network")
+BUILT = (TARGET, "features", "network")
 
 
 def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
-    """Make a branch with random weights.
+    """Make a branch of a card with random weights.
 
     Args:
         name: Name of the sense.
@@ -28,21 +29,25 @@ def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
         classes: Number of materials.
 
     Raises:
-        UserError: If the node cannot be used.
+        UserError: If the node cannot be used, or names a class that is not trusted.
     """
     where = f"model.{name}"
-    cls = find_class(where, node)
+    cls = trusted_class(where, node)
     if not issubclass(cls, Branch):
         raise UserError(
             f"{where} names {node[TARGET]}, which is no branch; take "
             "tex_lightning.branches.signal.SignalBranch or "
             "tex_lightning.branches.photo.PhotoBranch, or derive from one of them."
         )
-    offered = {**node["decode"], "classes": classes}
-    offered |= {key: value for key, value in node.items() if key not in OWN}
-    for key, value in list(offered.items()):
-        if isinstance(value, Mapping) and TARGET in value:
-            offered[key] = build(f"{where}.{key}", value, **offered)
+    rest = {key: value for key, value in node.items() if key not in BUILT}
+    nodes = {
+        key: each for key, each in rest.items() if isinstance(each, Mapping) and TARGET in each
+    }
+    values = make_value(where, {key: value for key, value in rest.items() if key not in nodes})
+    modality, decode = values.pop("modality"), values.pop("decode")
+    offered = {**decode, "classes": classes, **values}
+    for key, value in nodes.items():
+        offered[key] = make(f"{where}.{key}", value, **offered)
     features = _make_part(f"{where}.features", node["features"], offered)
     if (bands := getattr(features, "bands", None)) is not None:
         offered["bands"] = bands
@@ -52,11 +57,11 @@ def make_branch(name: str, node: Mapping[str, Any], classes: int) -> Branch:
             f"{where}.network names {node['network'][TARGET]}, which has no method "
             "features(x, level); add one that gives class scores at level fc3."
         )
-    return cls(name, node["modality"], cls.make_decoder(node["decode"]), features, network)
+    return cls(name, modality, cls.make_decoder(decode), features, network)
 
 
 def _make_part(where: str, node: Mapping[str, Any], offered: Mapping[str, Any]) -> nn.Module:
-    part = build(where, node, **offered)
+    part = make(where, node, **offered)
     if not isinstance(part, nn.Module):
         raise UserError(f"{where} gives {shorten(part)}, which is no nn.Module.")
     return part

@@ -38,7 +38,7 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     _check_named(where, node)
     # a function can stand for what is called later; a checkpoint names classes alone
     find = find_callable if node.get("_partial_") else find_class
-    with _making(where):
+    with making(where):
         taken = inspect.signature(find(where, node)).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
         return instantiate({"_convert_": "all", **node}, **more)
@@ -82,7 +82,7 @@ def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
                 f"There is no key {where}.{shorten(key)}{nearest(key, known, f'{where}.')}; "
                 f"{cls.__name__} has {listed(known) or 'none'}."
             )
-    with _making(where):
+    with making(where):
         return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
 
 
@@ -108,7 +108,7 @@ def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
         UserError: If there is none, or it lacks a library.
     """
     found = find_callable(where, node)
-    with _making(where):
+    with making(where):
         if not isinstance(found, type):
             raise TypeError(f"{node[TARGET]} is no class")
         return found
@@ -121,7 +121,7 @@ def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
         UserError: If there is none, or it lacks a library.
     """
     _check_named(where, node)
-    with _making(where):
+    with making(where):
         found = pkgutil.resolve_name(node[TARGET])  # Hydra's own would log the error as well
         if not callable(found):
             raise TypeError(f"{node[TARGET]} is no class or function")
@@ -155,12 +155,12 @@ def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
     """
     if not callable(made):
         raise UserError(f"{where} gives an object where a call is needed; add _partial_: true.")
-    with _making(where):
+    with making(where):
         return made(*arguments)
 
 
 @contextmanager
-def _making(where: str) -> Iterator[None]:
+def making(where: str) -> Iterator[None]:
     """Name the key of a node whose class or module, perhaps the user's, raises any error."""
     try:
         yield

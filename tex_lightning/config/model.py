@@ -172,6 +172,11 @@ class ModelConfig:
         return [name for name, each in vars(self).items() if isinstance(each, BranchConfig)]
 
     @property
+    def nodes(self) -> list[Any]:
+        """What a card keeps of it: the nodes of its baseline and of its senses."""
+        return [self.baseline, *(self.branch(name).node for name in self.senses)]
+
+    @property
     def checkpoints(self) -> dict[str, str]:
         """Checkpoints that the fused networks start from, by sense; absent where none is given."""
         given = {name: self.fusion.checkpoint(name) for name in self.senses}

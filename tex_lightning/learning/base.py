@@ -1,7 +1,8 @@
 """Training of the network of one sense: loss, metrics, optimiser and checkpoint."""
 
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 import torch
 from lightning import LightningModule
@@ -10,7 +11,7 @@ from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics import MetricCollection
 
 from tex_lightning.branches.contract import blamed, check_gradient
-from tex_lightning.card import LEFT_OUT, Card
+from tex_lightning.card import LEFT_OUT, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier, own_state
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.data.datamodule import Batch
@@ -62,6 +63,33 @@ class SurfaceModule(LightningModule):
         self.train_metrics = train_metrics(classes)
         self.val_metrics = vote_metrics(classes, "val")
         self.test_metrics = vote_metrics(classes, "test")
+
+    @classmethod
+    def load_from_checkpoint(  # type: ignore[override]  # Lightning's is no plain class method
+        cls,
+        checkpoint_path: str | Path,
+        map_location: str | torch.device | None = None,
+        hparams_file: None = None,
+        strict: bool | None = None,
+        weights_only: bool | None = None,
+        **kwargs: Any,  # noqa: ANN401
+    ) -> Self:
+        """Load a network as :meth:`.SurfaceClassifier.from_checkpoint` does, to test and predict.
+
+        Optimiser, schedule and augmentation, which the stored recipe names, are not made: a
+        checkpoint is data. Give the argument ``fit`` to train on.
+
+        Raises:
+            UserError: If the file cannot be used, or names a class that is not trusted.
+        """
+        content = read_checkpoint(checkpoint_path)
+        classifier = SurfaceClassifier.from_content(checkpoint_path, content)
+        stored = content["hyper_parameters"]
+        fit = {key: value for key, value in stored["fit"].items() if not isinstance(value, dict)}
+        kept = {"fit": fit, "seed": stored["seed"], "pieces": stored["pieces"], **kwargs}
+        module = cls(classifier.card.to_dict(), **kept)
+        module.classifier = classifier
+        return module if map_location is None else module.to(map_location)
 
     def inputs(self, batch: Batch) -> list[Tensor]:
         """The network's input tensors (batch, ...) for a training batch, one for each sense."""

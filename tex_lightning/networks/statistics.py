@@ -148,7 +148,7 @@ class FeatureStatistics(nn.Module):
         point, means = self.whiten(features - centre), self.whiten(self.means - centre)
         lengths = point.norm(dim=-1, keepdim=True) * means.norm(dim=-1)
         cosines: Tensor = (point @ means.T) / lengths.clamp(min=LEAST_VARIANCE)
-        return 1 - cosines.amax(dim=-1)
+        return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
 
 
 def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:

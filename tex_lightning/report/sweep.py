@@ -17,6 +17,7 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config import SILENT
 from tex_lightning.config.job import Job
 from tex_lightning.config.tasks import FiguresConfig
+from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
@@ -91,6 +92,9 @@ class SweepSummary(Callback):
         Raises:
             SystemExit: Hydra turns other exceptions of callbacks into warnings.
         """
+        # its end reads checkpoints, and a launcher may run the jobs in other processes
+        chosen: Any = OmegaConf.to_container(config)
+        trust(*chosen["trusted"], *named_classes(chosen["model"]))
         trainer = OmegaConf.select(config, "trainer")
         if (trainer.devices, trainer.num_nodes) != (1, 1):
             with _as_exit():

@@ -11,7 +11,7 @@ from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.check import check_config
 from tex_lightning.config.instantiation import INSTALL, missing_library
 from tex_lightning.config.job import Job
-from tex_lightning.config.trust import trust
+from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
@@ -99,7 +99,7 @@ def compose_family(
         decision = replace(member.decision, alphas=[], confidence_thresholds=[])
         member = replace(member, task="crossval", crossval=crossval, decision=decision)
         check_config(member)
-        trust(member)
+        trust(*named_classes(member.model.nodes))
         yield Member(name, overrides, member)
 
 

@@ -1,0 +1,211 @@
+"""A checkpoint is data: nothing that it names or holds is run."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import skops.io
+import torch
+from conftest import make_card
+from omegaconf import OmegaConf
+from sklearn.naive_bayes import GaussianNB
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+import tex_lightning as tl
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.baselines.estimators import dump_estimator, load_estimator
+from tex_lightning.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.config import CONF
+from tex_lightning.config.trust import CLASSES, named_classes, trust
+from tex_lightning.learning.base import SurfaceModule
+
+CARD = make_card("haptic", classes=["a", "b"], width=0.1)
+PLAN = {"fit": {"head_factor": 1.0}, "seed": 0, "pieces": {"haptic": 200}}
+
+
+def code(path: Path) -> str:
+    return f"open({str(path)!r}, 'w').close()"
+
+
+def attack(path: Path) -> str:
+    """A value that Hydra would have OmegaConf make an object of, by running code."""
+    return f'${{oc.create:{{_target_: numpy.testing.measure, code_str: "{code(path)}"}}}}'
+
+
+def write(folder: Path, changes: dict[str, object], **more: object) -> Path:
+    """A checkpoint of a small HapticNet whose card has other values."""
+    card = CARD.to_dict()
+    for key, value in changes.items():
+        *outer, last = key.split(".")
+        place = card
+        for name in outer:
+            place = place[name]
+        place[last] = value
+    state = lightning_state(SurfaceClassifier(CARD))
+    content = {"hyper_parameters": {**PLAN, **more, "card": card}, "state_dict": state}
+    torch.save(content, folder / "m.ckpt")
+    return folder / "m.ckpt"
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "branches.haptic.dropout",
+        "branches.haptic.anything",
+        "branches.haptic.modality",
+        "branches.haptic.decode.channel",
+        "branches.haptic.features.skip_impact",
+        "branches.haptic.network.dropout",
+    ],
+)
+@pytest.mark.parametrize("nested", [False, True], ids=["value", "in a list"])
+def test_an_interpolation_in_a_card_is_refused_and_runs_nothing(
+    cli, surfaces, tmp_path, key, nested
+):
+    value = attack(tmp_path / "ran")
+    path = write(tmp_path, {key: [value] if nested else value})
+    trace = next(surfaces.glob("*/haptic/*.wav"))
+    outcome = cli("task=predict", f"checkpoint={path}", f"haptic={trace}")
+    assert (outcome.status, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    for load in (tl.load, load_classifier, SurfaceModule.load_from_checkpoint):
+        with pytest.raises(tl.UserError):
+            load(path)
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("branches.haptic.anything", "${data.root}", r"holds values without \$\{"),
+        ("branches.haptic._partial_", True, "has the key _partial_"),
+        ("branches.haptic.network._args_", [1], "has the key _args_"),
+        ("branches.haptic.features._recursive_", False, "has the key _recursive_"),
+        ("branches.haptic.anything", {"_convert_": "all"}, "has the key _convert_"),
+        ("branches.haptic.anything", torch.ones(1), "of Tensor, which is no plain value"),
+        ("branches.haptic.network.size", 3, "no key model.haptic.network.size"),
+        ("branches.haptic._target_", "torch.nn.Linear", "torch is not trusted"),
+        ("branches.haptic.network._target_", "os.system", "os is not trusted"),
+        ("branches.haptic.network._target_", "numpy.testing.measure", "numpy is not trusted"),
+        ("branches.haptic.anything", [{"_target_": "os.system"}], "os is not trusted"),
+        ("branches.haptic.network._target_", 3, "package 3 is not trusted"),
+        (
+            "branches.haptic.network._target_",
+            "tex_lightning.learning.base.SurfaceModule",
+            "tex_lightning is not trusted",
+        ),
+    ],
+)
+def test_what_is_no_plain_value_or_no_class_of_a_card_is_refused(tmp_path, key, value, said):
+    with pytest.raises(tl.UserError, match=said):
+        SurfaceClassifier.from_checkpoint(write(tmp_path, {key: value}))
+
+
+def test_lightning_makes_nothing_that_a_recipe_names(tmp_path):
+    made = {"_target_": "numpy.testing.measure", "code_str": code(tmp_path / "ran")}
+    fit = {"head_factor": 1.0, "augmentation": made, "optimizer": made, "schedule": made}
+    module = SurfaceModule.load_from_checkpoint(write(tmp_path, {}, fit=fit))
+    with pytest.raises(KeyError, match="learning_rate"):  # a recipe has to be given
+        module.configure_optimizers()
+    assert not (tmp_path / "ran").exists()
+
+
+def test_trust_holds_for_the_process(tmp_path, monkeypatch):
+    (tmp_path / "theirs.py").write_text(
+        "from tex_lightning.networks.hapticnet import HapticNet\nclass Net(HapticNet): pass\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    path = write(tmp_path, {"branches.haptic.network._target_": "theirs.Net"})
+    for load in (tl.load, SurfaceModule.load_from_checkpoint):
+        with pytest.raises(tl.UserError, match=r"theirs is not trusted: give trusted=\[theirs\]"):
+            load(path)
+    trust("theirs")
+    for load in (tl.load, SurfaceModule.load_from_checkpoint):
+        assert type(load(path).classifier.network).__name__ == "Net"
+
+
+def test_every_class_that_the_configuration_puts_into_a_card_may_be_named():
+    named = set()
+    for file in [
+        path for group in ("branch", "model", "trunk") for path in CONF.glob(f"{group}/*")
+    ]:
+        content = OmegaConf.to_container(OmegaConf.load(file))
+        named |= {*named_classes({key: each for key, each in content.items() if key != "fusion"})}
+    assert named == CLASSES
+
+
+@pytest.fixture(scope="module")
+def naive_bayes(run_once, surfaces) -> Path:
+    return run_once("model=mfcc_nb", "data=folder", f"data.root={surfaces}", "logger=[]")
+
+
+def forged(run: Path, folder: Path, estimator: object = None, **node: object) -> Path:
+    """The checkpoint of a baseline with another estimator or other settings."""
+    content = torch.load(run / "checkpoints" / "haptic.ckpt", weights_only=True)
+    content = copy.deepcopy(content)
+    if estimator is not None:
+        dumped = np.frombuffer(skops.io.dumps(estimator), np.uint8).copy()
+        content["baseline"]["estimator"] = torch.from_numpy(dumped)
+    content["hyper_parameters"]["card"]["baseline"]["node"] |= node
+    torch.save(content, folder / "b.ckpt")
+    return folder / "b.ckpt"
+
+
+def test_an_estimator_that_calls_a_function_is_refused_and_runs_nothing(
+    cli, naive_bayes, surfaces, tmp_path
+):
+    choices = ["", "", code(tmp_path / "ran")]  # of the two axes of features the third
+    steps = [np.ndim, (np.choose, {"choices": choices}), np.testing.measure]
+    pairs = [each if isinstance(each, tuple) else (each, {}) for each in steps]
+    calls = [FunctionTransformer(function, kw_args=given) for function, given in pairs]
+    fitted = GaussianNB().fit([[0.0], [1.0]], [0, 1])
+    path = forged(naive_bayes, tmp_path, make_pipeline(*calls, fitted))
+    trace = next(surfaces.glob("*/haptic/*.wav"))
+    outcome = cli("task=predict", f"checkpoint={path}", f"haptic={trace}")
+    assert (outcome.status, outcome.out, outcome.err.count("\n")) == (2, "", 1)
+    assert "numpy.testing" in outcome.err
+    with pytest.raises(tl.UserError, match="FunctionTransformer"):
+        tl.load(path)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_settings_of_a_baseline_are_plain_values_too(naive_bayes, tmp_path):
+    changes = [
+        ({"filters": attack(tmp_path / "ran")}, "without"),
+        ({"filters": "many"}, "filters is many; give a value of type int"),
+        ({"hop_seconds": True}, "hop_seconds is True"),
+        ({"_target_": "subprocess.Popen", "args": ["true"]}, "subprocess is not trusted"),
+        ({"_args_": [1]}, "_args_"),
+    ]
+    for change, said in changes:
+        with pytest.raises(tl.UserError, match=said):
+            tl.load(forged(naive_bayes, tmp_path, **change))
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        FunctionTransformer(),
+        np.testing.measure,
+        GaussianNB,
+        make_pipeline(FunctionTransformer(np.sin), GaussianNB()),
+        {"key": np.random.default_rng(0)},
+        [GaussianNB().fit],
+        np.ma.masked_array([1.0]),
+    ],
+    ids=lambda each: type(each).__name__,
+)
+def test_only_the_listed_types_are_read_and_written(estimator):
+    dumped = torch.from_numpy(np.frombuffer(skops.io.dumps(estimator), np.uint8).copy())
+    for refused in (lambda: load_estimator(dumped), lambda: dump_estimator(estimator)):
+        with pytest.raises(tl.UserError, match="which a checkpoint may not"):
+            refused()
+
+
+def test_a_baseline_of_ones_own_names_further_classes():
+    more = ["sklearn.preprocessing._function_transformer.FunctionTransformer"]
+    assert isinstance(load_estimator(dump_estimator(FunctionTransformer(), more), more), object)
+    with pytest.raises(tl.UserError, match=r"numpy\.sin"):  # but no function
+        dump_estimator(FunctionTransformer(np.sin), more)
