@@ -12,7 +12,10 @@ from pathlib import Path
 import pytest
 import torch
 
+from tex_lightning.auto import _read
+from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.files import (
     partial_path,
     quiet_threads,
@@ -114,6 +117,21 @@ def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
             thread.start()
             thread.join()
     assert [type(error) for error in said] == [OSError, ValueError]
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("results.json", read_record),
+        ("results.json", lambda path: _read(path.parent)),
+        ("haptic.csv", read_outcomes),
+        ("a.wav", fingerprint),
+    ],
+)
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path, name, read):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(UserError, match=r"is no file|a pipe or|holds no finished frontier"):
+        read(tmp_path / name)
 
 
 @pytest.mark.parametrize("content", ['{"networks": ', "[1, 2]", "\0", "\u00e9"])

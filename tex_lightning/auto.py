@@ -1,6 +1,5 @@
 """``model=auto``: the configuration of the system that task=frontier found to be enough."""
 
-import json
 import logging
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
 from tex_lightning.errors import UserError
+from tex_lightning.files import read_record
 from tex_lightning.runs.family import with_system
 from tex_lightning.tasks import frontier
 
@@ -46,9 +46,9 @@ def resolve_auto(finished: str | None, test_fold: int | None, job: Job) -> Confi
 def _read(folder: Path) -> dict[str, Any]:
     path = folder / "results.json"
     try:
-        results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        results = read_record(path)
         return {key: results[key] for key in ("overrides", "procedure")}
-    except (OSError, ValueError, KeyError) as error:
+    except (UserError, KeyError) as error:
         raise UserError(
             f"frontier.run={folder} holds no finished frontier; give the run folder of a "
             "task=frontier, or leave it out."

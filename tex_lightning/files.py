@@ -129,6 +129,8 @@ def write_rows(target: Path, columns: Iterable[str], rows: Iterable[Iterable[Any
 
 def read_rows(path: Path) -> list[dict[str, str]]:
     """Read what :func:`write_rows` wrote, a dictionary for each row."""
+    if not is_file(path):  # a pipe would be waited for
+        require_file(path)
     csv.field_size_limit(MAX_FIELD)
     with path.open(newline="", encoding="utf-8") as stream:
         columns, *rows = [list(map(from_cell, row)) for row in csv.reader(stream)] or [[]]

@@ -1,17 +1,21 @@
 import os
 import shutil
+import tempfile
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
 from tex_lightning.data.parts import equal_parts
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recording
+from tex_lightning.data.spool import spooled
 from tex_lightning.data.store import Store, cache_root, fingerprint
 from tex_lightning.errors import UserError
 
@@ -132,6 +136,80 @@ def test_a_damaged_entry_is_replaced(store, surfaces):
     for damage in (b"", entry.read_bytes()[:50], entry.read_bytes()[:-8]):
         entry.write_bytes(damage)
         np.testing.assert_array_equal(store.load(row), whole)
+
+
+@pytest.mark.parametrize("modality", ["haptic", "image"])
+def test_an_entry_that_is_another_one_is_replaced(store, surfaces, modality):
+    rows = read_folder(surfaces).of(modality).rows[:2]
+    whole = [np.array(store.load(row)) for row in rows]
+    first, second = (store._entry(row) for row in rows)
+    wrong = np.full_like(whole[0], np.nan if modality == "haptic" else 0)
+    content = bytearray(first.read_bytes())
+    content[len(content) // 2] ^= 1
+
+    def pipe(path):
+        path.unlink()
+        os.mkfifo(path)
+
+    for damage in (
+        lambda path: shutil.copy(second, path),
+        lambda path: np.save(path, wrong),
+        lambda path: path.write_bytes(content),
+        pipe,
+    ):
+        damage(first)
+        np.testing.assert_array_equal(store.load(rows[0]), whole[0])
+        damage(first)
+        assert Store(store.root.parent, DECODERS).fill(rows) == []
+        np.testing.assert_array_equal(np.load(first), whole[0])
+        if modality == "haptic":
+            damage(first)
+            assert store.rate(rows[0]).hz == 10_000
+
+
+def test_a_file_of_the_same_size_and_time_is_decoded_anew(store, tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, np.ones(100))
+    before, row = path.stat(), Recording("a", "haptic", path, 0)
+    assert store.load(row).max() == 1
+    np.save(path, np.full(100, 2.0))
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert store.load(row).max() == 2
+
+
+@contextmanager
+def another_user(folder: Path):
+    """Become one who may read the folder and write nothing."""
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    root = os.geteuid() == 0  # whom permissions do not bind
+    if root:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if root:
+            os.seteuid(0)
+        for path in (folder, *folder.rglob("*")):
+            path.chmod(0o755)
+
+
+def test_a_cache_of_another_user_can_be_read(store, surfaces):
+    with tempfile.TemporaryDirectory() as name:  # those of pytest are for one user
+        folder = Path(name)
+        shutil.copytree(surfaces, folder / "data")
+        shared, rows = folder / "cache", read_folder(folder / "data").rows
+        kept, other = rows[:2], rows[2]
+        assert Store(cache_root(str(shared)), DECODERS).fill(kept) == []
+        whole = [np.array(SignalDecoder().decode(row.path)[0]) for row in kept]
+        with another_user(folder):
+            again = Store(cache_root(str(shared)), DECODERS)
+            assert again.fill(kept) == []
+            for row, expected in zip(kept, whole, strict=True):
+                np.testing.assert_array_equal(again.load(row), expected)
+            spooled([torch.ones(2, 3)], shared)
+            with pytest.raises(UserError, match=rf"{shared} cannot be written .*data\.cache_dir"):
+                again.load(other)
 
 
 def test_an_entry_knows_the_rate_of_its_file(store, surfaces, tmp_path):

@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import torch
@@ -19,7 +20,7 @@ def spooled(items: Iterable[Tensor], folder: Path) -> tuple[Tensor, list[int]]:
 
     Args:
         items: (length, ...) each, at least one, of one type; one at a time is in memory.
-        folder: Folder of the file.
+        folder: Folder of the file; where it can only be read, the system's temporary one.
 
     Returns:
         (lengths together, ...), and the length of each.
@@ -29,7 +30,7 @@ def spooled(items: Iterable[Tensor], folder: Path) -> tuple[Tensor, list[int]]:
     """
     lengths: list[int] = []
     try:
-        with tempfile.TemporaryFile(dir=folder) as file:
+        with _unnamed_file(folder) as file:
             for item in items:
                 array = np.ascontiguousarray(item)
                 lengths.append(len(array))
@@ -43,3 +44,10 @@ def spooled(items: Iterable[Tensor], folder: Path) -> tuple[Tensor, list[int]]:
             "data.cache_dir to a larger disk."
         ) from error
     return torch.from_numpy(joined), lengths
+
+
+def _unnamed_file(folder: Path) -> IO[bytes]:
+    try:
+        return tempfile.TemporaryFile(dir=folder)
+    except OSError:  # a cache that several share
+        return tempfile.TemporaryFile()

@@ -1,20 +1,22 @@
 """Every file is decoded once, into memory-mapped arrays outside the package.
 
-One ``.npy`` per recording, named by a digest of its files' identity (path, size, time of change)
-and the decode settings; of a recording that is a part of its file the part is cut out after
+One ``.npy`` per recording, named by a digest of its files' identity (path, time of change, size and
+ends) and the decode settings; of a recording that is a part of its file the part is cut out after
 decoding. Files are written under another name and moved into place, so a reader
-never sees half an array and two processes that decode the same file do no harm.
+never sees half an array and two processes that decode the same file do no harm. Every entry ends
+with a checksum of its name and content: one that was damaged or exchanged is decoded anew.
 """
 
 import hashlib
 import json
 import os
-import tempfile
+import stat
+import zlib
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
@@ -27,35 +29,44 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.trace_files import axis_files, axis_paths
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.errors import UserError
-from tex_lightning.files import resolved, write_atomically
+from tex_lightning.files import require_file, resolved, write_atomically
 from tex_lightning.progress import track
 from tex_lightning.threads import computing_threads
 
 FINGERPRINT_BYTES = 65_536
-LAYOUT = 3  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 4  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 EMPTIED = (FileNotFoundError, FileExistsError)  # its folder is deleted while an entry is written
-RATE_BYTES = 152  # of three numbers as .npy, which end the entry of a trace
+RATE_BYTES = 152  # of three numbers as .npy, which stand behind the array of a trace
+CHECKSUM_BYTES = 4  # at the end of every entry
+CHUNK = 1 << 20  # bytes that are read at once
+
+_CHECKED: dict[Path, tuple[int, ...]] = {}  # entries that are whole, as this process saw them
 
 Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
 
 def cache_root(configured: str | None) -> Path:
-    """The configured cache folder, else the user's own, made if it does not exist."""
+    """The configured cache folder, else the user's own, made if it does not exist.
+
+    It may be one that can only be read, as long as it has what is needed.
+    """
     if configured is not None:
         root = Path(configured).expanduser()
     else:
         root = Path(platformdirs.user_cache_dir("tex_lightning"))
     try:
         root.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=root):
-            pass
     except OSError as error:
-        raise UserError(
-            f"Cache folder {root} cannot be written ({error.strerror}); "
-            "set data.cache_dir to a folder that can."
-        ) from error
+        raise _unwritable(root, error) from error
     return root
+
+
+def _unwritable(root: Path, error: OSError) -> UserError:
+    return UserError(
+        f"Cache folder {root} cannot be written ({error.strerror}); free some space or set "
+        "data.cache_dir to a folder that can."
+    )
 
 
 def fingerprint(path: Path) -> str:
@@ -66,6 +77,7 @@ def fingerprint(path: Path) -> str:
     """
     digest = hashlib.sha256()
     for file in axis_paths(path):
+        require_file(file)
         size = file.stat().st_size
         digest.update(str(size).encode())
         with file.open("rb") as stream:
@@ -94,12 +106,12 @@ class Store:
         """A recording as a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
         entry = self._entry(recording)
         try:
-            array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
+            array = _map(entry)
         except UNREADABLE:
             array, _ = self._write(recording)
             array.flags.writeable = False
             with suppress(*UNREADABLE):  # someone is emptying the cache
-                array = np.load(self._entry(recording), mmap_mode="r", allow_pickle=False)
+                array = _map(self._entry(recording))
         return array
 
     def extent(self, recording: Recording) -> float:
@@ -139,7 +151,8 @@ class Store:
         """Decode a file unless the cache has it; a full disk is no fault of the file."""
         try:
             entry = self.entries[recording] = self._identify(recording)
-            if entry.is_file():
+            with suppress(*UNREADABLE):
+                _check(entry)
                 return None
             decoded = self._decode(recording)
         except UserError as error:
@@ -159,17 +172,14 @@ class Store:
             raise UserError(f"File {recording.path} does not exist; check the path.") from error
         identity = {
             "path": str(resolved(files[0])),
-            "size": [entry.st_size for entry in status],
             "changed": [entry.st_mtime_ns for entry in status],
+            "fingerprint": fingerprint(files[0]),  # a copy may bring its time along
             "modality": recording.modality,
             "rate": recording.sampling_rate,
             "layout": LAYOUT,
             **vars(self.decoders[recording.modality]),
             "part": recording.part,
         }
-        for later in ("part", "channel"):  # unset they change nothing, so older entries stay valid
-            if identity.get(later) is None:
-                identity.pop(later, None)
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
 
@@ -191,23 +201,64 @@ class Store:
         if recording in self.entries:
             self.entries[recording] = entry
         try:
-            write_atomically(entry, lambda path: _save(path, *decoded))
+            write_atomically(entry, lambda path: _save(path, entry, *decoded))
         except UserError as error:
-            if not isinstance(error.__cause__, EMPTIED):
-                raise
+            if isinstance(error.__cause__, OSError) and not isinstance(error.__cause__, EMPTIED):
+                raise _unwritable(self.root.parent, error.__cause__) from error
 
 
-def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
-    """Write the array and behind it, in the same file, the rate of a trace."""
-    with path.open("wb") as stream:
+def _save(path: Path, entry: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
+    """Write the array, in the same file the rate of a trace, and the checksum of this entry."""
+    with path.open("w+b") as stream:
         np.save(stream, array, allow_pickle=False)
         if rate is not None:
             numbers = [rate.hz, SOURCES.index(rate.source), rate.interpolated]
             np.save(stream, np.array(numbers, np.float64), allow_pickle=False)
+        size = stream.tell()
+        stream.seek(0)
+        checksum = _checksum(stream, size, entry)
+        stream.seek(size)
+        stream.write(checksum)
 
 
-def _load_rate(path: Path) -> SourceRate:
-    with path.open("rb") as stream:
-        stream.seek(-RATE_BYTES, os.SEEK_END)
+def _checksum(stream: BinaryIO, size: int, entry: Path) -> bytes:
+    """Checksum of the name of an entry and of its first ``size`` bytes."""
+    found = zlib.crc32(f"{entry.parent.name}{entry.name}".encode())
+    for begin in range(0, size, CHUNK):
+        found = zlib.crc32(stream.read(min(CHUNK, size - begin)), found)
+    return found.to_bytes(CHECKSUM_BYTES, "little")
+
+
+def _check(entry: Path) -> None:
+    """Compare an entry with its checksum, once in a process unless it changes.
+
+    Raises:
+        OSError: If it is not there.
+        ValueError: If it is no file, or its checksum is another one.
+    """
+    status = entry.stat()
+    seen = (status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    if _CHECKED.get(entry) == seen:
+        return
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError("it is no file")
+    with entry.open("rb") as stream:
+        checksum = _checksum(stream, max(0, status.st_size - CHECKSUM_BYTES), entry)
+        if stream.read() != checksum:
+            raise ValueError("its checksum is another one")
+    _CHECKED[entry] = seen
+
+
+def _map(entry: Path) -> npt.NDArray[Any]:
+    """Map an entry that is whole; see :func:`_check` for what it raises."""
+    _check(entry)
+    array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
+    return array
+
+
+def _load_rate(entry: Path) -> SourceRate:
+    _check(entry)
+    with entry.open("rb") as stream:
+        stream.seek(-RATE_BYTES - CHECKSUM_BYTES, os.SEEK_END)
         hz, source, interpolated = np.load(stream, allow_pickle=False).tolist()
     return SourceRate(hz, SOURCES[int(source)], bool(interpolated))

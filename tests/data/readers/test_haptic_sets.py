@@ -226,7 +226,7 @@ STRETCHES = {"stretch": 3, "recording": 2}
         (rename(TRACE, "0_0_20_500_0.csv"), "of surface 0 lies in the folder 7; move it"),
         (duplicate, "7_0_020_500_0.csv and .*7_0_20_500_0.csv are one stroke; keep one of them"),
         (change(TRACE, "X,Y,Z", "X,Y"), "begins with 'time,X,Y' where the columns time,X,Y,Z are"),
-        (in_place_of(TRACE), r"7_0_20_500_0.csv cannot be read \(.*directory.*\); replace it"),
+        (in_place_of(TRACE), r"7_0_20_500_0.csv is a folder, a device, a pipe"),
         (rename("images/images_scan_area/img7.jpg", "7.jpg"), "is not called imgID.jpg, such as"),
         (rename("images/images_scan_area/img7.jpg", ".7"), "has no photos of 7; correct the name"),
         (rename("images/images_scan_area", "crop_images"), "overlap, so that folds would share"),

@@ -35,6 +35,7 @@ from tex_lightning.data.recordings import (
 )
 from tex_lightning.data.trace_files import SOUND_SUFFIXES, TRACE_SUFFIXES
 from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning.files import is_file, require_file
 
 CONDITIONS = {
     "direction": tuple(range(0, 360, 45)),
@@ -154,6 +155,8 @@ def _check_header(path: Path, sensor: str) -> None:
     """Compare the columns of a table with those of the sensor; decoding refuses an empty one."""
     if path.suffix.lower() != ".csv" or sensor not in HEADERS:
         return
+    if not is_file(path):
+        require_file(path)
     try:
         with path.open(encoding="utf-8-sig", errors="replace") as stream:
             header = re.sub(r"[\s\"]", "", stream.readline(1000))

@@ -34,7 +34,7 @@ def read_curves(directory: Path) -> list[Curve]:
     own = sorted(directory.glob("metrics/*/metrics.csv"))
     folds = sorted(directory.glob("folds/*/metrics/*/metrics.csv"))
     first = [path for path in folds if path.parts[-4] == folds[0].parts[-4]]
-    found = [curve for path in [*own, *first] for curve in _curves(path)]
+    found = [curve for path in [*own, *first] if path.is_file() for curve in _curves(path)]
     return [curve for curve in found if len(curve.values) > 1]
 
 

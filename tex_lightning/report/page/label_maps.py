@@ -29,7 +29,8 @@ def map_folder(directory: Path, network: str) -> Path:
 
 def find_maps(directory: Path, network: str, row: int, modality: str) -> list[Path]:
     """Those of one recording, one of each sense that looks at it."""
-    return sorted((map_folder(directory, network) / str(row) / modality).glob("*.png"))
+    found = (map_folder(directory, network) / str(row) / modality).glob("*.png")
+    return sorted(filter(Path.is_file, found))
 
 
 def write_map(

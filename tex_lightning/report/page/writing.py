@@ -106,7 +106,9 @@ def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
     found: dict[Path, Path] = {}
     for suffix in reversed(SHOWN):
         for pattern in (f"*{suffix}", f"figures/*{suffix}"):
-            found |= {path.with_suffix(""): path for path in directory.glob(pattern)}
+            found |= {
+                path.with_suffix(""): path for path in directory.glob(pattern) if path.is_file()
+            }
     paths = [found[stem] for stem in sorted(found, key=lambda stem: (len(stem.parts), stem))]
     sources = {path: embedded(path) or path.relative_to(directory).as_posix() for path in paths}
     return [
