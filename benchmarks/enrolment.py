@@ -28,8 +28,8 @@ RUNS = RESULTS / "enrolment"
 FOLDS = 10
 DRAWS = range(4)  # of held-out classes; the number is that of the tested fold, too
 COUNTS = (1, 3, 5)  # recordings of a new class
-ADDED = {"few/haptic": (2, 4, 8), "best/haptic": (4,)}
-ANEW = {"few/haptic": COUNTS, "best/haptic": (5,)}  # trained with everything; the other takes long
+ADDED = {"few/haptic": (2, 4, 8)}
+ANEW = {"few/haptic": COUNTS}  # trained with everything
 
 
 class Votes(NamedTuple):

@@ -1,7 +1,7 @@
 """Whether recordings of materials never seen are told, by probability and by novelty.
 
 ``python -m benchmarks unknown``, or with other overrides than :data:`DEFAULT` ``python -m
-benchmarks.unknown experiment=best/haptic data=folder data.root=DIR``. For each draw four classes
+benchmarks.unknown model=haptic data=folder data.root=DIR``. For each draw four classes
 are held out of training, and two folds are trained and tested. The threshold is that of each
 checkpoint; without a validation fold trained features have none, and the other fold's test sets it.
 The default needs the recordings of ``shared/data/lmt16`` beside the checkout.

@@ -283,8 +283,13 @@ def _svg(width: int, height: int, parts: list[str]) -> str:
 
 def filled(page: str, name: str, made: str) -> str:
     """A page with what was made between its comments ``NAME`` and ``end``."""
-    pattern = rf"(<!-- {name}[^>]* -->\n).*?(\n<!-- end -->)"
-    return re.sub(pattern, lambda found: f"{found[1]}{made}{found[2]}", page, flags=re.DOTALL)
+    pattern = rf"(<!-- {name}[^>]* -->\n).*?(<!-- end -->)"
+    text, count = re.subn(
+        pattern, lambda found: f"{found[1]}\n{made}\n\n{found[2]}", page, flags=re.DOTALL
+    )
+    if count != 1:
+        raise ValueError(f"The page has {count} places for what is made, not one.")
+    return text
 
 
 def made_files() -> dict[Path, str]:

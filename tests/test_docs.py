@@ -9,6 +9,7 @@ import pytest
 import torch
 from documentation import MULTIRUN, PAGES, ROOT, START, commands, package_arguments, sweep_jobs
 from hydra.utils import get_class
+from scipy.stats import binomtest
 
 import tex_lightning as tl
 from tex_lightning.config import CONF
@@ -81,6 +82,10 @@ def test_drawings_and_tables_of_layers_are_those_of_the_code():
     made = script("draw_networks")["made_files"]()
     assert {path.name for path in made} >= {"hapticnet.md", "hapticnet.svg", "fusionnet.svg"}
     assert [path.name for path, text in made.items() if path.read_text("utf-8") != text] == []
+    pages = [path for path in made if path.suffix == ".md"]
+    pattern = r"<!-- made by .+? -->\n\n(\|.+\|\n){3,}\n<!-- end -->"
+    assert len(pages) >= 5
+    assert [page.name for page in pages if not re.search(pattern, page.read_text("utf-8"))] == []
 
 
 def test_layers_add_up_to_what_was_counted_by_hand():
@@ -125,6 +130,31 @@ def test_a_table_of_results_says_what_its_runs_say(tmp_path):
     untimed = script("result_table")["result_table"]([tmp_path / "one"], timed=False)
     assert "| 0.123 | 6,544 | 49.7 |" in untimed
     assert untimed.endswith("Commit: not recorded. Machine: A processor, 2 threads.")
+
+
+COUNTED = re.compile(
+    r"([\d.]+) % \((\d+)/(\d+)\)(?:\*\*)? \| ([\d.]+) to ([\d.]+) %"
+)  # share, counts and interval of a row
+
+
+def test_shares_and_intervals_are_those_of_their_counts():
+    rows = [row for page in PAGES for row in COUNTED.findall(page.read_text("utf-8"))]
+    assert len(rows) > 40
+    for row in rows:
+        correct, count = int(row[1]), int(row[2])
+        interval = binomtest(correct, count).proportion_ci(0.95, "wilson")
+        figures = (correct / count, interval.low, interval.high)
+        written = (row[0], row[3], row[4])
+        assert [f"{100 * each:.1f}" for each in figures] == [f"{float(w):.1f}" for w in written]
+
+
+def test_every_figure_of_the_readme_is_one_of_the_results():
+    readme, results = (
+        {row[1:3] for row in COUNTED.findall((ROOT / name).read_text("utf-8"))}
+        for name in ("README.md", "docs/results.md")
+    )
+    assert len(readme) >= 5
+    assert readme <= results
 
 
 def test_the_rows_of_the_paper_are_its_figures_and_presets():

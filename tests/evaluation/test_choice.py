@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,6 +10,7 @@ from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
 
 from tex_lightning.evaluation.choice import (
+    MIN_SAMPLES,
     Candidate,
     one_standard_error,
     pareto,
@@ -22,11 +24,19 @@ def candidate(name: str, cost: float, votes: str) -> Candidate:
     return Candidate(name, cost, {(0, str(i)): mark == "+" for i, mark in enumerate(votes)})
 
 
-@given(st.integers(2, 500))
-def test_cheaper_system_with_one_error_more_is_enough(n):
+@pytest.mark.parametrize("n", [1, 4, MIN_SAMPLES - 1, MIN_SAMPLES, 500])
+def test_one_error_more_is_enough_only_where_there_are_many_samples(n):
     """One discordant sample of n: the mean difference is 1/n and so is its standard error."""
     best, small = candidate("best", 10, "+" * n), candidate("small", 1, "+" * (n - 1) + "-")
-    assert one_standard_error([best, small]).name == "small"
+    expected = "small" if n >= MIN_SAMPLES else "best"
+    assert one_standard_error([best, small]).name == expected
+
+
+@pytest.mark.parametrize(("n", "expected"), [(MIN_SAMPLES - 2, "best"), (MIN_SAMPLES, "small")])
+def test_different_samples_are_compared_as_if_independent(n, expected):
+    best, small = candidate("best", 10, "+-" * (n // 2)), candidate("small", 1, "+-" * (n // 2))
+    fewer = {(1, key[1]): vote and key[1] != "0" for key, vote in small.correct.items()}
+    assert one_standard_error([best, replace(small, correct=fewer)]).name == expected
 
 
 def test_cheaper_system_that_is_clearly_worse_is_not_enough():

@@ -32,7 +32,7 @@ def test_a_sense_that_the_paper_does_not_have_gets_a_table_of_its_own():
     assert "The paper's" not in tables
     part = accuracy_tables([make("force", "+--", "force", inside="fusion")], complete=True)
     assert "| **force network inside fusion** | - | 33.3% (1/3) |" in part
-    network = {"fcn_ms": 1.0, "sliding_window_ms": 10.0, "speedup": 10.0, "kind": "force",
+    network = {"reference_ms": 1.0, "sliding_window_ms": 10.0, "speedup": 10.0, "kind": "force",
                "speedup_same_engine": 5.0, "label_agreement": 1.0}  # fmt: skip
     assert "| force | - | - | 10.0 / 1.0 | 10.0x |" in profiling_table({"force": network})
 

@@ -71,7 +71,6 @@ def test_a_job_of_a_sweep_leaves_the_table_to_the_summary(printed, monkeypatch, 
 
 
 def test_frontier(printed, monkeypatch, tmp_path):
-    monkeypatch.setattr(frontier_chart, "console", table.console)
     monkeypatch.setattr("tex_lightning.screen.console", table.console)
     point = frontier_chart.Point(
         system="hapticnet_w0.5_sequential", kind="haptic", parameters=123_456_789, macs=1,
@@ -126,7 +125,7 @@ def test_stability(printed, tmp_path):
 
 def test_profile(printed, tmp_path):
     times = {f"{way}_{key}": 12_345.678 for way in WAYS for key in ("ms", "p95_ms")}
-    factors = ("speedup", "speedup_same_engine", "arithmetic_ratio", "speedup_bf16", "engine_gain")
+    factors = ("speedup", "speedup_same_engine", "engine_speedup", "arithmetic_ratio")
     network = {
         **times, **dict.fromkeys(factors, 1234.56), "windows": 12_345, "positions": 12_345,
         "label_agreement": 0.98765, "dense_agreement": 1.0, "macs": 123e9, "gemm_gflops": 1234.5,

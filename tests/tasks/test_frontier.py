@@ -6,13 +6,18 @@ import re
 import shutil
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from omegaconf import OmegaConf
 from PIL import Image
 
 from tex_lightning.card import read_checkpoint
 from tex_lightning.config.job import Job
+from tex_lightning.evaluation.choice import one_standard_error, partner
+from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.report.frontier_chart import write_frontier
 from tex_lightning.runs import family, fold, latencies
 from tex_lightning.runs.family import with_system
 from tex_lightning.runs.latencies import Latency
@@ -65,7 +70,8 @@ def test_table_has_the_columns_and_one_choice(measured):
     assert list(rows[0]) == list(CONTRACT)
     assert len(rows) == 6
     assert [row["system"] for row in rows if row["chosen"] == "True"] == ["minirocket"]
-    means = [float(row["latency_ms_mean"]) for row in rows]
+    assert rows[0]["kind"] == "procedure"  # what to expect comes first
+    means = [float(row["latency_ms_mean"]) for row in rows[1:]]
     assert means == sorted(means)
 
 
@@ -112,7 +118,50 @@ def test_no_vote_takes_part_in_the_choice_that_it_measures(
         assert found["correct"] == sum(vote["label"] == vote["predicted"] for vote in votes)
         assert found["test_samples"] == len(votes)
     assert folds[5]["correct"] == 0
-    assert "each fold's votes" in outcome.err
+
+
+def noise(rng, fold: int) -> list[Outcome]:
+    """Ten votes of a fold that know nothing of six classes."""
+    votes = rng.integers(6, size=10)
+    files = [{"haptic": f"{fold}_{number}.wav"} for number in range(10)]
+    return [
+        Outcome(files[number], "0", str(vote), 1.0, 1, int(vote == 0), 1.0)
+        for number, vote in enumerate(votes)
+    ]
+
+
+def noise_family(rng) -> list[family.Measured]:
+    """Eight systems of which none is better than chance, on six folds."""
+    config = SimpleNamespace(model=SimpleNamespace(modalities=["haptic"], kind="haptic"))
+    members = [family.Member(str(number), (), config) for number in range(8)]
+    return [
+        family.Measured(
+            member, {"parameters": 1, "macs_per_sample": 1}, 1.0,
+            tests={fold: noise(rng, fold) for fold in range(6)},
+            partners={fold: noise(rng, partner(fold, 6)) for fold in range(6)},
+        )
+        for member in members
+    ]  # fmt: skip
+
+
+def test_of_votes_of_noise_the_accuracy_that_is_shown_first_is_chance(tmp_path):
+    """The chosen system's own accuracy gains several points by being chosen on its votes."""
+    first, own = [], []
+    timings = {str(number): Latency(number, number, number) for number in range(8)}
+    for seed in range(150):
+        systems = noise_family(np.random.default_rng(seed))
+        candidates = frontier._candidates(systems, timings, [each.tests for each in systems])
+        chosen = one_standard_error(candidates).name
+        procedure = frontier._procedure(systems, timings)
+        points = frontier._points(systems, timings, chosen, procedure)
+        write_frontier([*points, frontier._procedure_point(procedure, points)], tmp_path / "f.csv")
+        rows = read_csv(tmp_path / "f.csv")
+        assert rows[0]["kind"] == "procedure"
+        first.append(float(rows[0]["vote_accuracy"]))
+        own += [float(row["vote_accuracy"]) for row in rows if row["chosen"] == "True"]
+    error = np.std(first, ddof=1) / np.sqrt(len(first))
+    assert abs(np.mean(first) - 1 / 6) < 3 * error
+    assert np.mean(own) > 1 / 6 + 3 * error
 
 
 def spoil(path) -> None:
@@ -252,14 +301,24 @@ def test_one_source_of_weights_is_for_published_trunks(tmp_path):
         assert with_system(job, given, [model]) == [*given, model]
 
 
-def test_budget_is_answered_with_a_command(measured, given, cli):
+@pytest.mark.parametrize("tiny", [False, True])
+def test_a_system_is_recommended_unless_it_was_a_smoke_test(
+    tiny, measured, given, cli, monkeypatch
+):
+    """The choice and the answer to a budget, each with a command."""
+    monkeypatch.setattr(frontier, "is_tiny", lambda _: tiny)
     outcome = cli(
         "task=frontier", *given, "data.classes=3", "crossval.only=[0]",
         f"hydra.run.dir={measured}", "frontier.only=[minirocket]", "frontier.min_accuracy=0.9",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
-    assert "on all tested folds, which it is picked on as well" in outcome.err
-    assert "python -m tex_lightning model=minirocket" in outcome.err
+    assert "figures mean nothing" in outcome.err
+    assert outcome.err.count("python -m tex_lightning model=") == (0 if tiny else 2)
+    assert ("(chosen)" in outcome.err) is not tiny
+    if not tiny:
+        assert "on all tested folds, which it is picked on as well" in outcome.err
+        assert "The choice holds for these classes" in outcome.err
+        assert "Fewer than 50 samples" in outcome.err
 
 
 @pytest.mark.parametrize(

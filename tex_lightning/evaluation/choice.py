@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDING = 1e-9  # a single vote of difference is one standard error exactly, but for rounding
+MIN_SAMPLES = 50  # of fewer, the one vote that a standard error allows is more than 2 % of them
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,10 @@ def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
 
     The standard error is that of the mean paired difference over the samples that both classify:
     what both get right or wrong says nothing about which is better. Where several are best, the
-    cheapest of them is the one to compare with.
+    cheapest of them is the one to compare with. Fewer samples than ``MIN_SAMPLES`` leave nothing to
+    trade: there the cheapest of the most accurate is taken.
+
+    The accuracy of the choice on the votes that it was made on is optimistic; see :func:`partner`.
     """
     best = min(candidates, key=lambda item: (-item.accuracy, item.cost))
     sufficient = [item for item in candidates if _within(best, item)]
@@ -59,10 +63,12 @@ def _within(best: Candidate, other: Candidate) -> bool:
         pooled = [best.accuracy, other.accuracy]
         counts = [len(first), len(second)]
         variance = sum(p * (1 - p) / n for p, n in zip(pooled, counts, strict=True))
-        return bool(best.accuracy - other.accuracy <= np.sqrt(variance))
+        error = np.sqrt(variance) if min(counts) >= MIN_SAMPLES else 0.0
+        return bool(best.accuracy - other.accuracy <= error + ROUNDING)
     differences = np.array([first[key] - float(second[key]) for key in shared])
-    error = differences.std(ddof=1) / np.sqrt(len(differences)) if len(differences) > 1 else 0.0
-    return bool(differences.mean() <= error * (1 + ROUNDING))
+    many = len(shared) >= MIN_SAMPLES
+    error = differences.std(ddof=1) / np.sqrt(len(shared)) if many else 0.0
+    return bool(differences.mean() <= error + ROUNDING)
 
 
 def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:

@@ -12,12 +12,13 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogFormatter
 from matplotlib.transforms import Bbox
 
+from tex_lightning.evaluation.choice import MIN_SAMPLES
 from tex_lightning.files import write_lines
 from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.style import GUIDE, looks, styled
-from tex_lightning.report.table import make_table, print_table
-from tex_lightning.screen import console, say
+from tex_lightning.report.table import make_table, print_table, print_tables
+from tex_lightning.screen import say
 from tex_lightning.text import printable
 
 PROCEDURE = "procedure"  # kind of the point that measures the choice
@@ -42,8 +43,7 @@ class Point:
         ci_low: Wilson's 95 % interval.
         ci_high: The same.
         on_frontier: Whether no other system is as quick and as accurate, and better in one.
-        chosen: Whether it is the quickest within one standard error of the best on all votes, by
-            which its own accuracy is slightly optimistic.
+        chosen: Whether it is the choice on all votes, by which its own accuracy is optimistic.
         test_samples: Number of tested samples.
         chosen_in_folds: For how many tested folds the choice on the fold's partner fell on it; None
             for the procedure.
@@ -68,7 +68,7 @@ class Point:
 
 
 def write_frontier(points: Sequence[Point], path: Path) -> None:
-    """Write one line per system, quickest first."""
+    """Write the procedure and then one line per system, quickest first."""
     write_lines(path, Point, _by_latency(points))
 
 
@@ -105,9 +105,9 @@ def frontier_figure(points: Sequence[Point], steps: Sequence[AddedSense] = ()) -
         xlabel=f"ms for one sample, features included (mean over samples)\n{_ratios()}",
         ylabel="vote accuracy with Wilson's 95 % interval",
         title=f"Accuracy against latency, {' or '.join(map(str, counts))} test samples\n"
-        "area grows with parameters; hollow: dominated; black edge: chosen, the quickest within "
-        "one standard error on these votes,\nand so slightly optimistic; diamond: the choice "
-        "itself, each fold's votes by the system chosen on another fold",
+        "diamond: what to expect of the choice, each fold's votes by the system chosen on another "
+        "fold;\nblack edge: the system chosen on all of these votes, and so optimistic; area grows "
+        "with parameters; hollow: dominated",
     )
     axes.margins(x=0.15, y=0.15)  # room for names
     axes.yaxis.set_major_formatter(lambda share, _: f"{100 * share:.4g}%" if share <= 1 else "")
@@ -144,7 +144,7 @@ def _name_points(axes: Axes, points: Sequence[Point]) -> None:
 
 
 def _by_latency(points: Sequence[Point]) -> list[Point]:
-    return sorted(points, key=lambda item: item.latency_ms_mean)
+    return sorted(points, key=lambda item: (item.kind != PROCEDURE, item.latency_ms_mean))
 
 
 def _disc(axes: Axes, point: Point) -> Bbox:
@@ -189,7 +189,7 @@ def _ratios() -> str:
 
 
 def print_frontier(points: Sequence[Point], directory: Path, command: str) -> None:
-    """Print one line per point, quickest first, and how to train the chosen system."""
+    """Print the procedure, one line per system, quickest first, and how to train the chosen one."""
     figures = ["votes", "95 % CI", "picks", "ms", "fit s", "parameters"]
     table = make_table("frontier", ["system"], figures)
     table.caption = "picks: in how many folds it is chosen; ms: mean of one sample"
@@ -206,23 +206,28 @@ def print_frontier(points: Sequence[Point], directory: Path, command: str) -> No
             style="bold" if point.kind == PROCEDURE else None if point.on_frontier else "dim",
         )
     print_table(table)
-    for line in _remarks(points):
-        say(line)
-    say(f"Train the chosen one with: {command}", wraps=False)
-    console.print(f"Results in {directory}", soft_wrap=True)
+    for chosen in (point for point in points if point.chosen):
+        for line in _remarks(chosen, points):
+            say(line)
+        say(f"Train the chosen one with: {command}", wraps=False)
+    print_tables(directory)
 
 
-def _remarks(points: Sequence[Point]) -> Iterator[str]:
-    """Remarks on the accuracies of the chosen system and of the choice."""
-    chosen = next(point for point in points if point.chosen)
-    yield (
-        f"{chosen.system} is chosen on all votes of the tested folds: its own "
-        f"{chosen.vote_accuracy:.1%} is slightly optimistic."
-    )
+def _remarks(chosen: Point, points: Sequence[Point]) -> Iterator[str]:
+    """Remarks on the accuracies of the choice and of the chosen system."""
     for point in points:
         if point.kind == PROCEDURE:
             yield (
-                f"{point.system} is not a system but the choice itself: its "
-                f"{point.vote_accuracy:.1%} is of each fold's votes by the system that was chosen "
-                "on another fold."
+                f"Expect {point.vote_accuracy:.1%} of such a choice ({point.system}): of each "
+                "fold's votes by the system that was chosen on another fold."
             )
+    yield (
+        f"{chosen.system} is chosen on all votes of the tested folds, so its own "
+        f"{chosen.vote_accuracy:.1%} is optimistic. The choice holds for these classes; others may "
+        "need a larger system."
+    )
+    if chosen.test_samples < MIN_SAMPLES:
+        yield (
+            f"Fewer than {MIN_SAMPLES} samples were tested: the most accurate system is chosen, as "
+            "they cannot show that a quicker one suffices."
+        )

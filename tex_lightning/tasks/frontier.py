@@ -7,7 +7,7 @@ all votes; how well such a choice does is measured on each fold by the choice on
 import shlex
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -35,6 +35,7 @@ from tex_lightning.report.frontier_chart import (
     print_frontier,
     write_frontier,
 )
+from tex_lightning.report.table import is_tiny
 from tex_lightning.runs.family import (
     Measured,
     Member,
@@ -84,6 +85,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     means = {name: latency.mean for name, latency in timings.items()}
     added = added_senses(frontier.senses or [], measured, means)
     steps = chain(frontier.senses or [], chosen, means, added)
+    tiny = is_tiny(list(job.overrides))
+    if tiny:  # nothing is recommended
+        shown = [replace(point, chosen=False) for point in shown]
     figure = frontier_figure(shown, steps)
     save_figure(figure, directory / "frontier", config.figures.formats)
     if frontier.senses is not None:
@@ -107,7 +111,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     write_results(directory / "results.json", results)
     print_frontier(shown, directory, str(results["command"]))
     print_added_senses(steps)
-    _print_budget(config.frontier, job, members, candidates)
+    if not tiny:
+        _print_budget(config.frontier, job, members, candidates)
     return results
 
 
