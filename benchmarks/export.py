@@ -20,10 +20,8 @@ from benchmarks._classifiers import configured, make_classifier
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import compare
-from tex_lightning.export.onnx_file import make_onnx
-from tex_lightning.export.onnx_run import onnx_runner
-from tex_lightning.export.recordings import Given, recordings
+from tex_lightning.export.check import Given, compare, recordings
+from tex_lightning.export.onnx_file import make_onnx, onnx_runner
 from tex_lightning.export.tracing import trace
 
 log = logging.getLogger(__name__)

@@ -24,7 +24,7 @@ from haptic_sets import write_cluster
 from PIL import Image
 
 from tex_lightning.data.recordings import natural_key
-from tex_lightning.export.web_runtime import FILES
+from tex_lightning.export.web_page import FILES
 from tex_lightning.networks.trunks import TRUNKS
 from tex_lightning.synthetic import SyntheticSpec, write_tum
 

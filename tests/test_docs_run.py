@@ -35,7 +35,7 @@ from documentation import MULTIRUN, PAGES, ROOT, Block, blocks, commands, packag
 import tex_lightning as tl
 from benchmarks.__main__ import names as benchmarks
 from tex_lightning.config.search import use_config_dir
-from tex_lightning.export import web_runtime
+from tex_lightning.export import web_page as web_runtime
 from tex_lightning_runtime.__main__ import main as runtime_main
 
 # What no test can run, by a part of the command, with the reason.

@@ -1,9 +1,18 @@
 """Features of signals as graphs, against those of the classifier."""
 
+import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tex_lightning.export.signals import ProportionsGraph, SpectrogramGraph
+from tex_lightning.export.signals import (
+    BandPower,
+    ProportionsGraph,
+    SpectrogramGraph,
+    factors,
+    traced_start,
+)
 from tex_lightning.features.proportions import BandProportions
 from tex_lightning.features.spectrogram import SpectrogramFeatures, movement_start
 
@@ -50,3 +59,42 @@ def test_proportions():
     assert found.shape == expected.shape
     # a comparison may fall the other way by rounding: one frame of one band in one fragment
     assert ((found - expected).abs() > 1e-5).float().mean() < 0.01
+
+
+@given(length=st.integers(2, 600))
+def test_factors_multiply_to_the_length(length):
+    outer, inner = factors(length)
+    assert outer * inner == length
+
+
+@pytest.mark.parametrize(("length", "hop", "axes"), [(500, 100, 3), (60, 15, 1), (13, 4, 2)])
+@pytest.mark.parametrize("centred", [True, False])
+def test_power_of_every_channel_is_that_of_a_fourier_transform(length, hop, axes, centred):
+    rng = np.random.default_rng(0)
+    trace = rng.standard_normal((axes, 3 * length + 7))
+    window = np.hamming(length)
+    filters = torch.from_numpy(rng.random((9, length // 2 + 1)))
+    count = (trace.shape[1] - length) // hop + 1
+    frames = np.stack([trace[:, hop * t : hop * t + length] for t in range(count)])
+    frames = (frames - centred * frames.mean(axis=-1, keepdims=True)) * window
+    power = (np.abs(np.fft.rfft(frames)) ** 2).sum(axis=1)
+    module = BandPower(torch.from_numpy(window).float(), hop, filters, centred=centred)
+    found = module(torch.from_numpy(trace).float()).numpy()
+    np.testing.assert_allclose(found, filters.numpy() @ power.T, rtol=1e-4)
+
+
+SLOW_RATE = 1000.0
+
+
+@given(
+    samples=st.integers(1, 4000),
+    touch=st.integers(0, 2500),
+    quiet=st.sampled_from([1e-4, 1e-2, 0.5]),
+    axes=st.sampled_from([1, 3]),
+    seed=st.integers(0, 99),
+)
+def test_the_start_is_the_same(samples, touch, quiet, axes, seed):
+    generator = torch.Generator().manual_seed(seed)
+    trace = torch.randn(axes, samples, generator=generator) + 9.81
+    trace[:, :touch] = 9.81 + quiet * torch.randn(axes, samples, generator=generator)[:, :touch]
+    assert int(traced_start(trace, SLOW_RATE)) == movement_start(trace, SLOW_RATE)

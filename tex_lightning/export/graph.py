@@ -1,22 +1,167 @@
-"""A trained classifier as one traceable module from decoded recordings to a label."""
+"""A trained classifier as one traceable module from decoded recordings to a label.
 
+The senses of a FusionNet are joined in one graph, in which some may be absent, and the decision is
+that of :mod:`~tex_lightning.decision.voting`, with its rule for ties.
+"""
+
+import math
 from collections.abc import Sequence
 from copy import deepcopy
 from inspect import Parameter, Signature
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import avg_pool2d, pad
 
 from tex_lightning.branches import Branch
+from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier, class_scores
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
-from tex_lightning.export.joining import Part, is_unknown, joined, names
 from tex_lightning.export.layers import exportable
-from tex_lightning.export.photos import PhotoGraph
-from tex_lightning.export.signals import SpectrogramGraph, signal_graph
-from tex_lightning.export.vote import traced_vote
+from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
+
+
+class Part(NamedTuple):
+    """The outputs of one sense; an absent one has no positions, and its numbers are 0.
+
+    Attributes:
+        summand: Class scores (classes, positions) that it adds to those of the others.
+        alone: Those (classes, positions) by which it decides where all others are absent.
+        positions: How many there are, int64 ().
+        novelty: (); None where it is not known.
+    """
+
+    summand: Tensor
+    alone: Tensor
+    positions: Tensor
+    novelty: Tensor | None
+
+    @classmethod
+    def of(cls, summand: Tensor, alone: Tensor, novelty: Tensor | None) -> "Part":
+        """Make a part, with the number of its positions."""
+        positions = torch.scalar_tensor(alone.shape[1], dtype=torch.int64)
+        return cls(summand, alone, positions, novelty)
+
+    def named(self, sense: str) -> dict[str, Tensor]:
+        """The fields that are present, by the names of :func:`names`."""
+        every = zip(names(sense), self, strict=True)
+        return {name: each for name, each in every if each is not None}
+
+
+def names(sense: str) -> list[str]:
+    """Names of the fields of a :class:`Part` among all tensors of a graph."""
+    return [f"{sense}/{field}" for field in Part._fields]
+
+
+def joined(parts: list[Part], draws: Tensor) -> tuple[Tensor, Tensor]:
+    """Class scores (classes, fragments), and which senses are there, bool (senses,).
+
+    They are those of :meth:`~tex_lightning.classifier.SurfaceClassifier.part` of the senses that
+    are there: sums at random tuples of positions, or of a single sense those of its positions.
+
+    Args:
+        parts: Parts of all senses, in order.
+        draws: int64 (K, senses); modulo the number of positions each word is a position. The first
+            column is for the first sense that is there, the next for the next.
+    """
+    positions = torch.stack([part.positions for part in parts])
+    present = positions > 0
+    columns = (present.cumsum(0) - 1).clamp(min=0)
+    total, *others = (_drawn(each, draws, columns[i]) for i, each in enumerate(parts))
+    for each in others:
+        total = total + each
+    tuples = torch.scalar_tensor(draws.shape[0], dtype=torch.int64)
+    single = present.sum() == 1
+    every = torch.cat((total, *(part.alone for part in parts)), dim=1)
+    begin = torch.where(single, tuples, 0)
+    count: int = torch.where(single, positions.sum(), tuples).item()  # type: ignore[assignment]
+    promise(count >= 1)
+    return every.index_select(1, begin + torch.arange(count)), present
+
+
+def _drawn(part: Part, draws: Tensor, column: Tensor) -> Tensor:
+    """Summands (classes, K) at random positions; zeros of an absent sense."""
+    words = draws.index_select(1, column[None])[:, 0]
+    places = torch.remainder(words, part.positions.clamp(min=1))
+    return pad(part.summand, (0, 1)).index_select(1, places)
+
+
+def is_unknown(card: Card, novelty: Tensor, present: Tensor) -> Tensor:
+    """Whether the novelty () of a sample that has some senses (senses,) is too large; bool ()."""
+    above = [math.inf, *thresholds(card).values()]
+    which = (present * 2 ** torch.arange(len(card.senses))).sum()
+    return novelty.double() > torch.tensor(above, dtype=torch.float64)[which]
+
+
+def thresholds(card: Card) -> dict[str, float | None]:
+    """The novelty above which a sample is unknown, by the senses it has, as ``haptic+visual``.
+
+    They are in the order of the numbers whose bit i says that sense i is there, from 1 on.
+    """
+    sets = [
+        [name for place, name in enumerate(card.senses) if bits >> place & 1]
+        for bits in range(1, 1 << len(card.senses))
+    ]
+    return {"+".join(each): card.of(each).unknown_above for each in sets}
+
+
+class TracedVote(NamedTuple):
+    """See :class:`~tex_lightning.decision.voting.Vote`; ``label`` is int64 ()."""
+
+    label: Tensor
+    shares: Tensor
+    probabilities: Tensor
+
+
+def traced_vote(scores: Tensor, rule: str, temperature: float | Tensor) -> TracedVote:
+    """Decide by class scores (classes, fragments)."""
+    classes, wide = torch.arange(scores.shape[0]), scores.double()
+    votes = (scores.argmax(dim=0)[None] == classes[:, None]).sum(dim=1)
+    fragments = votes.sum()
+    probabilities = (wide / temperature).softmax(dim=0).sum(dim=1) / fragments
+    if rule == "score":
+        probabilities = (wide.mean(dim=1) / temperature).softmax(dim=0)
+    chosen = probabilities
+    if rule == "vote":  # among those with most votes the most probable, then the first
+        chosen = torch.where(votes == votes.max(), probabilities, -1.0)
+    return TracedVote(chosen.argmax(), votes.float() / fragments.float(), probabilities.float())
+
+
+class PhotoGraph(nn.Module):
+    """Halve a photo as :func:`~tex_lightning.data.decode.halve` does, then its features.
+
+    Args:
+        features: Map (1, 3, height, width) uint8 to the network's input.
+        half_scale: Whether photos are halved: the mean of 2x2 pixels, rounded half up.
+        least: Pixels a side, before that, that one fragment takes.
+    """
+
+    def __init__(self, features: nn.Module, half_scale: bool, least: int) -> None:
+        super().__init__()
+        self.features, self.half_scale, self.least = features, half_scale, least
+
+    def forward(self, photo: Tensor) -> Tensor:
+        """Photo (height, width, 3) uint8 to network input (1, 3, height, width)."""
+        height, width = (_open(size, self.least) for size in photo.shape[:2])
+        planes = photo[:height, :width].permute(2, 0, 1)[None]
+        if self.half_scale:  # a last row or column of an odd number is left out
+            planes = (avg_pool2d(planes.float(), 2) + 0.5).to(torch.uint8)
+        found: Tensor = self.features(planes)
+        return found
+
+
+def _open(size: int, least: int) -> Any:  # noqa: ANN401
+    """A size as a value of which the tracer assumes nothing.
+
+    Of a size as such it notes in passing that there is more than one row, as in its example.
+    """
+    found: Any = torch.scalar_tensor(size, dtype=torch.int64).item()
+    promise(found >= least)
+    promise(found <= size)
+    return found
+
 
 DRAWS = "draws"
 OWN = ("scores", "input", "start")  # outputs of every sense

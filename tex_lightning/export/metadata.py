@@ -8,7 +8,7 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.quality import limits
-from tex_lightning.export.joining import thresholds
+from tex_lightning.export.graph import thresholds
 from tex_lightning.export.tracing import AXES
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.tiles import layer_windows, receptive_field

@@ -1,17 +1,76 @@
-"""A classifier as one self-contained ONNX file."""
+"""A classifier as one self-contained ONNX file, which computes only the senses it is given."""
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
-from tex_lightning.export.absent import skip_absent
+from tex_lightning.export.check import Runner
 from tex_lightning.export.graph import DRAWS, is_public, sense_outputs
 from tex_lightning.export.metadata import KEY, metadata
 from tex_lightning.export.tracing import Traced, quiet, untraceable
+
+
+def skip_absent(model: Any, senses: Mapping[str, Sequence[str]], outputs: Sequence[str]) -> Any:  # noqa: ANN401
+    """Copy a model so that it takes an input without elements in place of an absent recording.
+
+    What a sense computes stands in the branch of an ``If`` on the size of its input. The other
+    branch gives zeros, of size 0 along every axis whose size is open.
+
+    Args:
+        model: ``onnx.ModelProto``.
+        senses: By each input that may be absent, those of the outputs that depend on it alone.
+        outputs: Which outputs the copy has.
+    """
+    import onnx.utils
+
+    tools = onnx.utils.Extractor(model)
+    inputs = [each.name for each in model.graph.input]
+    told = [value for values in senses.values() for value in values]
+    found = tools.extract_model([*inputs, *told], list(outputs))
+    nodes = []
+    for recording, values in senses.items():
+        size, present = f"{recording}/size", f"{recording}/present"
+        branches = {"then_branch": _computed(tools, recording, values),
+                    "else_branch": _zeros(tools, recording, values)}  # fmt: skip
+        nodes += [
+            onnx.helper.make_node("Size", [recording], [size]),
+            onnx.helper.make_node("Cast", [size], [present], to=onnx.TensorProto.BOOL),
+            onnx.helper.make_node("If", [present], values, **branches),
+        ]
+    nodes += found.graph.node
+    del found.graph.node[:], found.graph.input[len(inputs) :]
+    found.graph.node.extend(nodes)
+    return found
+
+
+def _computed(tools: Any, recording: str, values: Sequence[str]) -> Any:  # noqa: ANN401
+    """The graph of a sense, which reads its input from the graph around it."""
+    from onnx.compose import add_prefix_graph
+
+    graph = tools.extract_model([recording], values).graph
+    del graph.input[:], graph.value_info[:]
+    return add_prefix_graph(graph, f"{recording}/", rename_inputs=False)
+
+
+def _zeros(tools: Any, recording: str, values: Sequence[str]) -> Any:  # noqa: ANN401
+    """The graph of what stands for an absent sense."""
+    from onnx import helper, numpy_helper
+
+    nodes, outputs = [], []
+    for value in values:
+        name, each = f"{recording}/no/{value}", tools.value_infos[value].type.tensor_type
+        shape = [size.dim_value for size in each.shape.dim]  # 0 where it is open
+        zeros = np.zeros(shape, helper.tensor_dtype_to_np_dtype(each.elem_type))
+        nodes.append(helper.make_node("Constant", [], [name], value=numpy_helper.from_array(zeros)))
+        outputs.append(helper.make_tensor_value_info(name, each.elem_type, shape))
+    return helper.make_graph(nodes, f"no {recording}", [], outputs)
+
 
 EXTRA = 'install it with pip install "tex_lightning[export]"'
 
@@ -102,3 +161,19 @@ def _clear(graph: Any) -> None:  # noqa: ANN401
     for value in (*graph.value_info, *graph.input, *graph.output):
         value.ClearField("metadata_props")
     graph.ClearField("metadata_props")
+
+
+ERRORS_ONLY = 3  # of onnxruntime's levels: it warns of every input that has a default
+
+
+def onnx_runner(model: Any) -> Runner:  # noqa: ANN401
+    """Return a function that runs a model, given as ``onnx.ModelProto``."""
+    runtime = require("onnxruntime")
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = torch.get_num_threads()
+    options.log_severity_level = ERRORS_ONLY
+    session = runtime.InferenceSession(
+        model.SerializeToString(), options, providers=["CPUExecutionProvider"]
+    )
+    names = [each.name for each in session.get_outputs()]
+    return lambda inputs: dict(zip(names, session.run(names, dict(inputs)), strict=True))

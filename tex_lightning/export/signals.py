@@ -1,15 +1,224 @@
-"""Features of signals as real products of matrices, without short Fourier transforms."""
+"""Features of signals as real products of matrices, without short Fourier transforms.
 
+The transform of N = P Q samples is one of P samples, then one of Q for each of its outcomes (Cooley
+and Tukey 1965): for 2,205 samples a fifteenth of the arithmetic of one product, a hundredth of the
+constants in the file, and as near to the exact values as a fast Fourier transform. The movement
+begins, and DFT321 joins its axes, in a signal whose length is known only when the file runs.
+"""
+
+import math
+from functools import cache
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
-from tex_lightning.export.dft321 import joined_axes
-from tex_lightning.export.fourier import BandPower
-from tex_lightning.export.movement import movement, promise, traced_start
+from tex_lightning.features.dft321 import quick_length
 from tex_lightning.features.proportions import FLOOR, OVERLAP, BandProportions
-from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.features.spectrogram import (
+    IMPACT_FACTOR,
+    KNOWN_SECONDS,
+    QUIET_SECONDS,
+    SEARCH_SECONDS,
+    SETTLING_SECONDS,
+    STEADY_FACTOR,
+    SpectrogramFeatures,
+)
+
+
+def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
+    """:func:`~tex_lightning.features.spectrogram.movement_start` as one graph for any length.
+
+    The beginning is filled up with zeros to the time after which nothing changes the start, and
+    a touch that would need the zeros does not count.
+
+    Args:
+        trace: (axes, samples).
+        sampling_rate: Sampling rate in Hz.
+
+    Returns:
+        int64 ().
+    """
+    quiet, settling, search, known = (
+        int(seconds * sampling_rate)
+        for seconds in (QUIET_SECONDS, SETTLING_SECONDS, SEARCH_SECONDS, KNOWN_SECONDS)
+    )
+    head = pad(trace, (0, known))[:, :known]
+    middle = (quiet - 1) // 2  # PyTorch's median is the lower one
+    offset = head[:, :quiet].sort(dim=-1).values[:, middle : middle + 1]
+    strength = (head - offset).square().sum(dim=0).sqrt()
+    level = strength[:quiet].mean()
+    after = strength[quiet + settling :].double().cumsum(0)
+    steady = after[quiet:] - after[:-quiet] > STEADY_FACTOR * level * quiet
+    burst = strength[quiet:search] > IMPACT_FACTOR * level
+    count = min(len(steady), len(burst))
+    complete = torch.arange(count, device=trace.device) < trace.shape[-1] - 2 * quiet - settling
+    touches = burst[:count] & steady[:count] & complete
+    first = touches.long().argmax() + quiet + settling
+    return torch.where(touches.any(), first, 0)
+
+
+def promise(condition: Any) -> None:  # noqa: ANN401
+    """Tell the tracer a fact about sizes; a program of torch.export checks it when it runs."""
+    torch._check(condition)  # type: ignore[no-untyped-call]
+
+
+def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
+    """The samples (axes, samples) from ``start`` on; at least ``least`` are promised."""
+    begin: Any = start.item()
+    promise(begin >= 0)
+    promise(begin <= trace.shape[-1] - least)
+    return trace[:, begin:]
+
+
+LONGEST = 2**24  # samples, of which the first are taken: 28 minutes at 10 kHz
+AXES = 3
+
+
+def joined_axes(trace: Tensor, least: int) -> Tensor:
+    """:func:`~tex_lightning.features.dft321.dft321` of three axes; one axis stays as it is.
+
+    Transforms are of float64: ONNX Runtime's of any length (Bluestein 1970) lose half the digits.
+
+    Args:
+        trace: (axes, samples), without means.
+        least: Smallest promised value of :func:`quick_length` of these samples.
+
+    Returns:
+        (1, samples); of three axes as many as :func:`quick_length` says.
+    """
+    three = torch.scalar_tensor(trace.shape[0], dtype=torch.int64) == AXES
+    samples = torch.scalar_tensor(trace.shape[1], dtype=torch.int64)
+    lengths = torch.tensor(quick_lengths())
+    quick = torch.where(lengths <= samples, lengths, 1).max()
+    reduced = _reduced(trace[:, : _size(torch.where(three, quick, 1), trace, 1)])
+    kept = _size(torch.where(three, quick, samples), trace, least)
+    every = torch.cat((reduced, trace[0]))  # one axis has one sample of the first
+    found: Tensor = every.index_select(0, torch.where(three, 0, 1) + torch.arange(kept))
+    return found[None]
+
+
+def _size(count: Tensor, trace: Tensor, least: int) -> int:
+    size: int = count.item()  # type: ignore[assignment]
+    promise(size >= least)
+    promise(size <= trace.shape[1])
+    return size
+
+
+def _reduced(trace: Tensor) -> Tensor:
+    centred = (trace - trace.mean(dim=-1, keepdim=True)).double()
+    spectra = torch.view_as_real(torch.fft.fft(centred))  # (axes, samples, 2)
+    magnitude = spectra.square().sum(dim=(0, 2)).sqrt()
+    total = spectra.sum(dim=0)
+    length = total.square().sum(dim=1).sqrt()
+    one = torch.tensor([1.0, 0.0], dtype=total.dtype)  # where axes cancel any phase serves
+    phase = torch.where(length[:, None] > 0, total / length[:, None], one)
+    product = torch.view_as_complex(magnitude[:, None] * phase)
+    return torch.view_as_real(torch.fft.ifft(product))[:, 0].float()
+
+
+@cache
+def quick_lengths() -> list[int]:
+    """All results of :func:`quick_length`, up to the longest."""
+    found, length = [], LONGEST
+    while length >= 1:
+        found.append(quick_length(length))
+        length = found[-1] - 1
+    return found[::-1]
+
+
+class BandPower(nn.Module):
+    """Weighted power of the Fourier channels of every frame, all axes together.
+
+    Args:
+        window: (samples,) that frames are multiplied by.
+        hop: Samples from one frame to the next.
+        filters: (bands, samples // 2 + 1) weights of the channels.
+        centred: Whether every frame's mean is removed first.
+    """
+
+    window: Tensor
+    first: Tensor
+    second: Tensor
+    weights: Tensor
+
+    def __init__(self, window: Tensor, hop: int, filters: Tensor, *, centred: bool) -> None:
+        super().__init__()
+        self.hop, self.centred = hop, centred
+        length = len(window)
+        self.outer, self.inner = factors(length)
+        kept = self.outer // 2 + 1  # the others are their conjugates
+        self.register_buffer("window", window.clone())
+        self.register_buffer("first", _first_stage(self.outer, kept))
+        self.register_buffer("second", _second_stage(self.outer, self.inner, kept))
+        channel = torch.arange(kept)[:, None] + self.outer * torch.arange(self.inner)
+        mirrored = torch.minimum(channel, length - channel).flatten()
+        once = torch.zeros(len(mirrored))
+        once[_first_places(mirrored)] = 1
+        self.register_buffer("weights", filters.float()[:, mirrored].T * once[:, None])
+
+    def forward(self, trace: Tensor) -> Tensor:
+        """Signal (axes, samples), at least a window long, to power (bands, frames)."""
+        length = len(self.window)
+        count = (trace.shape[-1] - length) // self.hop + 1
+        axes = trace.shape[0]
+        frames = self._frames(trace, count)
+        if self.centred:
+            frames = frames - frames.mean(dim=-1, keepdim=True)
+        grid = (frames * self.window).reshape(axes * count, self.outer, self.inner)
+        kept = len(self.second)
+        # of every sample of the inner grid real and imaginary parts, each of the kept channels
+        outer = (grid.transpose(1, 2) @ self.first).reshape(axes * count, self.inner, 2, kept)
+        inner = outer.permute(3, 0, 2, 1).reshape(kept, axes * count, 2 * self.inner)
+        squares = (inner @ self.second).square().reshape(kept, axes, count, 2, self.inner)
+        power = squares.sum(dim=(1, 3)).permute(1, 0, 2).reshape(count, kept * self.inner)
+        found: Tensor = (power @ self.weights).T
+        return found
+
+    def _frames(self, trace: Tensor, count: int) -> Tensor:
+        """Frames (axes, count, samples), put together of blocks: one by one takes much longer."""
+        length = len(self.window)
+        block = math.gcd(length, self.hop)
+        blocks = trace.shape[-1] // block
+        cut = trace[:, : blocks * block].reshape(trace.shape[0], blocks, block)
+        first = torch.arange(count)[:, None] * (self.hop // block)
+        places = (first + torch.arange(length // block)).flatten()
+        return cut.index_select(1, places).reshape(trace.shape[0], count, length)
+
+
+def factors(length: int) -> tuple[int, int]:
+    """P and Q with P Q = length for which both stages together take the fewest products."""
+    pairs = [(each, length // each) for each in range(1, length + 1) if length % each == 0]
+    return min(pairs, key=lambda pair: pair[0] + 2 * pair[1])
+
+
+def _first_stage(outer: int, kept: int) -> Tensor:
+    """(outer, 2 * kept): cosines, then sines of -2 pi p k / P."""
+    angles = _angles(torch.arange(outer)[:, None] * torch.arange(kept), outer)
+    return torch.cat((angles.cos(), angles.sin()), dim=1).float()
+
+
+def _second_stage(outer: int, inner: int, kept: int) -> Tensor:
+    """(kept, 2 * inner, 2 * inner): products by exp(-2 pi i q (k + P l) / N), for each k."""
+    channel = torch.arange(kept)[:, None, None] + outer * torch.arange(inner)
+    angles = _angles(torch.arange(inner)[:, None] * channel, outer * inner)
+    real, imaginary = angles.cos(), angles.sin()
+    rows = torch.cat((real, imaginary), dim=2), torch.cat((-imaginary, real), dim=2)
+    return torch.cat(rows, dim=1).float()
+
+
+def _angles(turns: Tensor, length: int) -> Tensor:
+    """-2 pi turns / length, float64; whole turns are taken off first."""
+    return (turns % length).double() * (-2 * math.pi / length)
+
+
+def _first_places(values: Tensor) -> list[int]:
+    """Where each value occurs first."""
+    places: dict[int, int] = {}
+    for place, value in enumerate(values.tolist()):
+        places.setdefault(value, place)
+    return list(places.values())
 
 
 class Heard(NamedTuple):

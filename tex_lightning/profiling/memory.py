@@ -19,7 +19,7 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.profiling.subject import like_weights, only_branch
+from tex_lightning.profiling.timing import like_weights, only_branch
 
 STATUS = Path("/proc/self/status")
 RESET = Path("/proc/self/clear_refs")

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor, nn
 
+from tex_lightning.branches import Branch
+from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.devices import synchronise
 from tex_lightning.progress import track
 
@@ -100,3 +103,37 @@ def _summary(seconds: list[float]) -> Timing:
     calls = np.array(seconds) * 1000
     median, p95 = np.percentile(calls, (50, 95))
     return Timing(float(median), float(p95), tuple(calls.tolist()))
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A unimodal classifier and what it is to classify.
+
+    Attributes:
+        classifier: In evaluation mode, as trained.
+        recording: Decoded, as its branch takes it.
+    """
+
+    classifier: SurfaceClassifier
+    recording: Tensor
+
+    @property
+    def branch(self) -> Branch:
+        """The only branch of the classifier."""
+        return only_branch(self.classifier)
+
+    def features(self, classifier: SurfaceClassifier) -> Tensor:
+        """Network input (1, C, H, W) of the recording, as this or an equal classifier has it."""
+        branch = only_branch(classifier)
+        return like_weights(branch.network, branch(self.recording))
+
+
+def only_branch(classifier: SurfaceClassifier) -> Branch:
+    """The branch of a unimodal classifier."""
+    (branch,) = classifier.branches.values()
+    return branch
+
+
+def like_weights(network: nn.Module, x: Tensor) -> Tensor:
+    """An input in the precision and on the device of a network's first weights."""
+    return x.to(next(network.parameters(), x))

@@ -12,7 +12,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, ProfileConfig
 from tex_lightning.data.decode import Array, SignalDecoder, to_rate
 from tex_lightning.errors import UserError
-from tex_lightning.profiling.subject import Subject, only_branch
+from tex_lightning.profiling.timing import Subject, only_branch
 from tex_lightning.runs.workspace import configured_card
 from tex_lightning.synthetic import make_materials
 from tex_lightning.synthetic.camera import render_photo

@@ -13,15 +13,12 @@ from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import Agreement, Runner, compare, refuse, tolerance
+from tex_lightning.export.check import Agreement, Runner, compare, recordings, refuse, tolerance
 from tex_lightning.export.metadata import metadata
 from tex_lightning.export.model_card import model_card
-from tex_lightning.export.onnx_file import make_onnx, without_defaults, write_onnx
-from tex_lightning.export.onnx_run import onnx_runner
-from tex_lightning.export.recordings import recordings
+from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
 from tex_lightning.export.tracing import trace
-from tex_lightning.export.web_page import write_page
-from tex_lightning.export.web_runtime import runtime_files
+from tex_lightning.export.web_page import runtime_files, write_page
 from tex_lightning.files import write_atomically, write_text
 from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.screen import say

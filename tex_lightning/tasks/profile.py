@@ -13,7 +13,7 @@ from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.loggers import log_profile
 from tex_lightning.profiling.comparison import compare
-from tex_lightning.profiling.subject import Subject, only_branch
+from tex_lightning.profiling.timing import Subject, only_branch
 from tex_lightning.progress import steps
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.profile_table import print_profile, ways_figure

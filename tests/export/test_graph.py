@@ -3,12 +3,18 @@
 import dataclasses
 from itertools import combinations
 
+import numpy as np
 import pytest
 import torch
 from conftest import make_card
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import nn
 
 from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.export.joining import Part, is_unknown, joined, thresholds
+from tex_lightning.data.decode import halve
+from tex_lightning.decision.voting import RULES
+from tex_lightning.export.graph import Part, PhotoGraph, is_unknown, joined, thresholds, traced_vote
 from tex_lightning.export.tracing import draws
 
 SENSES = ("haptic", "visual", "sound")
@@ -46,3 +52,29 @@ def test_every_set_of_senses_has_its_threshold(classifier, there):
     for novelty in (above, above + 0.01):
         found = is_unknown(classifier.card, torch.tensor(novelty, dtype=torch.float64), present)
         assert bool(found) == (novelty > above)
+
+
+@pytest.mark.parametrize("rule", sorted(RULES))
+@given(
+    scores=st.lists(st.lists(st.integers(-2, 2), min_size=3, max_size=3), min_size=1, max_size=6),
+    temperature=st.sampled_from([0.5, 1.0, 3.0]),
+)
+def test_label_shares_and_probabilities_are_the_same(rule, scores, temperature):
+    logits = torch.tensor(scores).float().T
+    expected, found = RULES[rule](logits, temperature), traced_vote(logits, rule, temperature)
+    assert int(found.label) == expected.label
+    torch.testing.assert_close(found.shares, expected.shares)
+    torch.testing.assert_close(found.probabilities, expected.probabilities.float())
+
+
+@pytest.mark.parametrize("size", [(40, 60), (41, 61), (2, 3)])
+def test_halving_is_that_of_the_decoder(size):
+    photo = np.random.default_rng(0).integers(256, size=(*size, 3), dtype=np.uint8)
+    found = PhotoGraph(nn.Identity(), True, least=2)(torch.from_numpy(photo))
+    np.testing.assert_array_equal(found[0].permute(1, 2, 0).numpy(), halve(photo))
+
+
+def test_a_photo_that_is_not_halved_keeps_its_pixels():
+    photo = torch.randint(256, (5, 7, 3), dtype=torch.uint8)
+    found = PhotoGraph(nn.Identity(), False, least=1)(photo)
+    assert torch.equal(found, photo.permute(2, 0, 1)[None])

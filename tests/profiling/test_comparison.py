@@ -2,7 +2,7 @@ import torch
 
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.networks.windows import WindowNet, cut_windows
-from tex_lightning.profiling.labels import agreement, flips
+from tex_lightning.profiling.comparison import agreement, flips
 
 
 def test_a_twin_with_other_weights_is_found_out():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tex_lightning.export.absent import skip_absent
+from tex_lightning.export.onnx_file import skip_absent
 
 onnx = pytest.importorskip("onnx")
 GRAPH = """
