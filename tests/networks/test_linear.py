@@ -5,7 +5,9 @@ import pytest
 import torch
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+from torchmetrics.functional.classification import multiclass_calibration_error
 
+from tex_lightning.decision.temperature import fit_temperature
 from tex_lightning.networks.fusionnet import FusionNet
 from tex_lightning.networks.linear import LinearNet, _ridge
 
@@ -86,6 +88,33 @@ def test_probabilities_are_as_sure_as_they_are_right():
     accuracy = (found == labels[150:]).double().mean()
     assert 0.4 < accuracy < 0.95  # hard enough to be wrong at times
     assert abs(sure.double().mean() - accuracy) < 0.08
+
+
+def test_a_temperature_of_eight_recordings_would_make_probabilities_worse():
+    """Why a network that is fitted with its probabilities gets none from a validation fold."""
+    centres = 3 * np.random.default_rng(4).standard_normal((CLASSES, BANDS))
+
+    def draw(each: int, seed: int) -> tuple[list[torch.Tensor], torch.Tensor]:
+        rng, labels = np.random.default_rng(seed), torch.arange(CLASSES).repeat(each)
+        rows = centres[labels] + 2.5 * rng.standard_normal((len(labels), BANDS))
+        return [torch.from_numpy(row).float()[None, :, None] for row in rows], labels
+
+    network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
+    network.fit(*draw(40, seed=0))
+
+    def scores(inputs: list[torch.Tensor]) -> list[torch.Tensor]:
+        return [network(one[None])[0].detach().double() for one in inputs]
+
+    few, few_labels = draw(3, seed=1)
+    temperature = fit_temperature(scores(few)[:8], few_labels[:8].tolist())
+    unseen, truth = draw(300, seed=2)
+    logits = torch.cat(scores(unseen), dim=1).T
+    before, after = (
+        float(multiclass_calibration_error(each.softmax(dim=1), truth, CLASSES, n_bins=15))
+        for each in (logits, logits / temperature)
+    )
+    assert before < 0.03
+    assert after > 2 * before
 
 
 def test_pieces_of_a_group_do_not_answer_for_each_other():

@@ -47,7 +47,7 @@ def test_a_class_is_added_from_its_own_recordings_alone(three, two, surfaces, cl
         assert not said["warnings"]
     old, card = tl.load(two).card, tl.load(three).card
     assert len(card.trained_on["seen"]) == len(old.trained_on["seen"]) + 3
-    assert card.calibration["temperature"] == old.calibration["temperature"]
+    assert card.temperature == old.temperature
     for name, (low, high) in card.input_ranges["haptic"].items():
         first, last = old.input_ranges["haptic"][name]
         assert low <= first <= last <= high

@@ -28,6 +28,8 @@ def calibrated_card(
     samples: Sequence[Sample],
     store: Store,
     config: Config,
+    *,
+    fitted: bool = False,
 ) -> Card:
     """Return the card with the temperature, and the threshold of sequential decisions.
 
@@ -36,22 +38,30 @@ def calibrated_card(
         samples: Samples of the validation fold; without any the card stays as it is.
         store: Their recordings.
         config: How it runs and decides.
+        fitted: Whether its probabilities were fitted with its weights, to all training recordings:
+            a temperature from the few of the validation fold would only make them worse.
     """
     card = classifier.card
     if not samples or "temperature" in card.calibration:
         return card
-    with torch.inference_mode():
-        logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
-    if card.rule == "score":  # which alone counts then
-        logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
-    labels = class_indices([sample.label for sample in samples], card.classes)
-    found = {**card.calibration, "temperature": fit_temperature(logits, labels)}
+    found = dict(card.calibration)
+    if not fitted:
+        found["temperature"] = _temperature(classifier, samples, store)
     card = replace(card, calibration=found)
     if config.decision.name == SEQUENTIAL and needs_threshold(classifier):
         fast = accelerate(classifier, config.engine)
         fast.card = card
         found |= choose_confidence_threshold(fast, config.decision, samples, store)
     return replace(card, calibration=found)
+
+
+def _temperature(classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store) -> float:
+    with torch.inference_mode():
+        logits = [classifier.logits(**load_sample(sample, store)) for sample in samples]
+    if classifier.card.rule == "score":  # which alone counts then
+        logits = [scores.mean(dim=1, keepdim=True) for scores in logits]
+    labels = class_indices([sample.label for sample in samples], classifier.card.classes)
+    return fit_temperature(logits, labels)
 
 
 def choose_confidence_threshold(

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 import torch
+from torch import nn
 
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
@@ -20,6 +21,7 @@ from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import fit_linear_head
 from tex_lightning.learning.probe import probe_head
 from tex_lightning.learning.training import Training
+from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
@@ -148,6 +150,12 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
     elif weights is not None:
         _probe(training, module, batches)
     module.to("cpu")
+
+
+def fits_probabilities(network: nn.Module) -> bool:
+    """Whether what :func:`start_network` fits gives probabilities, by groups that it leaves out."""
+    linear = isinstance(network, VisualNet) and not network.has_hidden_layers
+    return linear or isinstance(network, LinearNet)
 
 
 def _fit_closed_form(training: Training, network: Any, bank: Bank, labels: Indices) -> None:  # noqa: ANN401

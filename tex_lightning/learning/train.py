@@ -27,7 +27,7 @@ from tex_lightning.evaluation.known import card_with_novelties
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.fusion import FusionModule
-from tex_lightning.learning.start import start_network
+from tex_lightning.learning.start import fits_probabilities, start_network
 from tex_lightning.learning.statistics import keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
@@ -154,7 +154,8 @@ def calibrate(training: Training, trained: Trained) -> Card:
     classifier, parts, store = trained.classifier, training.parts, training.store
     classifier.to(pick_device(training.config.trainer.accelerator))
     validation = make_samples(parts.val, classifier.card.modalities)
-    classifier.card = calibrated_card(classifier, validation, store, training.config)
+    fitted = any(trained.left_out.values()) and fits_probabilities(classifier.network)
+    classifier.card = calibrated_card(classifier, validation, store, training.config, fitted=fitted)
     classifier.card = card_with_novelties(classifier, trained.left_out, parts, store)
     classifier.cpu()
     return classifier.card
