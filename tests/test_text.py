@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
+from tex_lightning.files import read_rows
 from tex_lightning.lines import print_line
 from tex_lightning.report.confusion import confusion_figure
 from tex_lightning.text import from_cell, printable, to_cell, to_json, to_markdown
@@ -111,6 +112,18 @@ def test_no_file_of_a_run_has_what_steers_a_terminal_or_a_spreadsheet(run):
 
 def _is_number(cell: str) -> bool:
     return re.fullmatch(r"-?[\d.]+(e[+-]?\d+)?|-?(nan|inf)", cell) is not None
+
+
+def test_predictions_name_group_and_fold_of_each_sample(run):
+    rows = read_rows(run / "predictions" / "haptic.csv")
+    assert {row["group"] for row in rows} == {Path(row["haptic"]).stem[-1] for row in rows}
+    folds = {row["group"]: row["fold"] for row in rows}
+    assert {*folds.values()} == {"0", "1"}
+    assert all(folds[row["group"]] == row["fold"] for row in rows)
+    for fold in "01":
+        own = read_rows(run / "folds" / fold / "predictions" / "haptic.csv")
+        assert {row["fold"] for row in own} == {fold}
+    assert {row["label"] for row in rows} == {*HOSTILE[:6]}
 
 
 def test_the_page_shows_names_as_text_and_fetches_nothing(run):

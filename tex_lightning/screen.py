@@ -53,7 +53,7 @@ class Screen:
         job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
         sweep: Whether a table of all jobs follows.
         told: The block that was printed last.
-        warned: What libraries have warned of, without what varies.
+        warned: What is not logged again: of warnings of libraries what does not vary.
     """
 
     verbose: ClassVar[int] = NORMAL
@@ -136,6 +136,13 @@ def tell_once(text: str) -> None:
     if text != Screen.told:
         Screen.told = text
         tell(text)
+
+
+def log_once(logger: logging.Logger, text: str) -> None:
+    """Log what is the same for every fold, such as where weights are from, at the first of them."""
+    if text not in Screen.warned:
+        Screen.warned.add(text)
+        logger.info("%s", text)
 
 
 def say(text: str, *, wraps: bool = True) -> None:

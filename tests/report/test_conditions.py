@@ -44,3 +44,4 @@ def test_a_condition_of_many_values_is_left_to_the_file():
     values = {f"v{n}": (1, 1) for n in range(MANY + 1)}
     (row,) = condition_rows({"haptic": entry(**values)}, str)
     assert row == ["speed", f"{MANY + 1} values, see conditions.csv", ""]
+    assert condition_rows({"haptic": entry(v60=(1, 2))}, str) == []  # as all votes

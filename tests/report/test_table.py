@@ -21,6 +21,8 @@ NETWORK = {
     "macs_per_sample": 123_456_000_000,
 }
 
+RUN = {"task": "crossval", "model": "fusion", "data": "manifest", "classes": [*"abc"]}
+
 
 @pytest.fixture
 def printed(monkeypatch):
@@ -42,7 +44,7 @@ def printed(monkeypatch):
 
 def test_results(printed, tmp_path):
     networks = dict.fromkeys(("haptic", "visual", "fusion"), NETWORK)
-    results = {"task": "crossval", "model": "fusion", "data": "manifest", "networks": networks}
+    results = {**RUN, "networks": networks}
     table.print_results(results, tmp_path)
     text = printed()
     for figure in ("98765/100000", "97.8% to 100.0%", "12345.7", "123456.8", "123,456,789"):
@@ -50,9 +52,46 @@ def test_results(printed, tmp_path):
     assert "debug=tiny" not in text
 
 
+def test_what_was_asked_for_is_shown_beside_chance(printed, tmp_path):
+    votes = {"correct": 5, "test_samples": 6, "vote_accuracy": 5 / 6}
+    unknown = {"rate": 0.05, "threshold": 1.0, "novelty_auroc": 0.98765,
+               "false_rejections": {"count": 2, "of": 40, "share": 0.05},
+               "accepted_unknown": {"count": 3, "of": 20, "share": 0.15}}  # fmt: skip
+    selective = {"reject_below": 0.9, "coverage": 0.75, "selective_accuracy": None}
+    asked = dict(old_classes=votes, new_classes=votes, unknown=unknown, selective=selective)
+    table.print_results({**RUN, "networks": {"a": NETWORK, "b": {**NETWORK, **asked}}}, tmp_path)
+    rows = {line[:27].strip(): line[27:].split() for line in printed().splitlines()}
+    assert rows["chance"] == ["33.3%", "33.3%"]
+    assert rows["old classes"] == rows["new classes"] == ["5/6", "(83.3%)"]
+    assert rows["known rejected (asked 5%)"] == ["2/40", "(5.0%)"]
+    assert rows["unknown accepted"] == ["3/20", "(15.0%)"]
+    assert rows["AUROC of unknown"] == ["0.988"]
+    assert rows["labelled (from 0.9)"] == ["75.0%"]
+    assert rows["correct of these"] == ["-"]
+
+
+@pytest.mark.parametrize(
+    ("data", "override", "shown"),
+    [("manifest", [], True), ("synthetic", [], False),
+     ("synthetic", ["data.test_where={speed: 90}"], True)],
+)  # fmt: skip
+def test_votes_by_condition_are_shown_where_somebody_asked(
+    printed, tmp_path, data, override, shown
+):
+    counts = {"correct": 1, "test_samples": 2, "vote_accuracy": 0.5, "vote_ci95": [0, 1]}
+    conditions = {"speed": {"60": counts, "90": counts}, "light": {"lamp": counts}}
+    network = {**NETWORK, "conditions": conditions}
+    (tmp_path / ".hydra").mkdir()
+    OmegaConf.save(override, tmp_path / ".hydra" / "overrides.yaml")
+    table.print_results({**RUN, "data": data, "networks": {"haptic": network}}, tmp_path)
+    text = printed()
+    assert ("speed" in text) == shown
+    assert "lamp" not in text  # one value, whose votes are all votes
+
+
 def test_a_narrow_terminal_cuts_no_figure(monkeypatch, tmp_path):
     networks = dict.fromkeys(("haptic", "visual", "fusion"), NETWORK)
-    results = {"task": "crossval", "model": "fusion", "data": "manifest", "networks": networks}
+    results = {**RUN, "networks": networks}
     read = []
     for width in (40, 80):
         monkeypatch.setattr(table, "console", Console(width=width, file=io.StringIO()))
@@ -65,7 +104,7 @@ def test_a_narrow_terminal_cuts_no_figure(monkeypatch, tmp_path):
 
 def test_a_job_of_a_sweep_leaves_the_table_to_the_summary(printed, monkeypatch, tmp_path):
     monkeypatch.setattr(table.Screen, "sweep", True)
-    results = {"task": "fit", "model": "haptic", "data": "tum", "networks": {"haptic": NETWORK}}
+    results = {**RUN, "networks": {"haptic": NETWORK}}
     table.print_results(results, tmp_path)
     assert table.console.file.getvalue() == ""
 
@@ -88,7 +127,7 @@ def test_frontier(printed, monkeypatch, tmp_path):
 def test_tiny_runs_are_warned_of(printed, tmp_path):
     (tmp_path / ".hydra").mkdir()
     OmegaConf.save(["seed=1", "debug=tiny"], tmp_path / ".hydra" / "overrides.yaml")
-    results = {"task": "fit", "model": "haptic", "data": "tum", "networks": {"haptic": NETWORK}}
+    results = {**RUN, "networks": {"haptic": NETWORK}}
     table.print_results(results, tmp_path)
     assert "figures mean nothing" in printed()
 

@@ -1,6 +1,7 @@
 """task=enroll: classes that a trained network gets and loses."""
 
 import json
+import re
 import shutil
 
 import pytest
@@ -73,6 +74,10 @@ def test_a_fold_is_left_out_and_all_known_classes_are_tested_on_it(two, surfaces
     network = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]
     assert network["added"] == {"gamma": {"haptic": 2}}
     assert network["correct"] == network["test_samples"] == 3
+    apart = [network[name]["test_samples"] for name in ("old_classes", "new_classes")]
+    assert apart == [2, 1]  # alpha and beta, then gamma
+    assert re.search(r"new classes +1/1 \(100\.0%\)", outcome.err)
+    assert "new classes" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_class_is_replaced_or_taken_out(three, new, surfaces, cli, tmp_path):

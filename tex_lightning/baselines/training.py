@@ -11,6 +11,7 @@ from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.evaluation.calibrate import calibrated_card
 from tex_lightning.learning.training import Training
+from tex_lightning.screen import log_once
 
 log = logging.getLogger(__name__)
 
@@ -29,7 +30,7 @@ def fit_baseline(training: Training) -> Trained:
     labels = np.array(class_indices([row.label for row in rows], card.classes))
     classifier = BaselineClassifier(card)
     if training.weights is not None:
-        log.info(classifier.baseline.load_weights(training.weights))
+        log_once(log, classifier.baseline.load_weights(training.weights))
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
     recordings = Loaded(rows, training.store, classifier.branch(card.kind))

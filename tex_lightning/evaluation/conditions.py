@@ -54,13 +54,14 @@ def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
         before = values.get(value, (0, 0))
         values[value] = before[0] + correct, before[1] + count
     found = {
-        name: {value: _counted(*values[value]) for value in sorted(values, key=in_order)}
+        name: {value: counted(*values[value]) for value in sorted(values, key=in_order)}
         for name, values in totals.items()
     }
     return {KEY: found} if found else {}
 
 
-def _counted(correct: int, count: int) -> dict[str, Any]:
+def counted(correct: int, count: int) -> dict[str, Any]:
+    """Counts of votes as an entry of ``results.json`` has them."""
     return {
         "correct": correct,
         "test_samples": count,

@@ -41,6 +41,7 @@ def report_unknown(
     store: Store,
     directory: Path,
     known: Sequence[Outcome],
+    fold: int | None = None,
 ) -> dict[str, Any]:
     """Classify samples of held-out classes as the test classified the others, and compare.
 
@@ -50,13 +51,14 @@ def report_unknown(
         store: Their recordings.
         directory: The run folder.
         known: What became of the others.
+        fold: Fold that was tested.
 
     Returns:
         ``unknown`` of ``results.json``; nothing where there are no such samples and
         ``decision.unknown`` is not set.
     """
     card = classifier.card
-    unknown = run_test(classifier, samples, store) if samples else []
+    unknown = run_test(classifier, samples, store, fold) if samples else []
     if unknown:
         write_outcomes(unknown, _file(directory, card.kind))
     return _entry([Tested(known, unknown, card.unknown_above)], card.unknown)

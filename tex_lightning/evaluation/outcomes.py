@@ -42,6 +42,8 @@ class Outcome:
             probable classes, the true one and the one that won.
         novelty: How unlike the training the sample is, from 0; NaN if not known.
         rates: Sampling rates in Hz of the files of signals by modality, as JSON.
+        group: Group of its recordings; several of different groups in one string.
+        fold: Fold that was tested; empty where all recordings or some conditions were.
     """
 
     files: Mapping[str, str]
@@ -56,6 +58,8 @@ class Outcome:
     probabilities: str = "{}"
     novelty: float = math.nan
     rates: str = "{}"
+    group: str = ""
+    fold: str = ""
 
     @property
     def file_rates(self) -> dict[str, float]:

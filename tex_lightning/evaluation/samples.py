@@ -1,6 +1,5 @@
 """Classify samples of the store, one at a time."""
 
-import json
 import math
 import time
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from tex_lightning.devices import synchronise
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import KEPT_CLASSES, Outcome
 from tex_lightning.progress import track
+from tex_lightning.text import to_json
 
 WARM_UP = 2
 NOT_TRAINED = -1  # index of a class that is none of the classifier's
@@ -43,9 +43,12 @@ def classify_sample(
 
 
 def run_test(
-    classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    store: Store,
+    fold: int | None = None,
 ) -> list[Outcome]:
-    """Classify every sample, one at a time."""
+    """Classify every sample of a fold, one at a time."""
     classes = classifier.card.classes
     index = {name: number for number, name in enumerate(classes)}
     for sample in samples[:WARM_UP]:
@@ -70,6 +73,8 @@ def run_test(
                 ),
                 novelty=math.nan if vote.novelty is None else vote.novelty,
                 rates=_rates(sample, store),
+                group=" ".join({str(row.group): None for row in sample.recordings.values()}),
+                fold="" if fold is None else str(fold),
             )
         )
     return outcomes
@@ -86,14 +91,14 @@ def kept_probabilities(probabilities: Tensor, classes: Sequence[str], also: set[
     most = probabilities.topk(min(len(classes), KEPT_CLASSES)).indices.tolist()
     kept = sorted({*most, *also})
     values = probabilities[kept].tolist()
-    return json.dumps({classes[at]: value for at, value in zip(kept, values, strict=True)})
+    return to_json({classes[at]: value for at, value in zip(kept, values, strict=True)})
 
 
 def _votes(vote: Vote, classes: list[str]) -> str:
     counts = vote.fragments.bincount(minlength=len(classes)).tolist()
-    return json.dumps({name: n for name, n in zip(classes, counts, strict=True) if n})
+    return to_json({name: n for name, n in zip(classes, counts, strict=True) if n})
 
 
 def _rates(sample: Sample, store: Store) -> str:
     signals = {name: row for name, row in sample.recordings.items() if store.is_signal(row)}
-    return json.dumps({name: store.rate(row).hz for name, row in signals.items()})
+    return to_json({name: store.rate(row).hz for name, row in signals.items()})

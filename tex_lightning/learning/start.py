@@ -25,6 +25,7 @@ from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
+from tex_lightning.screen import log_once
 
 log = logging.getLogger(__name__)
 
@@ -135,7 +136,7 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
     """
     weights = training.weights
     if weights is not None:
-        log.info(start_trunk(module.classifier, weights))
+        log_once(log, start_trunk(module.classifier, weights))
     network: Any = module.network
     if hasattr(network, "fit"):
         _fit_closed_form(training, network, *batches.banks[training.card.kind])

@@ -33,7 +33,8 @@ def write_conditions(networks: Networks, directory: Path) -> None:
 def condition_rows(networks: Networks, say: Callable[[Counts], str]) -> list[list[str]]:
     """Rows of a table: condition, value and what ``say`` makes of the votes of each network.
 
-    A condition of many values, such as a date, has one row that names the file with all of them.
+    A condition of many values, such as a date, has one row that names the file with all of them;
+    one of a single value has none, as its votes are those of all samples.
     """
     rows: dict[str, list[list[str]]] = {}
     for name, value, of in _rows(networks):
@@ -42,6 +43,7 @@ def condition_rows(networks: Networks, say: Callable[[Counts], str]) -> list[lis
     return [
         line
         for name, lines in rows.items()
+        if len(lines) > 1
         for line in (
             lines
             if len(lines) <= MANY

@@ -21,6 +21,7 @@ from tex_lightning.report.tables import (
     accuracy_tables,
     conditions_table,
     profiling_table,
+    rejections_table,
     seeds_table,
 )
 from tex_lightning.text import to_markdown
@@ -31,8 +32,11 @@ p is the exact McNemar test of the row against the best one in bold on the same 
 samples that only the best row and only this row had right; a dash where the samples are not the
 same. Milliseconds run from decoded recordings to the label on this machine; fit s is the time of
 training of all folds of a row. Weights are random at first unless a row names where its trunk is
-from. Columns headed "paper" are the paper's figures on its own data, all others were measured
-here."""
+from."""
+COLUMNS = """\
+Columns headed "paper" are the paper's figures on its own data, all others were measured here."""
+PAPER_DATA = ("tum", "kylberg", "kth_tips2b")
+PAPER_EXPERIMENTS = ("experiment=paper/", "experiment=table/")
 CHOICES = """\
 The paper leaves open: magnitude or power of the spectrogram (magnitude here), normalisation of each
 trace or of the data set (each trace in the paper's settings), the range of rotation (180 degrees),
@@ -59,19 +63,30 @@ def write_report(
     if not systems:
         return
     complete = len({system.model for system in systems if not system.inside}) > 1
+    paper = _concerns_paper(systems)
     parts = ["# Which material is it?"]
     if any(is_tiny(run_overrides(run)) for run in runs):
         parts.append(f"> **{TINY}**")
     parts += ["This command repeats the report:", f"```bash\n{command}\n```"]
-    parts += [_tested(systems), NOTES, seeds_table(systems)]
-    parts += [accuracy_tables(systems, complete=complete), conditions_table(systems)]
+    parts += [_tested(systems), NOTES, COLUMNS if paper else "", seeds_table(systems)]
+    parts.append(accuracy_tables(systems, complete=complete and paper, paper=paper))
+    parts += [conditions_table(systems), rejections_table(systems)]
     profiles = _profiles(runs)
     if profiles:
-        parts.append(profiling_table(profiles))
+        parts.append(profiling_table(profiles, paper=paper))
     parts.append(_learning_curve(directory, systems, formats))
     parts += [_confusions(directory, systems, formats), _pairs(directory, systems, formats)]
-    parts += ["### Where the paper leaves a choice", CHOICES]
+    if paper:
+        parts += ["### Where the paper leaves a choice", CHOICES]
     write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
+
+
+def _concerns_paper(systems: Sequence[System]) -> bool:
+    """Whether a data set is the paper's, or a table of the paper was asked for."""
+    runs = {run for system in systems for run in system.directories}
+    return any(system.data in PAPER_DATA for system in systems) or any(
+        item.startswith(PAPER_EXPERIMENTS) for run in runs for item in run_overrides(run)
+    )
 
 
 def _tested(systems: Sequence[System]) -> str:

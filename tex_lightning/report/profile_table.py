@@ -76,9 +76,9 @@ def print_profile(results: dict[str, Any], directory: Path) -> None:
 
 
 def _comparison(name: str, network: Network, results: dict[str, Any]) -> Table:
-    """One network's ways of classifying, beside the paper's if it has that network."""
+    """One network's ways of classifying, as built beside the paper's if it has that network."""
     paper = paper_table("profiling")
-    theirs = paper.get(name)
+    theirs = paper.get(name) if results["weights"] == RANDOM else None  # not of one's own data
     title = f"profile · {results['model']} · {results['weights']}"
     table = make_table(title, [""], [name, "paper"] if theirs else [name])
     table.caption = f"ms: median (p95), threads: {results['environment']['threads']}"

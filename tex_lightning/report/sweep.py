@@ -20,7 +20,7 @@ from tex_lightning.config.tasks import FiguresConfig
 from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import wilson_interval
+from tex_lightning.evaluation.outcomes import optimized_value, wilson_interval
 from tex_lightning.files import read_record, write_rows, write_text
 from tex_lightning.progress import Stage, begin
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
@@ -37,6 +37,8 @@ from tex_lightning.report.table import (
 )
 from tex_lightning.runfolder import locked_folder
 from tex_lightning.screen import NORMAL, Screen, console, say
+
+OBJECTIVE = ("objective", "best_trial")  # columns of a search
 
 Row = dict[str, Any]
 
@@ -132,10 +134,11 @@ class SweepSummary(Callback):
         jobs.sort(key=lambda path: natural_key(path.name))
         rows = [row for job in jobs for row in _rows(job, directory)]
         rows += _pooled(rows)
+        columns = [*COLUMNS, *_add_objectives(rows, directory, config)]
         SweepSummary.failures = sum(row["status"] != "done" for row in rows)
         lines = [{**row, "overrides": " ".join(row["overrides"])} for row in rows]
-        table = [[line.get(column, "") for column in COLUMNS] for line in lines]
-        write_rows(directory / "sweep.csv", COLUMNS, table)
+        table = [[line.get(column, "") for column in columns] for line in lines]
+        write_rows(directory / "sweep.csv", columns, table)
         _print(rows, directory)
         from tex_lightning.report.document import write_report  # heavy, and only now needed
         from tex_lightning.report.page.writing import write_page
@@ -204,6 +207,24 @@ def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _add_objectives(rows: list[Row], directory: Path, config: DictConfig) -> tuple[str, ...]:
+    """Add what a search, such as Optuna's, minimised, and which trial was best.
+
+    Returns:
+        The further columns; none of a grid.
+    """
+    if OmegaConf.select(config, "hydra.sweeper._target_", default=GRID) == GRID:
+        return ()
+    metric = OmegaConf.select(config, "optimized_metric")
+    last = {row["job"]: row for row in rows if "vote_accuracy" in row and " " not in row["job"]}
+    for job, row in last.items():  # the network that was asked for
+        results = read_record(directory / job / "results.json")
+        row["objective"] = optimized_value(results, metric)
+    if last:
+        min(last.values(), key=lambda row: float(row["objective"]))["best_trial"] = "best"
+    return OBJECTIVE
+
+
 def _pooled(rows: list[Row]) -> list[Row]:
     """Counts over jobs that differ in the tested fold alone, then means over seeds."""
     tested = [row for row in rows if "vote_accuracy" in row]
@@ -268,7 +289,9 @@ def _varying(row: Row, rows: list[Row]) -> list[str]:
 
 
 def _print(rows: list[Row], directory: Path) -> None:
-    table = make_table("sweep", ["job", "overrides", "network"], ["votes", "95 % CI", "fit s"])
+    searched = any("objective" in row for row in rows)
+    figures = ["votes", "95 % CI", "fit s", *["objective"] * searched]
+    table = make_table("sweep", ["job", "overrides", "network"], figures)
     for row in rows:
         pooled = " " in row["job"]
         job = "" if pooled else row["job"]
@@ -276,6 +299,9 @@ def _print(rows: list[Row], directory: Path) -> None:
         table.add_row(job, said, row.get("network", ""), *_figures(row))
     print_table(table)
     for row in rows:
+        if "best_trial" in row:
+            given = " ".join(_varying(row, rows))
+            console.print(f"Best trial: {row['job']}, objective {row['objective']:.4g}: {given}")
         if row["status"] != "done":
             console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True)
     if any(is_tiny(row["overrides"]) for row in rows):
@@ -291,4 +317,6 @@ def _figures(row: Row) -> tuple[str, ...]:
     if "vote_accuracy_sd" in row:
         return f"{accuracy} ± {row['vote_accuracy_sd']:.1%}", "", fit
     counts = f"({row['correct']}/{row['test_samples']})"
-    return f"{accuracy} {counts}", f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}", fit
+    interval = f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}"
+    objective = [f"{row['objective']:.4g}"] if "objective" in row else []
+    return f"{accuracy} {counts}", interval, fit, *objective

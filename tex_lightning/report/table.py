@@ -1,7 +1,6 @@
 """The closing table of a run."""
 
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +16,61 @@ TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
 
 WIDE = 1000  # columns, for which no table is too wide
 
+NONE = "-"
+
 Network = dict[str, Any]
 
-FACTS: dict[str, Callable[[Network], str]] = {
-    "votes": lambda network: f"{network['vote_accuracy']:.1%}",
-    "correct": lambda network: f"{network['correct']}/{network['test_samples']}",
-    "95 % interval": lambda network: "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
-    "fragments": lambda network: f"{network['fragment_accuracy']:.1%}",
-    "ms/sample": lambda network: f"{network['latency_ms']['median']:.1f}",
-    "fit s": lambda network: seconds(network["fit_seconds"]),
-    "parameters": lambda network: f"{network['parameters']:,}",
-    "MMAC/sample": lambda network: _millions(network["macs_per_sample"]),
-}
+OLD, NEW = "old_classes", "new_classes"  # of an entry of task=enroll
+ENROLLED = {OLD: "old classes", NEW: "new classes"}
+
+
+def facts(results: dict[str, Any]) -> dict[str, dict[str, str]]:
+    """What tables and the page say of each tested network, by its name."""
+    networks: dict[str, Network] = results.get("networks", {})
+    return {
+        name: {
+            "votes": f"{network['vote_accuracy']:.1%}",
+            "correct": f"{network['correct']}/{network['test_samples']}",
+            "95 % interval": "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
+            "chance": f"{1 / len(results['classes']):.1%}",
+            **{text: _counted(network[key]) for key, text in ENROLLED.items() if key in network},
+            **rejections(network),
+            "fragments": f"{network['fragment_accuracy']:.1%}",
+            "ms/sample": f"{network['latency_ms']['median']:.1f}",
+            "fit s": seconds(network["fit_seconds"]),
+            "parameters": f"{network['parameters']:,}",
+            "MMAC/sample": _millions(network["macs_per_sample"]),
+        }
+        for name, network in networks.items()
+        if "vote_accuracy" in network
+    }
+
+
+def _counted(votes: dict[str, Any]) -> str:
+    return f"{votes['correct']}/{votes['test_samples']} ({votes['vote_accuracy']:.1%})"
+
+
+def rejections(network: Network) -> dict[str, str]:
+    """What ``reject_below``, ``decision.unknown`` and ``data.hold_out`` led to, if given."""
+    said: dict[str, str] = {}
+    if selective := network.get("selective"):
+        accuracy = selective["selective_accuracy"]
+        said[f"labelled (from {selective['reject_below']:g})"] = f"{selective['coverage']:.1%}"
+        said["correct of these"] = NONE if accuracy is None else f"{accuracy:.1%}"
+    unknown = network.get("unknown", {})
+    if "rate" in unknown:
+        said[f"known rejected (asked {unknown['rate']:.0%})"] = _share(unknown, "false_rejections")
+        said["unknown accepted"] = _share(unknown, "accepted_unknown")
+    aurocs = [unknown.get(key) for key in ("novelty_auroc", "auroc")]
+    if known := [value for value in aurocs if value is not None]:
+        said["AUROC of unknown"] = f"{known[0]:.3f}"
+    return said
+
+
+def _share(unknown: Network, key: str) -> str:
+    """A count and its share; a dash where nothing set a threshold, or nothing was tested."""
+    counts = unknown.get(key)
+    return NONE if counts is None else f"{counts['count']}/{counts['of']} ({counts['share']:.1%})"
 
 
 def print_results(results: dict[str, Any], directory: Path) -> None:
@@ -39,14 +81,19 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     if Screen.sweep and Screen.verbose < DEBUG:
         return
     title = f"{results['task']} · {results['model']} · {results['data']}"
-    table = make_table(title, [""], list(results["networks"]))
-    for name, fact in FACTS.items():
-        table.add_row(name, *(fact(network) for network in results["networks"].values()))
-    print_tables(directory, table, *_by_condition(results["networks"]))
+    shown = facts(results)
+    table = make_table(title, [""], list(shown))
+    for fact in {fact: None for network in shown.values() for fact in network}:
+        table.add_row(fact, *(network.get(fact, "") for network in shown.values()))
+    print_tables(directory, table, *_by_condition(results, directory))
 
 
-def _by_condition(networks: dict[str, Network]) -> list[Table]:
-    """A table of votes by condition, where recordings have any."""
+def _by_condition(results: dict[str, Any], directory: Path) -> list[Table]:
+    """A table of votes by condition, where a manifest gives them or ``data.test_where`` does."""
+    asked = any(item.lstrip("+").startswith("data.test_where") for item in run_overrides(directory))
+    if results["data"] != "manifest" and not asked:
+        return []
+    networks = results["networks"]
     rows = condition_rows(
         networks, "{0[vote_accuracy]:.1%} ({0[correct]}/{0[test_samples]})".format
     )

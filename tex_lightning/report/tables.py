@@ -1,4 +1,4 @@
-"""The paper's tables with this package's figures beside them, as Markdown."""
+"""Tables of systems as Markdown, with the paper's figures beside them where these belong."""
 
 from collections.abc import Mapping, Sequence
 from statistics import mean, stdev
@@ -10,37 +10,40 @@ from tex_lightning.evaluation.outcomes import summarise
 from tex_lightning.report.conditions import condition_rows
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.systems import System
-from tex_lightning.report.table import seconds
+from tex_lightning.report.table import NONE, rejections, seconds
 from tex_lightning.text import to_markdown
 
 KIND_TABLES = ("haptic", "visual", "fusion")
 DATA_TABLES = ("kylberg", "kth_tips2b")
 LABELS = {"haptic": "HapticNet", "visual": "VisualNet"}  # other senses have no published name
+PAPER, OURS = ", paper", ", ours"  # ends of headings
 HEADINGS = (
     "system", "votes, paper", "votes, ours", "95 % interval", "p against the best",
     "fragments, paper", "fragments, ours", "ms a sample", "fit s", "parameters",
 )  # fmt: skip
 NOT_RUN = "not run"
-NONE = "-"
+RATIOS = "Ratios compare across machines, milliseconds do not."
 
 
-def accuracy_tables(systems: Sequence[System], *, complete: bool) -> str:
+def accuracy_tables(systems: Sequence[System], *, complete: bool, paper: bool) -> str:
     """All tables that the systems have rows in.
 
     Args:
         systems: What was tested.
         complete: Whether rows that were not run are listed too.
+        paper: Whether the paper's figures stand beside those measured here.
     """
+    asked = {"complete": complete, "paper": paper}
     own = [system for system in systems if not system.inside]
     kinds = dict.fromkeys([*KIND_TABLES, *(system.kind for system in systems)])
-    parts = [_table(kind, _of_kind(kind, systems), complete=complete) for kind in kinds]
+    parts = [_table(kind, _of_kind(kind, systems), **asked) for kind in kinds]
     for name in DATA_TABLES:
         visual = [system for system in own if system.kind == "visual"]
         rows = [system for system in visual if system.data == name] or visual
         listed = {row["model"] for row in paper_table(name)["rows"]}
         rows = [system for system in rows if system.model in listed]
         if complete or any(system.data == name for system in rows):
-            parts.append(_table(name, rows, complete=complete))
+            parts.append(_table(name, rows, **asked))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -50,19 +53,19 @@ def _of_kind(kind: str, systems: Sequence[System]) -> list[System]:
     return [system for system in mine if not system.inside] or mine
 
 
-def _table(name: str, systems: list[System], *, complete: bool) -> str:
+def _table(name: str, systems: list[System], *, complete: bool, paper: bool) -> str:
     """One table; empty where nothing in it was run."""
     if not systems:
         return ""
     # the paper's table; one without rows of a sense that it does not have
-    paper = paper_table(name) or {
+    table = paper_table(name) or {
         "title": f"{to_markdown(name.capitalize())} classification",
         "rows": [],
     }
     best = max(systems, key=lambda system: summarise(system.outcomes)["vote_accuracy"])
-    order = [row["model"] for row in paper["rows"]]
+    order = [row["model"] for row in table["rows"]]
     lines = []
-    for row in paper["rows"]:
+    for row in table["rows"]:
         found = [item for item in systems if item.model == row["model"] and not item.inside]
         if not found and complete and ("vote" in row or "fragment" in row):
             votes, fragments = _percent(row.get("vote")), _percent(row.get("fragment"))
@@ -77,12 +80,13 @@ def _table(name: str, systems: list[System], *, complete: bool) -> str:
     classes = max(len(item.classes) for item in systems)
     return "\n".join(
         [
-            f"### {paper['title']}",
+            f"### {table['title']}",
             "",
-            f"Ours: {to_markdown(', '.join(data))}, {classes} classes, {count} test samples."
-            + (f" The paper's: {paper['data']}." if paper["rows"] else ""),
+            f"{'Ours' if paper else 'Data'}: {to_markdown(', '.join(data))}, {classes} classes "
+            f"(chance {1 / classes:.1%}), {count} test samples."
+            + (f" The paper's: {table['data']}." if paper and table["rows"] else ""),
             "",
-            *markdown(HEADINGS, lines),
+            *_shown(HEADINGS, lines, paper=paper),
         ]
     )
 
@@ -111,6 +115,20 @@ def _votes(counts: Mapping[str, Any]) -> str:
     low, high = counts["vote_ci95"]
     share = f"{counts['vote_accuracy']:.1%} ({counts['correct']}/{counts['test_samples']})"
     return f"{share}, {low:.1%} to {high:.1%}"
+
+
+def rejections_table(systems: Sequence[System]) -> str:
+    """What was rejected, a line for each run that was asked to; empty without one."""
+    said = [(_label(system), rejections(entry)) for system in systems for entry in system.entries]
+    columns = list(dict.fromkeys(fact for _, facts in said for fact in facts))
+    lines = [
+        [to_markdown(name), *(facts.get(column, NONE) for column in columns)]
+        for name, facts in said
+        if facts
+    ]
+    if not lines:
+        return ""
+    return "\n".join(["### Rejected samples", "", *markdown(["system", *columns], lines)])
 
 
 def seeds_table(systems: Sequence[System]) -> str:
@@ -186,13 +204,22 @@ def markdown(headings: Sequence[str], lines: list[list[str]]) -> list[str]:
     ]
 
 
-def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
-    """The paper's profiling table beside this package's, by name of the network."""
-    paper = paper_table("profiling")
+def _shown(headings: Sequence[str], lines: list[list[str]], *, paper: bool) -> list[str]:
+    """A table in Markdown, with the paper's columns or without."""
+    if paper:
+        return markdown(headings, lines)
+    kept = [n for n, heading in enumerate(headings) if not heading.endswith(PAPER)]
+    own = [headings[n].removesuffix(OURS) for n in kept]
+    return markdown(own, [[line[n] for n in kept] for line in lines])
+
+
+def profiling_table(networks: dict[str, dict[str, Any]], *, paper: bool) -> str:
+    """Times of dense passes and sliding windows by network, perhaps beside the paper's."""
+    theirs = paper_table("profiling")
     lines = [
         [
             to_markdown(name),
-            *_paper_times(paper.get(ours["kind"])),
+            *_paper_times(theirs.get(ours["kind"])),
             f"{ours['sliding_window_ms']:.1f} / {ours['reference_ms']:.1f}",
             f"{ours['speedup']:.1f}x",
             f"{ours['speedup_same_engine']:.1f}x",
@@ -201,16 +228,15 @@ def profiling_table(networks: dict[str, dict[str, Any]]) -> str:
         for name, ours in networks.items()
     ]
     headings = (
-        "network", "windows / dense, paper (ms)", "paper", "windows / dense, ours (ms)", "ours",
-        "ours, same engine", "labels equal",
+        "network", "windows / dense (ms), paper", "ratio, paper", "windows / dense (ms), ours",
+        "ratio, ours", "ratio in the same engine, ours", "labels equal",
     )  # fmt: skip
     return "\n".join(
         [
             "### Running time",
             "",
-            f"The paper's: {paper['device']}. Ratios compare across machines, milliseconds do not.",
-            "",
-            *markdown(headings, lines),
+            *([f"The paper's: {theirs['device']}. {RATIOS}", ""] if paper else []),
+            *_shown(headings, lines, paper=paper),
         ]
     )
 

@@ -49,7 +49,8 @@ def report_network(
     kind, classes = classifier.card.kind, classifier.card.classes
     warn_of_few(classifier.card.deciding(config.decision))
     decider = prepare(classifier, config.engine, config.decision)
-    outcomes = run_test(decider, samples, store)
+    fold = None if config.data.test_where else config.data.test_fold
+    outcomes = run_test(decider, samples, store, fold)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")
     entry = {
         **summarise(outcomes),
@@ -65,7 +66,7 @@ def report_network(
         entry["sequential"] = report_sequential(
             decider, config.decision, samples, store, directory, config.figures.formats
         )
-    entry |= report_unknown(decider, unknown, store, directory, outcomes)
+    entry |= report_unknown(decider, unknown, store, directory, outcomes, fold)
     return entry, outcomes
 
 

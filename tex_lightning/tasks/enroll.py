@@ -3,6 +3,7 @@
 import logging
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,11 @@ from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.unusable import Unusable, skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError, listed
+from tex_lightning.evaluation.conditions import counted
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.learning.enrolment import check_extensible
 from tex_lightning.report.conditions import write_conditions
-from tex_lightning.report.table import print_results
+from tex_lightning.report.table import NEW, OLD, print_results
 from tex_lightning.runs.enrolment import (
     enroll,
     forget_classes,
@@ -68,7 +70,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     }
     tested = rows.classes and config.data.test_fold is not None
     if tested:
-        entry |= _test(config, trained, job.directory)
+        entry |= _test(config, trained, job.directory, rows.classes)
     results: dict[str, Any] = {
         "task": config.task,
         "model": kind,
@@ -117,8 +119,13 @@ def _added(
     return enroll(classifier, usable, store), usable, skipped
 
 
-def _test(config: Config, trained: Trained, directory: Path) -> dict[str, Any]:
-    """Test the new checkpoint on the fold that was left out, as far as it knows its classes."""
+def _test(
+    config: Config, trained: Trained, directory: Path, added: Sequence[str]
+) -> dict[str, Any]:
+    """Test the new checkpoint on the fold that was left out, as far as it knows its classes.
+
+    Votes on the classes that were ``added`` are counted apart from those on the old ones.
+    """
     classifier, data = trained.classifier, config.data
     card = classifier.card
     present = read_recordings(data, card.modalities, least=1).classes
@@ -136,6 +143,11 @@ def _test(config: Config, trained: Trained, directory: Path) -> dict[str, Any]:
     classifier.to(pick_device(config.trainer.accelerator))
     entry, outcomes = report_network(trained, samples, store, directory, config)
     draw_figures(outcomes, card.classes, card.kind, directory, config.figures.formats)
+    for name, new in ((OLD, False), (NEW, True)):
+        own = [outcome for outcome in outcomes if (outcome.label in added) == new]
+        if own:
+            correct = sum(outcome.label == outcome.predicted for outcome in own)
+            entry[name] = counted(correct, len(own))
     return entry
 
 

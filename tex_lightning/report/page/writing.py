@@ -16,8 +16,8 @@ from tex_lightning.report.page.label_maps import LEGEND, map_folder
 from tex_lightning.report.page.media import embedded, is_broad, shown_samples
 from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
-    FACTS,
     TINY,
+    facts,
     is_tiny,
     python_command,
     run_flags,
@@ -49,11 +49,7 @@ def write_page(directory: Path, command: str | None = None) -> None:
     template = environment.from_string(
         files("tex_lightning.report.page").joinpath("page.html").read_text(encoding="utf-8")
     )
-    networks = {
-        name: {fact: read(entry) for fact, read in FACTS.items()}
-        for name, entry in results.get("networks", {}).items()
-        if "vote_accuracy" in entry
-    }
+    networks = facts(results)
     page = template.render(
         title=" · ".join(str(results[key]) for key in ("task", "model", "data") if results.get(key))
         or directory.name,
