@@ -76,6 +76,16 @@ def test_all_of_the_papers_rows_are_swept():
                 assert row["model"] in swept, row
 
 
+def test_the_best_fusion_stands_on_the_best_parts():
+    haptic, visual, fusion = (
+        composed(f"experiment=best/{name}") for name in ("haptic", "visual", "fusion")
+    )
+    few = composed("experiment=few/haptic")
+    assert (haptic.model, haptic.decision) == (few.model, few.decision)
+    assert fusion.model.haptic == haptic.model.haptic
+    assert fusion.model.visual == visual.model.visual
+
+
 def test_papers_hyper_parameters():
     """Table "allParams": N = 100,000 iterations; learning rate, gamma, k and batch size."""
     model = composed("experiment=paper/all").model
