@@ -18,7 +18,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export import web_page as web_runtime
-from tex_lightning.export.web_page import FILES, runtime_files, write_page
+from tex_lightning.export.web_page import FILES, page_files, runtime_files
 
 from .browser import ENTER, TAB, Browser, browser, missing, served
 
@@ -142,7 +142,10 @@ def test_a_person_at_the_keyboard_gets_a_label(runtime, chromium, tmp_path):
         "version": "0", "unknown": None, "ranges": {},
     }  # fmt: skip
     page, file = tmp_path / "page", tmp_path / "<img src=x onerror=alert(1)>.csv"
-    write_page(page, card, web_runtime.runtime_files(str(runtime), tmp_path))
+    files = page_files(card, web_runtime.runtime_files(str(runtime), tmp_path))
+    for name, content in files.items():
+        (page / name).parent.mkdir(parents=True, exist_ok=True)
+        (page / name).write_bytes(content)
     (page / "haptic.onnx").write_bytes(onnx.parser.parse_model(GRAPH).SerializeToString())
     times = np.arange(16_000) / 8000
     np.savetxt(file, np.c_[times, np.sin(700 * times)], header="time_s,x", delimiter=",")

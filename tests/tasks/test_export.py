@@ -101,6 +101,30 @@ def test_a_model_card(cli, bands, tmp_path):
     assert "None were used" in text
 
 
+def test_what_no_export_wrote_is_not_overwritten(cli, untrained, tmp_path):
+    order = ("task=export", f"checkpoint={untrained}", "export.format=card")
+    card, record = tmp_path / "MODEL_CARD.md", tmp_path / "export.json"
+
+    def refused(path, content):
+        outcome = cli(*order, f"export.out={tmp_path}")
+        assert outcome.status == 2
+        assert f"{path} was not written by an export" in outcome.err
+        assert path.read_text() == content
+
+    card.write_text("my own")
+    refused(card, "my own")
+    assert not record.exists()
+    card.unlink()
+    for _ in range(2):  # its own file it writes again
+        assert not cli(*order, f"export.out={tmp_path}").status
+    card.write_text("changed")
+    refused(card, "changed")
+    card.unlink()
+    record.write_text('{"mine": 1}')
+    refused(record, '{"mine": 1}')
+    assert not card.exists()
+
+
 def test_breaking_points_in_the_card(cli, untrained, tmp_path):
     (tmp_path / "breaking_points.csv").write_text(
         "system,modality,perturbation,unit,value\nfusion,image,jpeg,quality,12\n"

@@ -25,30 +25,21 @@ RUNTIME = "onnxruntime"  # its folder in the page's
 CARD = "model.json"
 
 
-def write_page(out: Path, metadata: Mapping[str, Any], runtime: Mapping[str, bytes]) -> int:
-    """Write the page around the network ``KIND.onnx``.
+def page_files(metadata: Mapping[str, Any], runtime: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return the files of the page around the network ``KIND.onnx``, by their paths in its folder.
 
     Every input of that file has to be given: ONNX Runtime Web takes none that has a default.
 
     Args:
-        out: Its folder.
         metadata: What the file says of itself.
         runtime: Files of ONNX Runtime Web by name.
-
-    Returns:
-        How many bytes were written.
-
-    Raises:
-        UserError: If it cannot be written.
     """
     sources = files("tex_lightning.export").joinpath("web")
     content = {_place(each.name): each.read_bytes() for each in sources.iterdir()}
     content |= {f"{RUNTIME}/{name}": each for name, each in runtime.items()}
     content[f"{RUNTIME}/LICENSE.txt"] = content.pop("onnxruntime_license.txt")
     content[CARD] = json.dumps(metadata).encode()
-    for name, each in content.items():
-        write_bytes(out / name, each)
-    return sum(map(len, content.values()))
+    return content
 
 
 def _place(name: str) -> str:
