@@ -6,7 +6,7 @@ import pytest
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
-from tex_lightning.report.durations import describe_rates, unlike_the_others
+from tex_lightning.report.durations import describe_rates, mixed_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
 
 
@@ -63,3 +63,18 @@ def test_rates_are_counted_by_who_says_so(make, store):
 def test_spreads_read_alike_once():
     assert spread([2.401, 2.404], "s", ".3g", median=True) == "2.4 s"
     assert spread([1, 2, 6], "s", "d", median=True) == "median 2 s (1 to 6)"
+
+
+def test_traces_of_half_the_rate_of_others_are_pointed_out_unless_all_are_brought_to_it(
+    make, store
+):
+    usual = [make(20_000 + i, 10_000.0) for i in range(6)]
+    slow = [make(9_000 + i, 5_000.0) for i in range(2)]
+    rows = Recordings((*usual, *slow))
+    warning = mixed_rates(rows, store)
+    assert warning.startswith("2 of 8 traces have a lower rate than the 10,000 Hz of others, 5,000")
+    assert slow[0].path.name in warning
+    assert warning.endswith("or set data.sampling_rate=5000.")
+    assert mixed_rates(Recordings((*usual, make(9_000, 8_000.0))), store) is None
+    lower = Store(store.root, {"haptic": SignalDecoder(sampling_rate=5_000.0)})
+    assert mixed_rates(rows, lower) is None

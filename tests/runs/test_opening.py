@@ -1,5 +1,6 @@
 """The opening block: once for a task, however many systems it opens, and never too long."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -106,3 +107,18 @@ def test_a_note_on_one_modality_is_for_those_who_read_it_and_may_leave_nothing_o
 def test_nothing_usable_is_announced_as_nothing(config, store):
     lines = Opening(config.data, "nothing").lines(Recordings(()), store, [])
     assert lines[1] == "Classes   0:"
+
+
+def test_copies_and_mixed_rates_are_said_before_training(config, store, tmp_path, caplog):
+    rng = np.random.default_rng(0)
+    rows = []
+    for number, rate in enumerate((10_000.0, 10_000.0, 5_000.0)):
+        np.save(tmp_path / f"{number}.npy", rng.standard_normal(20_000))
+        path = tmp_path / f"{number}.npy"
+        rows.append(Recording("a", "haptic", path, number, rate, fold=number))
+    shutil.copy(rows[0].path, tmp_path / "copy.npy")
+    rows.append(Recording("a", "haptic", tmp_path / "copy.npy", 1, 10_000.0, fold=1))
+    Opening(config.data, "a system", [0]).announce(Recordings(tuple(rows)), store, [])
+    assert "1 of 4 traces have a lower rate than the 10,000 Hz of others" in caplog.text
+    assert "0.npy and " in caplog.text
+    assert "copy.npy have the same content, but are in the folds 0 and 1" in caplog.text

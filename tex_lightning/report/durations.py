@@ -3,6 +3,8 @@
 from collections import defaultdict
 from statistics import median
 
+from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.quality import TOLERANCES
 from tex_lightning.data.rates import SOURCES, RateSource
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
@@ -35,6 +37,29 @@ def describe_rates(signals: Recordings, store: Store) -> str:
             hertz = spread([rate.hz for rate in found], "Hz", ",.5g")
             told.append(f"{len(found)} x {hertz} {SAID_BY[source]}{note}")
     return "; ".join(told)
+
+
+def mixed_rates(signals: Recordings, store: Store) -> str | None:
+    """Warn of signals of a much lower rate than others, which lack what the others have above it.
+
+    Returns:
+        The warning, or None if there are none.
+    """
+    decoder = store.decoders[signals.rows[0].modality]
+    if not isinstance(decoder, SignalDecoder):
+        return None
+    rates = {row: min(store.rate(row).hz, decoder.sampling_rate) for row in signals}
+    highest = max(rates.values())
+    low = {row: rate for row, rate in rates.items() if rate * TOLERANCES["rate"] < highest}
+    if not low:
+        return None
+    row = min(low, key=lambda each: low[each])
+    return (
+        f"{len(low)} of {len(rates)} {plural(row.modality)} have a lower rate than the "
+        f"{highest:,.6g} Hz of others, {low[row]:,.6g} Hz in {row.path.name}: nothing above "
+        f"{low[row] / 2:,.6g} Hz is in it, and such recordings are classified less well; record "
+        f"all at one rate, or set data.sampling_rate={low[row]:g}."
+    )
 
 
 def unlike_the_others(signals: Recordings, store: Store) -> str | None:

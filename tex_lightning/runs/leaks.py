@@ -1,8 +1,9 @@
 """Record the training recordings in a checkpoint, and refuse to test on them."""
 
+import filecmp
 import json
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from tex_lightning.card import Card
@@ -12,6 +13,7 @@ from tex_lightning.data.folds import Split
 from tex_lightning.data.parts import Part, overlap, read_part, write_part
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import fingerprint
+from tex_lightning.data.trace_files import axis_paths
 from tex_lightning.errors import UserError
 from tex_lightning.learning.start import name_source, starting_classifier
 
@@ -65,6 +67,63 @@ def digests(rows: Iterable[Recording]) -> list[str]:
     """Digest of each recording: that of its file's content, and its part of the file."""
     found = ((fingerprint(row.path), row.part) for row in rows)
     return [digest if part is None else f"{digest}#{write_part(part)}" for digest, part in found]
+
+
+def repeated_content(recordings: Recordings, *, folds: bool) -> Iterator[str]:
+    """Say which files have the same content but not the same class, or not the same fold.
+
+    Args:
+        recordings: Recordings with folds.
+        folds: Whether folds are trained and tested on.
+
+    Yields:
+        A sentence on classes and one on folds, as far as there are such files.
+    """
+    pairs = list(_same_content(recordings))
+    of_classes = [pair for pair in pairs if pair[0].label != pair[1].label]
+    of_folds = [pair for pair in pairs if pair[0].label == pair[1].label and folds]
+    if of_classes:
+        one, other = of_classes[0]
+        yield (
+            f"{one.path} and {other.path} have the same content, but are of the classes "
+            f"{one.label} and {other.label}{_more(of_classes)}; take one of them out."
+        )
+    if of_folds:
+        one, other = of_folds[0]
+        yield (
+            f"{one.path} and {other.path} have the same content, but are in the folds {one.fold} "
+            f"and {other.fold}{_more(of_folds)}, so that one tests what the other trains; take "
+            "one of them out, or give both one group."
+        )
+
+
+def _more(pairs: Sequence[object]) -> str:
+    return f" (and {len(pairs) - 1} more pairs)" if len(pairs) > 1 else ""
+
+
+def _same_content(recordings: Recordings) -> Iterator[tuple[Recording, Recording]]:
+    """Pairs of different files, byte for byte the same, that differ in class or fold."""
+    alike: dict[tuple[str, int], list[Recording]] = defaultdict(list)
+    for row in recordings:
+        alike[row.modality, axis_paths(row.path)[0].stat().st_size].append(row)
+    for rows in alike.values():
+        if len({row.path for row in rows}) < 2:
+            continue
+        first: dict[str, list[Recording]] = defaultdict(list)
+        for row in rows:
+            known = first[fingerprint(row.path)]
+            other = next((each for each in known if _is_copy(each, row)), None)
+            if other is not None:
+                yield other, row
+            known.append(row)
+
+
+def _is_copy(one: Recording, other: Recording) -> bool:
+    apart = (one.label, one.fold) != (other.label, other.fold)
+    if one.path == other.path or not apart or not overlap(one.part, other.part):
+        return False
+    files = zip(axis_paths(one.path), axis_paths(other.path), strict=False)
+    return all(filecmp.cmp(*pair, shallow=False) for pair in files)
 
 
 def refuse_leak(test: Recordings, card: Card, who: str, data: Folding) -> None:

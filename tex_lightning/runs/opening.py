@@ -13,8 +13,9 @@ from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
-from tex_lightning.report.durations import describe_rates, unlike_the_others
+from tex_lightning.report.durations import describe_rates, mixed_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
+from tex_lightning.runs.leaks import repeated_content
 from tex_lightning.screen import console, tell_once, wrap
 
 WIDTH, NARROWEST, INDENT = 80, 40, 10
@@ -65,8 +66,11 @@ class Opening:
             return
         self.announced |= {row.modality for row in recordings}
         for modality in {row.modality: None for row in fresh}:
-            if odd := unlike_the_others(fresh.of(modality), store):
-                log.warning("%s", odd)
+            for warn in (unlike_the_others, mixed_rates):
+                if odd := warn(fresh.of(modality), store):
+                    log.warning("%s", odd)
+        for sentence in repeated_content(fresh, folds=self.folds is not None):
+            log.warning("%s", sentence)
         tell_once("\n".join(self.lines(fresh, store, skipped)))
 
     def lines(self, recordings: Recordings, store: Store, skipped: Sequence[Unusable]) -> list[str]:

@@ -181,7 +181,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     pooled = {
         **summarise(outcomes),
-        **pool_conditions(entries.values()),
+        **pool_conditions(entries.values(), outcomes),
         **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
         **pool_sequential(directories, name, workspace.directory, decision, config.figures.formats),
         **pool_unknown(
