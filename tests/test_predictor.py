@@ -121,6 +121,15 @@ def test_what_cannot_be_used_is_said_in_one_sentence(fusion, given, said):
         fusion.predict(**given)
 
 
+@pytest.mark.parametrize("allocate", [torch.empty, np.empty])
+def test_too_little_memory_is_said_in_one_sentence(haptic, tmp_path, monkeypatch, allocate):
+    path = tmp_path / "a.npy"
+    np.save(path, make_trace(0, 0))
+    monkeypatch.setattr(haptic, "_decoded", lambda *given: allocate(1 << 50))
+    with pytest.raises(tl.UserError, match=r"a\.npy: The recordings take more memory"):
+        haptic.predict(haptic=path)
+
+
 def test_what_this_network_does_not_look_at_is_said(haptic):
     with pytest.raises(tl.UserError, match="does not look at image"):
         haptic.predict(haptic=TRACE, image=PHOTO)

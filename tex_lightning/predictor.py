@@ -26,6 +26,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.evidence import Evidence, gather, refuse_baseline
 from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.inference.unknown import check_unknown
+from tex_lightning.memory import is_out_of_memory
 from tex_lightning.prediction import Prediction, describe
 from tex_lightning.runfolder import find_checkpoint
 
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"
+TOO_LARGE = "The recordings take more memory than there is; give smaller ones."
 
 
 def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Predictor":
@@ -162,10 +164,13 @@ class Predictor:
         try:
             decoded, quality = self._decoded(given, senses, rate, colour)
             vote = classify(decider, decoded)
-        except UserError as error:
+        except (UserError, MemoryError, RuntimeError) as error:
+            if not isinstance(error, UserError) and not is_out_of_memory(error):
+                raise
             files = [str(each) for each in given.values() if isinstance(each, str | Path)]
             named = not files or any(file in str(error) for file in files)
-            raise UserError(str(error) if named else f"{' and '.join(files)}: {error}") from error
+            text = str(error) if isinstance(error, UserError) else TOO_LARGE
+            raise UserError(text if named else f"{' and '.join(files)}: {text}") from error
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         said = decider.card.modalities if fused else ()
