@@ -40,7 +40,7 @@ def test_a_command_of_the_documentation_composes(page, command):
     if "--config-dir" in arguments:  # a user's own parts, which tests/plugin runs
         return
     jobs = sweep_jobs(quote_files(arguments))
-    composed = compose_config(CONF, [*jobs, "crossval.share=null"])  # of a sweep: the job's folder
+    composed = compose_config(CONF, jobs)
     check_known(composed)
     read_config(composed)
 

@@ -38,7 +38,7 @@ CASES = [
         "decision.unknown=0.9 data.per_class=1", "decision=sequential decision.confidence=0",
         "decision=sequential decision.alphas=[] decision.confidence_thresholds=[]",
         "logger.tensorboard=false", "callbacks=[]", "figures.format=[]", "model.budget=1000",
-        "task=crossval crossval.only=[0,0]", "task=crossval crossval.share=/dev/null",
+        "task=crossval crossval.only=[0,0]",
         "task=crossval data.inverted=true", "model=minirocket model.baseline.kernels=1",
     )],
     *[(PHOTO, each) for each in (

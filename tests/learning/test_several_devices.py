@@ -185,7 +185,6 @@ def alive(process: int) -> bool:
         (["trainer.num_nodes=2"], "start the command with srun or torchrun"),
         (["trainer.devices=auto"], "trainer.devices is auto, which takes every GPU"),
         (["task=profile"], "several devices are used by task=fit and task=crossval"),
-        (["crossval.share=DIR"], "crossval.share is for runs on one device each"),
     ],
 )
 def test_what_cannot_be_shared_is_refused(cli, tmp_path, arguments, message):

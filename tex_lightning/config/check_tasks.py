@@ -63,8 +63,6 @@ def check_task(config: Config) -> Iterator[str]:
             f"several devices are used by task=fit and task=crossval, not by task={config.task}: "
             "leave out trainer=ddp, trainer.devices and trainer.num_nodes"
         )
-    if several and config.crossval.share is not None:
-        yield "crossval.share is for runs on one device each: leave out trainer=ddp"
     if config.checkpoint is not None and config.task not in READ_CHECKPOINTS:
         yield (
             f"checkpoint is given, but task={config.task} does not read it: use "

@@ -142,10 +142,6 @@ class CrossvalConfig:
     profile: list[str] = key(
         "models whose first fold's network gets task=profile too, e.g. [haptic,visual]"
     )
-    share: str | None = key(
-        "folder in which runs share networks, so that each is trained once; null shares none",
-        default=None,
-    )
 
 
 @dataclass
@@ -349,7 +345,7 @@ _RUNNING = (  # all of it that is read without training
 )  # fmt: skip
 _CLASSIFYING = ("checkpoint", "trusted", "haptic", "data.file_rate", "engine", *_RUNNING)
 READS = {
-    "fit": ("weights", *_TRAINING, "crossval.share", "frontier.run", *_REPORTED),
+    "fit": ("weights", *_TRAINING, "frontier.run", *_REPORTED),
     "crossval": ("weights", *_TRAINING, "crossval", *_REPORTED),
     "evaluate": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",

@@ -1,4 +1,4 @@
-"""Train a network that several parallel runs need only once."""
+"""Train a network that several systems of a family have in common only once."""
 
 import hashlib
 import json
@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import torch
-from filelock import FileLock
 
 from tex_lightning.card import read_checkpoint
 from tex_lightning.classifier import Trained, read_trained
@@ -18,16 +17,15 @@ from tex_lightning.learning.training import Training
 log = logging.getLogger(__name__)
 
 
-def train_shared(training: Training, folder: Path) -> Trained:
-    """Train in a shared folder, or wait for the process that does, and copy the checkpoint.
+def train_once(training: Training, folder: Path) -> Trained:
+    """Train in a folder of the family unless it was trained there, and copy the checkpoint.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
-    so these name the place; those of a FusionNet on its parts, too. A process that is stopped
-    gives up its lock, and the next one goes on from its last finished epoch.
+    so these name the place; those of a FusionNet on its parts, too.
 
     Args:
         training: What is trained.
-        folder: The shared folder; made if it does not exist.
+        folder: The folder; made if it does not exist.
 
     Raises:
         UserError: If it cannot be made.
@@ -50,8 +48,7 @@ def train_shared(training: Training, folder: Path) -> Trained:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise unwritable(folder, error) from error
-    with FileLock(place / "lock"):
-        trained = train_network(replace(training, directory=place), calibrated=False)
+    trained = train_network(replace(training, directory=place), calibrated=False)
     content = read_checkpoint(trained.checkpoint)
     content["hyper_parameters"]["card"] = calibrate(training, trained).to_dict()
     write_atomically(training.final, lambda partial: torch.save(content, partial))

@@ -94,10 +94,9 @@ def compose_family(
         overrides = _split_overrides(name, family[name])
         training = with_system(job, given_overrides(job), overrides)
         member = read_config(job.compose([*training, "task=frontier"]))
-        crossval = replace(member.crossval, share=str(job.directory / NETWORKS))
         # no curves over thresholds: they are no part of the chart
         decision = replace(member.decision, alphas=[], confidence_thresholds=[])
-        member = replace(member, task="crossval", crossval=crossval, decision=decision)
+        member = replace(member, task="crossval", decision=decision)
         check_config(member)
         trust(*named_classes(member.model.nodes))
         yield Member(name, overrides, member)
@@ -146,7 +145,7 @@ def measure_family(
     Args:
         members: The systems.
         folds: Folds that are tested.
-        directory: Holds a folder for each system.
+        directory: Holds a folder for each system; the networks, each trained once, lie beside it.
         opening: Says what was found.
     """
     pairs = {member.name: _pairs(member, folds) for member in members}
@@ -164,7 +163,7 @@ def measure_family(
                 with remaining.measuring(member.name, pair):
                     home = directory / member.name
                     workspace = workspace or open_workspace(member.config, home, opening)
-                    _measure_pair(workspace, pair, _place(home, pair))
+                    _measure_pair(workspace, pair, _place(home, pair), directory.parent / NETWORKS)
     return [_read(member, pairs[member.name], directory / member.name) for member in members]
 
 
@@ -190,12 +189,12 @@ def _predictions(place: Path, kind: str, fold: int, pair: Pair) -> Path:
     return place / "predictions" / (f"{kind}.csv" if fold == pair[0] else f"{kind}_partner.csv")
 
 
-def _measure_pair(workspace: Workspace, pair: Pair, directory: Path) -> None:
+def _measure_pair(workspace: Workspace, pair: Pair, directory: Path, networks_in: Path) -> None:
     rows = workspace.recordings
     apart = Recordings(tuple(row for row in rows if row.fold == pair[1]))
     kept = rows.without(apart)
     on_fold = replace(workspace, recordings=kept).on_fold(pair[0], directory)
-    networks = fit_fold(on_fold, test_parts=False)
+    networks = fit_fold(on_fold, test_parts=False, networks_in=networks_in)
     entry = networks[workspace.kind]
     config = workspace.config
     samples = make_samples(apart, config.model.modalities)

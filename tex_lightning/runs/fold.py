@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.outcomes import RANDOM, environment
-from tex_lightning.learning.share import train_shared
+from tex_lightning.learning.share import train_once
 from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import train_network
 from tex_lightning.learning.training import Training
@@ -57,7 +58,11 @@ def weights(config: Config) -> dict[str, str]:
 
 
 def fit_fold(
-    workspace: Workspace, *, draw: bool = False, test_parts: bool = True
+    workspace: Workspace,
+    *,
+    draw: bool = False,
+    test_parts: bool = True,
+    networks_in: Path | None = None,
 ) -> dict[str, Any]:
     """Train and test all networks that the model consists of on one fold.
 
@@ -65,6 +70,7 @@ def fit_fold(
         workspace: Opened, on its fold.
         draw: Whether figures are drawn; of several folds they are drawn of all together.
         test_parts: Whether the networks that a FusionNet consists of are tested, too.
+        networks_in: Folder in which systems of a family find networks that they have in common.
 
     Returns:
         By network its entry of ``results.json``.
@@ -76,32 +82,32 @@ def fit_fold(
         # before time is spent on the other networks
         given = model.checkpoints.items()
         unimodal = {name: given_start(workspace, name, Path(path)) for name, path in given}
+    fit = partial(_fit_network, workspace, parts, networks_in, draw=draw)
     for name in steps(model.trained, str):
         if name != workspace.kind:
-            unimodal[name], networks[name] = _fit_network(
-                workspace, parts, [name], {}, draw=draw, test=test_parts
-            )
+            unimodal[name], networks[name] = fit([name], {}, test=test_parts)
         else:
             ordered = {sense: unimodal[sense] for sense in model.senses if sense in unimodal}
-            _, networks[name] = _fit_network(workspace, parts, model.senses, ordered, draw=draw)
+            _, networks[name] = fit(model.senses, ordered)
     return networks
 
 
 def _fit_network(
     workspace: Workspace,
     parts: Split,
+    networks_in: Path | None,
     senses: Sequence[str],
     unimodal: dict[str, Trained],
     *,
     draw: bool,
     test: bool = True,
 ) -> tuple[Trained, dict[str, Any]]:
-    card, shared = make_card(workspace, senses, unimodal), workspace.config.crossval.share
+    card = make_card(workspace, senses, unimodal)
     training = make_training(workspace, card, parts, unimodal)
     if card.baseline:
         trained = fit_baseline(training)
-    elif shared is not None:
-        trained = train_shared(training, Path(shared).expanduser())
+    elif networks_in is not None:
+        trained = train_once(training, networks_in)
     else:
         trained = train_network(training)
     if not is_rank_zero():  # it alone tests and writes
