@@ -66,7 +66,7 @@ def test_one_line_is_drawn_over_and_goes_away(terminal, log):
     assert [text[:15] for text in said[::2]] == [
         "Fold 0, haptic:", "Fold 0, fusion:", "Fold 1, haptic:", "Fold 1, fusion:",
     ]  # fmt: skip
-    assert all(text.startswith("  words") for text in said[1::2])
+    assert all(text.startswith("words") for text in said[1::2])
     assert not terminal.cursor_is_hidden
     assert terminal.widest <= 80
     percents = [int(row.partition(" %")[0].split()[-1]) for row in terminal.drawn]

@@ -1,12 +1,14 @@
 """How much is said, through the command line; whole words on a terminal."""
 
+import io
 import json
 import warnings
 
 import pytest
 from rich.cells import cell_len
+from rich.console import Console
 
-from tex_lightning.screen import Screen, fresh_screen, tell, verbosity, wrapped
+from tex_lightning.screen import Screen, fresh_screen, say, tell, verbosity
 
 
 @pytest.fixture
@@ -62,20 +64,20 @@ def test_quiet_sweeps_say_the_table_of_all_jobs(cli, surfaces, tmp_path):
     assert all(results["networks"]["haptic"]["correct"] == 3 for results in done)
 
 
-def test_words_and_paths_stay_whole():
-    path = "/a/folder/with-a-name/that/is/longer/than/a/line/of/the/terminal"
-    text = f"Run folder {path} holds a run with another seed;\n  choose another hydra.run.dir."
-    rows = wrapped(text, 40).splitlines()
-    assert f"  {path}" in rows
-    assert max(len(row) for row in rows if path not in row) <= 40
-    assert " ".join(" ".join(rows).split()) == " ".join(text.split())
-
-
-def test_letters_of_two_columns_are_counted_as_such():
-    text = "木材 の表面 は 粗い, " * 20
-    rows = wrapped(text, 40).splitlines()
-    assert 30 < max(map(cell_len, rows)) <= 40
-    assert " ".join(" ".join(rows).split()) == text.strip()
+def test_a_terminal_wraps_sentences_at_words_and_commands_by_itself(monkeypatch):
+    shown = io.StringIO()
+    console = Console(file=shown, width=40, color_system=None, force_terminal=True)
+    monkeypatch.setattr("tex_lightning.screen.console", console)
+    for text in (
+        "The folder of the run holds another run; choose another one.",
+        "木材 の表面 は 粗い, " * 3,
+    ):
+        say(text)
+    rows = shown.getvalue().splitlines()
+    assert 30 < max(cell_len(row.rstrip()) for row in rows) <= 40
+    assert rows[0].rstrip() == "The folder of the run holds another run;"
+    say("python -m tex_lightning " + "x" * 80, wraps=False)
+    assert shown.getvalue().splitlines()[-1].endswith("x" * 80)
 
 
 @pytest.mark.filterwarnings("default")

@@ -3,14 +3,12 @@
 import logging
 import os
 import re
-import textwrap
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
 
-from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
@@ -23,7 +21,6 @@ OWN = ("tex_lightning", "hydra", "hydra_plugins")
 STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
 
 VARYING = re.compile(r"\(.*?\)|\d+")  # of warnings that are alike otherwise, as of many letters
-FILLER = "\0"  # stands for the second column of a wide letter
 
 log = logging.getLogger(__name__)
 
@@ -155,22 +152,7 @@ def _write(text: str, style: str = "", *, wraps: bool, crops: bool = False) -> N
     if crops and console.is_terminal:
         console.print(Text(text, style), no_wrap=True, overflow="ellipsis")
         return
-    if wraps and console.is_terminal:
-        text = wrapped(text, console.width)
-    console.print(Text(text, style), soft_wrap=True)
-
-
-def wrapped(text: str, width: int) -> str:
-    """Text in lines of whole words; longer words, such as paths, are left whole to be copied."""
-    options = {"break_long_words": False, "break_on_hyphens": False}
-    lines = [wrap(line, width, subsequent_indent="  ", **options) for line in text.split("\n")]
-    return "\n".join("\n".join(each) for each in lines)
-
-
-def wrap(text: str, width: int, **options: Any) -> list[str]:  # noqa: ANN401
-    """What :func:`textwrap.wrap` does, in a terminal's columns, of which some letters take two."""
-    filled = "".join(each + FILLER * (cell_len(each) - 1) for each in text)
-    return [line.replace(FILLER, "") for line in textwrap.wrap(filled, width, **options)]
+    console.print(Text(text, style), soft_wrap=not (wraps and console.is_terminal))
 
 
 class ConsoleHandler(logging.Handler):

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from rich.text import Text
+
 from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.conditions import describe, is_tested
@@ -16,7 +18,7 @@ from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.report.durations import describe_rates, mixed_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
 from tex_lightning.runs.leaks import repeated_content
-from tex_lightning.screen import console, tell_once, wrap
+from tex_lightning.screen import console, tell_once
 
 WIDTH, NARROWEST, INDENT = 80, 40, 10
 
@@ -119,9 +121,12 @@ def trained_networks(model: ModelConfig) -> str:
 
 def _wrapped(title: str, text: str, lines: int) -> list[str]:
     whole = " ".join(_end(word, _room()) for word in text.split())
-    wrapped = wrap(whole, _room(), max_lines=lines, placeholder=" …")
-    titles = [title, *[""] * (len(wrapped) - 1)]
-    return [f"{name:<{INDENT}}{line}" for name, line in zip(titles, wrapped, strict=True)]
+    wrapped = [line.plain.rstrip() for line in Text(whole).wrap(console, _room())]
+    last = Text(" ".join(wrapped[lines - 1 :]))
+    last.truncate(_room(), overflow="ellipsis")
+    shown = [*wrapped[: lines - 1], *filter(None, [last.plain])]
+    titles = [title, *[""] * (len(shown) - 1)]
+    return [f"{name:<{INDENT}}{line}" for name, line in zip(titles, shown, strict=True)]
 
 
 def _room() -> int:
