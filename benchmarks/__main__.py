@@ -14,15 +14,7 @@ from tex_lightning.config import flatten
 from tex_lightning.screen import console
 
 FOREMOST = "ratio"
-LONG = (
-    "digests",
-    "faults",
-    "growth",
-    "hostile",
-    "longrun",
-    "mutations",
-    "scale",
-)  # minutes each: by name
+LONG = ("digests", "faults", "hostile", "mutations", "scale")  # minutes each: by name
 
 
 def names() -> list[str]:

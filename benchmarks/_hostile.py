@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import soundfile
 import torch
-from PIL import Image
 
 from benchmarks._classifiers import make_classifier
-from benchmarks._seeds import LONG, PIXELS, RATE, SMALL
+from benchmarks.mutations import LONG, RATE, SMALL
 from tex_lightning.classifier import lightning_state
 
 Write = Callable[[Path], object]
@@ -61,15 +59,6 @@ def claiming_wav(size: int, rate: int = RATE, channels: int = 1) -> Write:
     return write
 
 
-def claiming_flac(path: Path) -> None:
-    """2**36 - 1 samples by its header."""
-    soundfile.write(path, LONG[0], RATE)
-    content = bytearray(path.read_bytes())
-    content[21] |= 15
-    content[22:26] = b"\xff" * 4
-    path.write_bytes(content)
-
-
 def claiming_npy(shape: str, kind: str = "<f8") -> Write:
     def write(path: Path) -> None:
         head = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
@@ -101,36 +90,12 @@ def bomb_png(path: Path) -> None:
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", rows) + chunk(b"IEND", b""))
 
 
-def claiming_photo(find: bytes, put: bytes, **options: Any) -> Write:  # noqa: ANN401
-    """A photo whose width and height as ``find`` are overwritten."""
-
-    def write(path: Path) -> None:
-        Image.fromarray(PIXELS).save(path, **options)
-        content = path.read_bytes()
-        assert find in content
-        path.write_bytes(content.replace(find, put, 1))
-
-    return write
-
-
-def large_photo(path: Path) -> None:
-    """170 megapixels, as much as is read."""
-    Image.new("L", (13_000, 13_000)).save(path)
-
-
 def pickled_checkpoint(path: Path) -> None:
     path.write_bytes(pickle.dumps(Harm(path.with_name(MARK))))
 
 
 def pickled_in_archive(path: Path) -> None:
     torch.save({"hyper_parameters": Harm(path.with_name(MARK))}, path)
-
-
-def foreign_class(path: Path) -> None:
-    """A card that names a class outside of the package."""
-    card = network("model=haptic", *SMALL)[0]
-    card["branches"]["haptic"]["network"] = {"_target_": "os.mkdir", "path": MARK}
-    torch.save({"hyper_parameters": {"card": card}, "state_dict": {}}, path)
 
 
 def wide_network(path: Path) -> None:
@@ -162,11 +127,6 @@ def text(content: str) -> Write:
     return lambda path: path.write_text(content)
 
 
-def nobodys(path: Path) -> None:
-    np.save(path, LONG)
-    path.chmod(0)
-
-
 def nothing(path: Path) -> None:
     """No file at all."""
 
@@ -176,41 +136,26 @@ TRACES: dict[str, Write] = {
     "line.csv": long_line,
     "2gb.wav": claiming_wav(0x7FFE0000),
     "channels.wav": claiming_wav(100, channels=65_535),
-    "slow.wav": claiming_wav(0xFFFFFFF0, rate=1),
-    "fast.wav": claiming_wav(0xFFFFFFF0, rate=2**32 - 1),
-    "claims.flac": claiming_flac,
     "claims.npy": claiming_npy("(1000000000000,)"),
     "item.npy": claiming_npy("(3,)", "<U500000000"),
-    "negative.npy": claiming_npy("(-1,)"),
     "pickled.npy": pickled_npy,
     "laughs.xml": xml(LAUGHS, "<AccelX>&l9;</AccelX>"),
     "entity.xml": xml('<!ENTITY e SYSTEM "file:///etc/passwd">', "<AccelX>&e;</AccelX>"),
     "pipe.wav": os.mkfifo,
     "zero.wav": lambda path: path.symlink_to("/dev/zero"),
-    "random.csv": lambda path: path.symlink_to("/dev/random"),
     "loop.npy": lambda path: path.symlink_to(path),
-    "dangling.npy": lambda path: path.symlink_to(path.with_name("nothing")),
     "x" * 300 + ".wav": nothing,
 }
 PHOTOS: dict[str, Write] = {
     "bomb.png": bomb_png,
-    "claims.webp": claiming_photo(b"\x28\x00\x30\x00", b"\xff\x3f\xff\x3f", quality=50),
-    "claims.tif": claiming_photo(
-        struct.pack("<HHII", 256, 4, 1, 40), struct.pack("<HHII", 256, 4, 1, 10**9)
-    ),
-    "claims.bmp": claiming_photo(struct.pack("<ii", 40, 48), struct.pack("<ii", 10**6, 10**6)),
-    "claims.jpg": claiming_photo(struct.pack(">HH", 48, 40), b"\xff\xf0\xff\xf0"),
     "pipe.png": os.mkfifo,
 }
 CHECKPOINTS: dict[str, Write] = {
     "pickled.ckpt": pickled_checkpoint,
     "archive.ckpt": pickled_in_archive,
-    "foreign.ckpt": foreign_class,
     "wide.ckpt": wide_network,
     "bomb.ckpt": zip_bomb("archive/data.pkl"),
     "pipe.ckpt": os.mkfifo,
-    "zero.ckpt": lambda path: path.symlink_to("/dev/zero"),
-    "folder.ckpt/": lambda path: path.mkdir(),
 }
 WEIGHTS: dict[str, Write] = {
     "bomb.npz": zip_bomb("conv1.weight.npy", b"\x93NUMPY\x01\x00"),
@@ -218,25 +163,18 @@ WEIGHTS: dict[str, Write] = {
     "bomb.pth": zip_bomb("archive/data.pkl"),
     "pipe.caffemodel": os.mkfifo,
 }
-MANIFESTS: dict[str, Write] = {
-    "sparse_manifest.csv": sparse,
-    "line_manifest.csv": long_line,
-    "pipe_manifest.csv": os.mkfifo,
-    "zero_manifest.csv": lambda path: path.symlink_to("/dev/zero"),
-}
 OBJECT = "!!python/object/apply:os.mkdir [harmed]\n"
 SEVERITIES: dict[str, Write] = {
     "object.yaml": text(f"image: {OBJECT}"),
     "aliases.yaml": text(ALIASES),
-    "zero.yaml": lambda path: path.symlink_to("/dev/zero"),
 }
 
 
 def commands(folder: Path) -> Iterator[tuple[str, list[str]]]:
     """Write the files and give each command by name; all have to end with status 2."""
-    for files in (TRACES, PHOTOS, CHECKPOINTS, WEIGHTS, MANIFESTS, SEVERITIES):
+    for files in (TRACES, PHOTOS, CHECKPOINTS, WEIGHTS, SEVERITIES):
         for name, write in files.items():
-            write(folder / name.rstrip("/"))
+            write(folder / name)
     for kind, more in (("haptic", SMALL), ("visual", ())):
         card, state = network(f"model={kind}", *more)
         content = {"hyper_parameters": {"card": card}, "state_dict": state}
@@ -245,7 +183,6 @@ def commands(folder: Path) -> Iterator[tuple[str, list[str]]]:
     (folder / "folder.wav").mkdir()
     yield from _predictions(folder)
     yield from _trainings(folder)
-    yield from _trees(folder)
 
 
 def _predictions(folder: Path) -> Iterator[tuple[str, list[str]]]:
@@ -256,45 +193,16 @@ def _predictions(folder: Path) -> Iterator[tuple[str, list[str]]]:
         whole = ["task=predict", f"checkpoint={folder / kind}.ckpt", f"{sense}=[{given}]"]
         yield f"predict, {sense}", whole
     yield "folder.wav", [*own, f"haptic={folder}/folder.wav"]
-    for name in (each.rstrip("/") for each in CHECKPOINTS):
+    for name in CHECKPOINTS:
         yield name, ["task=predict", f"checkpoint={folder / name}", f"haptic={folder}/a.npy"]
 
 
 def _trainings(folder: Path) -> Iterator[tuple[str, list[str]]]:
-    """Weights, manifests and tables of severities."""
+    """Weights and tables of severities."""
     for name in WEIGHTS:
         trunk = "alexnet_torchvision" if name.endswith(".pth") else "alexnet"
         plain = ["model.visual.width=1", "model.visual.norm=none", "data=synthetic"]
         yield name, ["model=visual", f"trunk={trunk}", f"weights={folder / name}", *plain]
-    for name in MANIFESTS:
-        yield name, ["model=haptic", "data=manifest", f"data.manifest={folder / name}"]
     for name in SEVERITIES:
         yield name, ["task=stability", f"stability.systems=[{folder}/haptic.ckpt]",
                      f"stability.severities=[{folder / name}]", "data=synthetic"]  # fmt: skip
-
-
-def _trees(folder: Path) -> Iterator[tuple[str, list[str]]]:
-    """Folders of data and of configuration."""
-    for label in ("oak", "felt"):
-        place = folder / "data" / label / "haptic"
-        place.mkdir(parents=True)
-        for name in ("pipe.wav", "loop.npy", "zero.wav", "random.csv"):
-            TRACES[name](place / name)
-    yield "folder of pipes", ["model=haptic", "data=folder", f"data.root={folder}/data"]
-    for name, content in (("object", f"root: {OBJECT}"), ("aliases", ALIASES), ("bytes", "\0")):
-        place = folder / name / "data"
-        place.mkdir(parents=True)
-        (place / "own.yaml").write_text(content)
-        yield (
-            f"configuration, {name}",
-            [f"--config-dir={folder / name}", "data=own", "model=haptic"],
-        )
-    place = folder / "run" / "checkpoints"
-    place.mkdir(parents=True)
-    for kind in ("haptic", "visual"):
-        (place / f"{kind}.ckpt").touch()
-    (folder / "run" / "settings.json").write_text("[" * 100_000)
-    yield "run folder", ["task=predict", f"checkpoint={folder}/run", f"haptic={folder}/a.npy"]
-    nobodys(folder / "nobodys.npy")
-    yield "nobody's file", ["task=predict", f"checkpoint={folder}/haptic.ckpt",
-                            f"haptic={folder}/nobodys.npy"]  # fmt: skip

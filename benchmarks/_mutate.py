@@ -16,7 +16,6 @@ WORDS = (b"0", b"-1", b"1", b"nan", b"-inf", b"1e300", b"-1e-320", b"1e9999", b"
          b"[", b"null", b"true", b"1,5", b"../../x", b"/dev/zero", b"!!python/object:os.system",
          b"*a", b"\x1b[31m", b"\r", b"\n", b"=1+1", b"<a>", b"&x;")  # fmt: skip
 TOKEN = re.compile(rb"[^\s,;:<>\"'{}\[\]=/]+")
-ENCODINGS = ("utf-16", "utf-16-be", "utf-32", "utf-7", "utf-8-sig", "cp037")
 
 
 def mutated(seed: bytes, count: int, *, text: bool, number: int = 0) -> Iterator[tuple[str, bytes]]:
@@ -57,26 +56,6 @@ def insert(seed: bytes, rng: np.random.Generator) -> bytes:
     return seed[:place] + rng.bytes(int(rng.integers(1, 64))) + seed[place:]
 
 
-def delete(seed: bytes, rng: np.random.Generator) -> bytes:
-    place = _place(seed, rng)
-    return seed[:place] + seed[place + int(rng.integers(1, 64)) :]
-
-
-def swap_blocks(seed: bytes, rng: np.random.Generator) -> bytes:
-    a, b, c = sorted(_place(seed, rng) for _ in range(3))
-    return seed[:a] + seed[b:c] + seed[a:b] + seed[c:]
-
-
-def repeat(seed: bytes, rng: np.random.Generator) -> bytes:
-    place = _place(seed, rng)
-    return seed[:place] + seed[place : place + 64] * int(rng.integers(2, 50)) + seed[place:]
-
-
-def put_zeros(seed: bytes, rng: np.random.Generator) -> bytes:
-    place, size = _place(seed, rng), int(rng.integers(1, 64))
-    return seed[:place] + bytes(size) + seed[place + size :]
-
-
 def replace_all(seed: bytes, rng: np.random.Generator) -> bytes:
     """Nothing, zeros, noise or text instead of the file."""
     size = int(rng.integers(1, 4096))
@@ -109,11 +88,6 @@ def put_word(seed: bytes, rng: np.random.Generator) -> bytes:
     return seed[: match.start()] + WORDS[int(rng.integers(len(WORDS)))] + seed[match.end() :]
 
 
-def encode(seed: bytes, rng: np.random.Generator) -> bytes:
-    encoding = ENCODINGS[int(rng.integers(len(ENCODINGS)))]
-    return seed.decode("utf-8", "replace").encode(encoding, "replace")
-
-
 def edit_lines(seed: bytes, rng: np.random.Generator) -> bytes:
     """A line taken out, twice, elsewhere, cut in two, or of other cells."""
     lines = seed.splitlines(keepends=True)
@@ -135,8 +109,7 @@ def nest(seed: bytes, rng: np.random.Generator) -> bytes:
 
 
 ANY: dict[str, Mutation] = {
-    each.__name__: each
-    for each in (flip_bits, truncate, insert, delete, swap_blocks, repeat, put_zeros, replace_all)
+    each.__name__: each for each in (flip_bits, truncate, insert, replace_all)
 }
 OF_HEADERS: dict[str, Mutation] = {
     "put_field": put_field,
@@ -148,7 +121,6 @@ OF_TEXT: dict[str, Mutation] = {
     "put_word": put_word,
     "put_word_again": put_word,
     "put_word_more": put_word,
-    "encode": encode,
     "edit_lines": edit_lines,
     "nest": nest,
 }

@@ -20,21 +20,21 @@ def run_watched(command: Sequence[str], **environment: str) -> dict[str, Any]:
     Returns:
         ``seconds``; ``peak_mib``, the largest sum of the resident sets of its processes;
         ``peak_own_mib``, the same without pages of files, which the system may drop at any time;
-        ``output``, what it printed; ``history``, of the latter with the time of every look.
+        ``output``, what it printed.
 
     Raises:
         UserError: If this system has no ``/proc``.
     """
     if not (PROC / "self" / "statm").is_file():
         raise UserError("Memory of processes is read from /proc, which this system lacks.")
-    begin, peak, history = time.perf_counter(), 0.0, [(0.0, 0.0)]
+    begin, peak, own = time.perf_counter(), 0.0, 0.0
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, text=True, env={**os.environ, **environment}
     ) as process:
         while process.poll() is None:
             sizes = [resident(each) for each in tree(process.pid)]
             peak = max(peak, sum(size for size, _ in sizes))
-            history.append((time.time(), sum(size - of_files for size, of_files in sizes)))
+            own = max(own, sum(size - of_files for size, of_files in sizes))
             time.sleep(INTERVAL)
         seconds = time.perf_counter() - begin
         assert process.stdout is not None
@@ -44,9 +44,8 @@ def run_watched(command: Sequence[str], **environment: str) -> dict[str, Any]:
     return {
         "seconds": seconds,
         "peak_mib": peak,
-        "peak_own_mib": max(own for _, own in history),
+        "peak_own_mib": own,
         "output": output,
-        "history": history,
     }
 
 
@@ -62,7 +61,7 @@ def tree(pid: int) -> Iterator[int]:
             yield from tree(int(child))
 
 
-def resident(pid: int | str = "self") -> tuple[float, float]:
+def resident(pid: int) -> tuple[float, float]:
     """Resident set of a process, and what of it are pages of files, in MiB; 0 if it has ended."""
     try:
         _, size, of_files, *_ = (PROC / str(pid) / "statm").read_text().split()

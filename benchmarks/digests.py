@@ -11,7 +11,6 @@ import csv
 import hashlib
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import Any
 
 import torch
 
-from tex_lightning.config import CONF
+from benchmarks._commands import output, run
 from tex_lightning.files import write_text
 
 SURFACES = ("data=folder", "data.root={surfaces}")
@@ -75,7 +74,7 @@ def measure(out: str = "", against: str = "", data: str = "") -> dict[str, Any]:
 def _digests(folder: Path, data: str) -> dict[str, str]:
     surfaces, runs = folder / "surfaces", folder / "runs"
     drawn = ("task=generate", "data.classes=3", f"generate.out={surfaces}", "debug=tiny")
-    _run(folder, "generate", (*drawn, "data.synthetic.recordings=10"))
+    run(folder, "generate", (*drawn, "data.synthetic.recordings=10"))
     *_, last = sorted(path.name for path in surfaces.iterdir() if path.is_dir())
     names = {
         "surfaces": surfaces, "runs": runs, "real": data, "last": last,
@@ -86,36 +85,19 @@ def _digests(folder: Path, data: str) -> dict[str, str]:
     for case, arguments in CASES.items():
         if not data and any("{real}" in argument for argument in arguments):
             continue
-        printed = _run(folder, case, [argument.format(**names) for argument in arguments])
-        found |= {f"{case}/{key}": digest for key, digest in _of_folder(runs / case).items()}
+        printed = run(folder, case, [argument.format(**names) for argument in arguments])
+        found |= {f"{case}/{key}": digest for key, digest in digests_of(runs / case).items()}
         if case in ("stream", "predict"):
             found[f"{case}/printed"] = _of_lines(printed)
     for number, trace in enumerate(sorted(surfaces.glob("*/haptic/*"))[::11]):
         photo = min((trace.parents[1] / "image").iterdir())
         given = (str(runs / "export" / "fusion.onnx"), f"haptic={trace}", f"image={photo}")
-        printed = _python(folder, ("-m", "tex_lightning_runtime", *given))
+        printed = output([sys.executable, "-m", "tex_lightning_runtime", *given], folder)
         found[f"export/label {number}"] = json.loads(printed.splitlines()[-1])["label"]
     return found
 
 
-def _run(folder: Path, case: str, arguments: tuple[str, ...] | list[str]) -> str:
-    common = (f"hydra.run.dir={folder}/runs/{case}", f"data.cache_dir={folder}/cache", "seed=0")
-    return _python(folder, ("-m", "tex_lightning", *arguments, *common))
-
-
-def _python(folder: Path, arguments: tuple[str, ...]) -> str:
-    root = CONF.parent
-    environment = {"OMP_NUM_THREADS": "1", "PYTHONPATH": f"{root}:{root / 'runtime'}"}
-    finished = subprocess.run(
-        [sys.executable, *arguments], cwd=folder, env={**os.environ, **environment},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if finished.returncode:
-        raise RuntimeError(f"{' '.join(arguments)} ended with {finished.stderr[-2000:]}")
-    return finished.stdout
-
-
-def _of_folder(run: Path) -> dict[str, str]:
+def digests_of(run: Path) -> dict[str, str]:
     """Digests of weights by network, of votes by network, and of the trials of stability."""
     found = {f"weights {path.stem}": _of_weights(path) for path in run.glob("checkpoints/*.ckpt")}
     for path in run.glob("predictions/*.csv"):

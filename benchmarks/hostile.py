@@ -12,8 +12,6 @@ import subprocess
 import sys
 import tempfile
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +27,6 @@ from benchmarks._attempts import (
 )
 from benchmarks._hostile import MARK, commands
 
-NOBODY = 65_534
 EACH = 120.0  # seconds for one command
 SECONDS = 900.0  # for all
 
@@ -68,7 +65,7 @@ def run(arguments: list[str], folder: Path) -> dict[str, Any]:
     sys.argv = ["tex_lightning", *arguments, f"data.cache_dir={folder}/cache",
                 f"hydra.run.dir={folder}/outputs"]  # fmt: skip
     before, begin = reset_peak(), os.times().elapsed
-    with captured() as said, in_time(EACH), unprivileged("nobodys" in arguments[-1], folder):
+    with captured() as said, in_time(EACH):
         try:
             status = main()
         except (Exception, Hangs, SystemExit) as error:
@@ -86,22 +83,6 @@ def run(arguments: list[str], folder: Path) -> dict[str, Any]:
         "said": sentences,
         "wrong": wrong if status == 2 else [f"status {status}", *wrong],
     }
-
-
-@contextmanager
-def unprivileged(wanted: bool, folder: Path) -> Iterator[None]:
-    """Give up what root may, so that a file can be kept from it."""
-    if not wanted or os.geteuid() != 0:
-        yield
-        return
-    for each in (folder, folder / "outputs"):
-        each.mkdir(exist_ok=True)
-        each.chmod(0o777)
-    os.seteuid(NOBODY)
-    try:
-        yield
-    finally:
-        os.seteuid(0)
 
 
 def sentence(line: str) -> bool:

@@ -82,7 +82,6 @@ def measure(classes: int = CLASSES, recordings: int = PER_CLASS) -> dict[str, An
 
 def _step(module: str, *arguments: str) -> dict[str, Any]:
     found = run_watched([sys.executable, "-m", module, *arguments])
-    found.pop("history")
     return found
 
 

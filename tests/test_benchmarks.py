@@ -1,13 +1,11 @@
 """The runner of the benchmarks; what they measure is measured by them."""
 
 import json
-import signal
-import time
 
 import pytest
 
 from benchmarks import __main__ as runner
-from benchmarks import _processes, _run
+from benchmarks import _run
 from tex_lightning.errors import UserError
 
 
@@ -65,15 +63,3 @@ def test_options_reach_the_benchmark(tmp_path, monkeypatch):
     monkeypatch.setattr(_run, "RESULTS", tmp_path)
     monkeypatch.setattr(_run, "import_module", lambda name: Module({}))
     assert _run.run_one("faults", {"rounds": "2"})["figures"] == {"rounds": "2"}
-
-
-def test_a_process_ends_by_itself_or_by_a_signal_and_partial_files_are_found(tmp_path):
-    assert _processes.run(["--version"], tmp_path / "log").status == 0
-    running = _processes.Running([], tmp_path / "log", lambda: time.sleep(60))
-    running.send(signal.SIGKILL)
-    assert running.end().status == -signal.SIGKILL
-    (tmp_path / "run").mkdir()
-    for name in (".a.ckpt.abcd_123", "b.csv", ".hydra"):
-        (tmp_path / "run" / name).touch()
-    assert sorted(_processes.files(tmp_path / "run")) == [".a.ckpt.*", ".hydra", "b.csv"]
-    assert [path.name for path in _processes.partial_files(tmp_path)] == [".a.ckpt.abcd_123"]
