@@ -2,13 +2,15 @@
 
 import io
 import json
+import logging
 import warnings
 
 import pytest
 from rich.cells import cell_len
 from rich.console import Console
 
-from tex_lightning.screen import Screen, fresh_screen, say, tell, verbosity
+from tex_lightning.report.table import make_table
+from tex_lightning.screen import Screen, console, fresh_screen, log_once, say, tell, verbosity
 
 
 @pytest.fixture
@@ -90,6 +92,26 @@ def test_warnings_of_libraries_are_one_line_each_and_those_alike_one_in_all(capl
     first, second = caplog.messages
     assert first.startswith("Glyph 0 (\\N{LETTER 0}) missing from font. (test_screen.py:")
     assert second.startswith("Another. (test_screen.py:")
+
+
+def test_what_is_the_same_for_every_fold_is_logged_once(caplog):
+    log = logging.getLogger("tex_lightning.test")
+    for _ in range(2):  # commands
+        with fresh_screen(), caplog.at_level("INFO"):
+            for _ in range(10):
+                log_once(log, "The trunk begins with /a/long/path.pth.")
+    assert caplog.messages == ["The trunk begins with /a/long/path.pth."] * 2
+
+
+def test_a_table_takes_no_markup_no_emoji_and_no_control_characters(capfd):
+    table = make_table("[/b] :smile:", ["[red]"], [])
+    table.add_row("a\x1b[31m\u202e")
+    console.print(table)
+    said = capfd.readouterr().err
+    assert "[/b] :smile:" in said
+    assert "[red]" in said
+    assert "a\\x1b[31m\\u202e" in said
+    assert "\x1b" not in said
 
 
 def test_names_cannot_steer_the_terminal(capfd):
