@@ -3,6 +3,7 @@
 import logging
 import os
 import sys
+import traceback
 from pathlib import Path
 
 INTERRUPTED = 130
@@ -16,6 +17,7 @@ try:
     from tex_lightning.config.job import Job, current_job
     from tex_lightning.config.search import use_config_dir, with_own_senses
     from tex_lightning.config.usage import answer, asks
+    from tex_lightning.contract import fault_of
     from tex_lightning.errors import UserError
     from tex_lightning.launch import as_mistake
     from tex_lightning.progress import finishing
@@ -26,7 +28,7 @@ except KeyboardInterrupt:  # Ctrl-C before anything has begun
     raise SystemExit(INTERRUPTED) from None
 
 USER_FAULT = 2
-FAILED_SWEEP = 1
+FAILED = 1
 
 # Of every job of this process its run folder, and the override that goes on with it; none means
 # that Hydra could not make a run folder.
@@ -58,8 +60,14 @@ def run_job(composed: DictConfig) -> float | None:
             raise SystemExit(complain(mistake)) from error
         if mistake is None:
             log.exception("This job of the sweep failed.")
-        note_failure(job, str(mistake or f"{type(error).__name__}: {error}"))
+        note_failure(job, _summary(error, mistake))
         return None
+
+
+def _summary(error: Exception, mistake: Exception | None) -> str:
+    """What the table of a sweep says of a failed job."""
+    fault = fault_of(error)
+    return str(mistake or (fault and fault[0]) or f"{type(error).__name__}: {error}")
 
 
 def complain(error: Exception) -> int:
@@ -77,6 +85,15 @@ def main() -> int:
         if is_rank_zero():
             say(_interrupted())
         return INTERRUPTED
+    except Exception as error:
+        if (fault := fault_of(error)) is None:
+            raise
+        if is_rank_zero():
+            said, where = fault
+            say(f"Error: {said}")
+            error.__notes__.clear()
+            traceback.print_exception(type(error), error, where)
+        return FAILED
 
 
 def _interrupted() -> str:
@@ -147,7 +164,7 @@ def _run() -> int:
     from tex_lightning.report.sweep import SweepSummary
 
     failures, SweepSummary.failures = SweepSummary.failures, 0  # the next call starts afresh
-    return FAILED_SWEEP if failures else 0
+    return FAILED if failures else 0
 
 
 if __name__ == "__main__":

@@ -60,12 +60,10 @@ def test_own_parts_classify(level, label):
 
 def test_it_tells_no_geometry_and_what_needs_one_says_so():
     branch = own()
-    assert not branch.declares_geometry
+    assert branch.geometry is None
     assert branch.piece_size(7) == 7
     assert branch.input_size(signal(1.0)) == (1, 12)
-    with pytest.raises(
-        UserError, match="network that declares its geometry, and Loudness of touch"
-    ):
+    with pytest.raises(UserError, match=r"each see a window .* and Loudness of touch is none"):
         branch.grid(signal(1.0))
 
 

@@ -8,12 +8,22 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tex_lightning.decision.voting import max_vote, mean_vote, random_tuples, score_vote
+from tex_lightning.errors import UserError
 
 LOGITS = arrays(
     np.float32,
     st.tuples(st.integers(2, 6), st.integers(1, 30)),
     elements=st.integers(-4, 4).map(float),
 )
+
+
+@pytest.mark.parametrize("rule", [max_vote, mean_vote, score_vote])
+@pytest.mark.parametrize("wrong", [torch.nan, torch.inf])
+def test_scores_that_are_not_finite_are_no_vote(rule, wrong):
+    scores = torch.zeros(3, 4)
+    scores[1, 2] = wrong
+    with pytest.raises(UserError, match="NaN or infinite, so there is no decision"):
+        rule(scores)
 
 
 @given(LOGITS)

@@ -187,15 +187,21 @@ def test_a_network_of_the_user_with_too_many_scores_ends_before_training(cli, da
     where = f"hydra.run.dir={tmp_path}"
     outcome = cli(*CONF, *data, *GREY, "+model.grey.network.surplus=1", where)
     assert outcome.status == 2
-    assert "Error: GreyNet of grey gives 4 scores at each position, and there are 3" in outcome.err
+    assert (
+        "model.grey.network (GreyNet) gave 4 scores at each position, and there are 3"
+        in outcome.err
+    )
     assert not (tmp_path / "checkpoints").exists()
 
 
 def test_too_short_a_piece_for_a_network_of_the_user_is_said(cli, data, tmp_path):
     small = ["model=fusion", "model.senses=[force]", "model.force.fit.frames=4"]
     outcome = cli(*CONF, *data, *small, f"hydra.run.dir={tmp_path}")
-    assert outcome.status == 2
-    assert "ForceNet of force, trained on pieces of 4, raised RuntimeError: Calc" in outcome.err
+    assert outcome.status == 1
+    said, *traceback = outcome.err[outcome.err.index("Error: ") :].splitlines()
+    assert said.startswith("Error: model.force.network (ForceNet) raised RuntimeError: a network")
+    assert "in features" in " ".join(traceback)
+    assert "hydra" not in " ".join(traceback)
 
 
 def test_hydras_search_path_brings_senses_too(cli, flat, tmp_path):

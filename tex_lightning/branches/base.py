@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, ClassVar
@@ -10,25 +11,19 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.branches.contract import (
-    PartFault,
-    blamed,
-    check_input,
-    check_output,
-    is_own,
-)
+from tex_lightning.contract import calling, check_batch
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder
 from tex_lightning.data.quality import Quality, Ranges
 from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, reason, shorten
-from tex_lightning.networks.blocks import Level
-from tex_lightning.networks.tiles import affordable, in_tiles, layer_windows
+from tex_lightning.networks.blocks import Level, is_builtin
+from tex_lightning.networks.geometry import Geometry, geometry_of, min_size_of
+from tex_lightning.networks.tiles import affordable, in_tiles
+from tex_lightning.networks.visualnet import VisualNet
 
 Change = Callable[[Tensor], Tensor]
-
-GEOMETRY = ("window_size", "min_size", "stride", "output_size")  # that a network may declare
 
 
 @dataclass
@@ -38,10 +33,8 @@ class Branch(ABC):
     Features are an ``nn.Module`` that maps a decoded recording to the network's input (1, ...).
     The network is an ``nn.Module`` whose ``features(x, level)`` maps inputs to (batch, D,
     *positions): class scores before softmax at level "fc3", the last hidden layer at level "fc2".
-    A network that also has a ``score_layer``, its last layer, can be fused on FC2. One that
-    declares its geometry as :class:`~tex_lightning.networks.hapticnet.HapticNet` does, by
-    ``window_size``, ``min_size``, ``stride`` and ``output_size``, is taken through large
-    recordings in pieces.
+    A network that also has a ``score_layer``, its last layer, can be fused on FC2. Large recordings
+    are taken through a network in pieces where its geometry is known.
 
     Attributes:
         name: Name of the sense.
@@ -132,10 +125,6 @@ class Branch(ABC):
         """
 
     @abstractmethod
-    def repeated(self, recording: Tensor) -> Tensor:
-        """A recording repeated until it is long or large enough for any usual network."""
-
-    @abstractmethod
     def decode_input(
         self,
         given: Any,  # noqa: ANN401
@@ -155,7 +144,7 @@ class Branch(ABC):
 
     def piece_size(self, size: int) -> int:
         """Length or side of a piece that gives a single position; ``size`` if nothing tells."""
-        return self.window_size[1] if self.declares_geometry else size
+        return size if self.geometry is None else self.window_size[1]
 
     def adopt(self, other: "Branch") -> None:
         """Take over what the features of another branch of this kind have learnt."""
@@ -169,13 +158,27 @@ class Branch(ABC):
         """What the features give for ``batch`` recordings on their device.
 
         Raises:
-            PartFault: If a user's fail, or give no network input.
+            UserError: If that is no network input.
         """
-        with blamed(self.features, self.name):
-            found: Tensor = self.features(x)
-        if not is_own(self.features):  # those of a baseline give whole photos
-            check_input(found, self.features, self.name, batch, self.medium)
-        return found
+        with self._calling_features():
+            found = self.features(x)
+        least = 2 if self.medium == "signal" else 4
+        return check_batch(found, *self.features_part, batch, least)
+
+    @property
+    def features_part(self) -> tuple[str, str, nn.Module]:
+        """Key, kind and object of the features, as a contract names them."""
+        return f"model.{self.name}.features", "features", self.features
+
+    @property
+    def network_part(self) -> tuple[str, str, nn.Module]:
+        """The same of the network, or of the trunk in it that alone is a user's."""
+        if isinstance(self.network, VisualNet) and not is_builtin(self.network.trunk):
+            return f"model.{self.name}.trunk", "trunk", self.network.trunk
+        return f"model.{self.name}.network", "network", self.network
+
+    def _calling_features(self) -> AbstractContextManager[None]:
+        return calling(*self.features_part)
 
     def as_weights(self, x: Tensor) -> Tensor:
         """A network input in the precision of the network's weights."""
@@ -213,28 +216,14 @@ class Branch(ABC):
         return self._dense_grid(self.dense_input(recording), level)
 
     def _tried(self, recording: Tensor, level: Level) -> Tensor:
-        """Features by a network that does not say how much it needs.
-
-        A user's part that fails on this recording and on a much larger one is at fault itself.
-        """
+        """Features by a network of which it is not known how much it needs."""
         try:
             found = self._dense_grid(self.dense_input(recording), level)
-        except PartFault as fault:
-            if self._fails(self.repeated(recording), level):
-                raise
-            raise self._unusable(recording, reason(fault.__cause__ or fault)) from fault
         except RuntimeError as error:  # of a kernel that is larger than its input
-            raise self._unusable(recording, " ".join(str(error).split())) from error
+            raise self._unusable(recording, reason(error)) from error
         if not found[0].numel():
             raise self._unusable(recording, "it gives no position")
         return found
-
-    def _fails(self, recording: Tensor, level: Level) -> bool:
-        try:
-            self._dense_grid(self.dense_input(recording), level)
-        except PartFault:
-            return True
-        return False
 
     def _unusable(self, recording: Tensor, why: str) -> UserError:
         extent = f"{self.decoder.extent(content(recording)):.3g} {self.decoder.unit}"
@@ -255,36 +244,42 @@ class Branch(ABC):
 
     def grid(self, recording: Tensor) -> tuple[int, int]:
         """Rows and columns of positions that a decoded recording gives."""
-        rows, columns = self._declared("output_size")(*self.input_size(recording))
-        return rows, columns
+        return self._known_geometry.output_size(*self.input_size(recording))
 
     @property
-    def is_own(self) -> bool:
+    def is_builtin(self) -> bool:
         """Whether the classes of its features and network are this package's."""
-        return is_own(self.features, self.network)
+        return is_builtin(self.features) and is_builtin(self.network)
+
+    @abstractmethod
+    def example(self) -> Tensor:
+        """Make an input of the network, of any content and size."""
 
     @property
-    def declares_geometry(self) -> bool:
-        """Whether the network says how large inputs and their windows have to be."""
-        return all(hasattr(self.network, name) for name in GEOMETRY)
+    def geometry(self) -> Geometry | None:
+        """Geometry of the network, or None where it is not known."""
+        return geometry_of(self.network, self.example, rows_vary=self.medium == "photo")
 
     @property
     def window_size(self) -> tuple[int, int]:
         """Height and width of an input that gives exactly one position."""
-        height, width = self._declared("window_size")
-        return height, width
+        return self._known_geometry.window_size
+
+    @property
+    def known_min_size(self) -> tuple[int, int] | None:
+        """Height and width of the smallest input that gives a position, if that can be told."""
+        return min_size_of(self.network, self.example, rows_vary=self.medium == "photo")
 
     @property
     def min_size(self) -> tuple[int, int]:
-        """Height and width of the smallest input that gives a position."""
-        height, width = self._declared("min_size")
-        return height, width
+        """The same, of a branch that knows it."""
+        found = self.known_min_size
+        return self._known_geometry.min_size if found is None else found
 
     @property
     def stride(self) -> int:
         """Elements of the input between neighbouring positions."""
-        stride: int = self._declared("stride")
-        return stride
+        return self._known_geometry.stride
 
     @property
     def device(self) -> torch.device:
@@ -302,12 +297,14 @@ class Branch(ABC):
         yield from chain(*(module.parameters() for module in modules))
         yield torch.empty(0)  # of modules without any
 
-    def _declared(self, name: str) -> Any:  # noqa: ANN401
-        found = getattr(self.network, name, None)
+    @property
+    def _known_geometry(self) -> Geometry:
+        found = self.geometry
         if found is None:
             raise UserError(
-                "This needs a network that declares its geometry, and "
-                f"{type(self.network).__name__} of {self.name} has no {name}."
+                "This needs a network whose predictions each see a window of its input, at equal "
+                f"distances along two axes, and {type(self.network).__name__} of {self.name} is "
+                "none; give another checkpoint."
             )
         return found
 
@@ -322,17 +319,19 @@ class Branch(ABC):
             found = self._features(part, level)
             return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
 
-        if self.tile is None or not self.declares_geometry or x.dim() != 4:  # or not of two axes
+        large = self.tile is not None and x.dim() == 4 and x.shape[2] * x.shape[3] > self.tile
+        geometry = self.geometry if large else None
+        if geometry is None:
             return features(x)[0]
-        windows = layer_windows(self.network, 0), layer_windows(self.network, 1)
-        return in_tiles(features, x, windows, affordable(windows, self.tile))[0]
+        return in_tiles(features, x, geometry.layers, affordable(geometry.layers, self.tile))[0]
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
         """Features (1, D, *positions) of a network input: float32, of float64 weights float64."""
         x = self.as_weights(x)
-        with blamed(self.network, self.name, self.features):
-            found: Tensor = self.network.features(x, level)  # type: ignore[operator]
-        check_output(found, self.network, self.name, len(x))
+        part = self.network_part
+        with calling(*part):
+            given = self.network.features(x, level)  # type: ignore[operator]
+        found = check_batch(given, *part, len(x), 3)
         return found if found.dtype == torch.float64 else found.float()
 
 

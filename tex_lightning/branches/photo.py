@@ -1,6 +1,5 @@
 """The branch of a sense whose recordings are photos."""
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,10 +16,10 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import ImageFeatures, crop_side, rotated_photos
-from tex_lightning.networks.blocks import Level
+from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.perturbations.augment import Augmentation
 
-LARGE = 1024  # pixels a side, more than a network takes for one fragment
+SIDE = 64  # pixels of an example
 
 
 class PhotoBranch(Branch):
@@ -40,8 +39,8 @@ class PhotoBranch(Branch):
 
     @property
     def knows_min_size(self) -> bool:
-        """Whether the network says how large a photo has to be."""
-        return hasattr(self.network, "min_size")
+        """Whether it is known how large a photo the network takes."""
+        return is_builtin(self.features) and self.known_min_size is not None
 
     def check_size(self, recording: Tensor | Array) -> None:
         """Refuse a photo that is too small for one fragment; see the base class."""
@@ -62,8 +61,8 @@ class PhotoBranch(Branch):
         return super().__call__(_planes(recording))
 
     def dense_input(self, recording: Tensor) -> Tensor:
-        """Pixels (1, 3, height, width): a large photo is normalised piece by piece."""
-        return _planes(recording)
+        """Pixels (1, 3, height, width), which this package's features normalise piece by piece."""
+        return _planes(recording) if is_builtin(self.features) else self(recording)
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
         pixels = self.read(x.to(self.device), len(x)) if x.dtype == torch.uint8 else x
@@ -84,6 +83,11 @@ class PhotoBranch(Branch):
     def blank(self, height: int, width: int) -> Tensor:
         """A black photo, laid out as decoded ones are."""
         return torch.zeros(1, 3, height, width).contiguous(memory_format=torch.channels_last)
+
+    def example(self) -> Tensor:
+        """What the features give of a black photo."""
+        photo = torch.zeros(1, 3, SIDE, SIDE, dtype=torch.uint8)
+        return self.as_weights(self.read(photo.to(self.device)))
 
     def bank(
         self,
@@ -119,11 +123,6 @@ class PhotoBranch(Branch):
         if change is not None:
             photos = (change(photos / 255) * 255).round().clamp(0, 255).to(torch.uint8)
         return self.read(photos, len(photos))
-
-    def repeated(self, recording: Tensor) -> Tensor:
-        """At least 1024 pixels a side; see the base class."""
-        height, width = recording.shape[:2]
-        return recording.repeat(math.ceil(LARGE / height), math.ceil(LARGE / width), 1)
 
     def decode_input(
         self,

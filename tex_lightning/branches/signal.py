@@ -1,6 +1,5 @@
 """The branch of a sense whose recordings are signals: traces of acceleration, sounds, forces."""
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
@@ -11,7 +10,6 @@ import torch
 from torch import Tensor
 
 from tex_lightning.branches.base import Branch, Change, as_tensor
-from tex_lightning.branches.contract import blamed, culprit_name, is_own
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
@@ -21,10 +19,11 @@ from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.perturbations.augment import Augmentation
 from tex_lightning.progress import track
 
-LONG = 60  # seconds, more than a network takes for one fragment
+SECONDS = 4  # of an example
 
 
 class SignalBranch(Branch):
@@ -51,7 +50,7 @@ class SignalBranch(Branch):
     @property
     def knows_min_size(self) -> bool:
         """Whether the spectrogram's frames can be counted, and the network says how many."""
-        return self.spectrogram is not None and self.declares_geometry
+        return self.spectrogram is not None and self.known_min_size is not None
 
     def check_size(self, recording: Tensor | Array) -> None:
         """Refuse a signal that is too short for one fragment; see the base class."""
@@ -85,7 +84,7 @@ class SignalBranch(Branch):
         """
         found = super().__call__(recording)
         if not bool(found.isfinite().all()):
-            own = "" if is_own(self.features) else culprit_name(self.features)
+            own = "" if is_builtin(self.features) else type(self.features).__name__
             raise UserError(
                 f"The {self.what} holds NaN, infinity or numbers too large to square"
                 f"{own and f', or {own} makes them'}; repair the recording"
@@ -104,6 +103,13 @@ class SignalBranch(Branch):
         """A spectrogram of zeros."""
         return torch.zeros(1, 1, height, width)
 
+    def example(self) -> Tensor:
+        """A blank spectrogram, or what other features give of some seconds of noise."""
+        if self.spectrogram is not None:
+            return self.as_weights(self.blank(self.spectrogram.bands, 1))
+        samples = SECONDS * round(self.decoder.sampling_rate)
+        return self.as_weights(self.read(torch.randn(1, samples).to(self.device)))
+
     def bank(
         self,
         rows: Sequence[Recording],
@@ -120,14 +126,14 @@ class SignalBranch(Branch):
         """
         if learn and hasattr(self.features, "learn"):
             signals = (load_recording(row, store).to(self.device) for row in rows)
-            with blamed(self.features, self.name):
+            with self._calling_features():
                 self.features.learn(signals)  # type: ignore[operator]  # of features that have one
         store.root.mkdir(parents=True, exist_ok=True)
         clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
         perturbed = self._perturbed(rows, store, fit, seed)
         raw = InputBank(chain(clean, perturbed), 1, folder=store.root).inputs
         if learn and hasattr(self.features, "fit"):
-            with blamed(self.features, self.name):
+            with self._calling_features():
                 self.features.fit(raw[: len(rows)])  # type: ignore[operator]  # of those with one
         versions = len(raw) // len(rows)
         return InputBank(map(self._normalised, raw), size, versions, store.root)
@@ -139,7 +145,7 @@ class SignalBranch(Branch):
         recording = recording.to(self.device)
         if measure is None:
             return self.read(recording)[0].detach()
-        with blamed(self.features, self.name):
+        with self._calling_features():
             found: Tensor = measure(recording)
         return found
 
@@ -147,7 +153,7 @@ class SignalBranch(Branch):
         """Network input (..., frames) on the CPU."""
         if hasattr(self.features, "magnitudes"):
             raw = raw.to(self.device)
-            with blamed(self.features, self.name):
+            with self._calling_features():
                 raw = self.features.normalise(raw)[None]  # type: ignore[operator]  # they have both
         return raw.cpu()
 
@@ -177,11 +183,6 @@ class SignalBranch(Branch):
     ) -> Tensor:
         """The sub-samples as they are."""
         return pieces["input"]
-
-    def repeated(self, recording: Tensor) -> Tensor:
-        """At least a minute of it; see the base class."""
-        samples = LONG * self.decoder.sampling_rate
-        return recording.repeat(1, math.ceil(samples / max(1, recording.shape[1])))
 
     def decode_input(
         self,

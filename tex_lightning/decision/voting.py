@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from tex_lightning.errors import UserError
+
 
 @dataclass(frozen=True)
 class Vote:
@@ -60,11 +62,19 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     Args:
         logits: (classes, fragments) on any device, at least one fragment.
         temperature: The logits are divided by it before they become probabilities.
+
+    Raises:
+        UserError: If a score is NaN or infinite, which would win or lose every vote.
     """
     logits = logits.cpu()
     classes, count = logits.shape
     if count == 0:
         raise ValueError("a vote needs at least one fragment")
+    if not bool(logits.isfinite().all()):
+        raise UserError(
+            "The class scores of this sample are NaN or infinite, so there is no decision; leave "
+            "it out, or correct the network or baseline that gives them."
+        )
     fragments = logits.argmax(dim=0)
     votes = torch.bincount(fragments, minlength=classes)
     sums = probabilities(logits, temperature)

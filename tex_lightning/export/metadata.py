@@ -11,7 +11,6 @@ from tex_lightning.data.quality import limits
 from tex_lightning.export.graph import thresholds
 from tex_lightning.export.tracing import AXES
 from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.networks.tiles import layer_windows, receptive_field
 
 KEY = "tex_lightning"  # of the metadata
 FORMAT = 2  # of what stands there
@@ -46,7 +45,7 @@ def _unknown(card: Card) -> dict[str, Any] | None:
 
 
 def _sense(branch: Branch, card: Card) -> dict[str, Any]:
-    decoder, declared = branch.decoder, branch.declares_geometry
+    decoder, geometry = branch.decoder, branch.geometry
     entry: dict[str, Any] = {
         "name": branch.name,
         "modality": branch.modality,
@@ -54,8 +53,8 @@ def _sense(branch: Branch, card: Card) -> dict[str, Any]:
         "medium": branch.medium,
         "least": _least(branch),
         "limits": limits(card.input_ranges.get(branch.modality, {})),
-        "receptive_field": receptive_field(layer_windows(branch.network, 1)) if declared else None,
-        "stride": branch.stride if declared else None,
+        "receptive_field": None if geometry is None else geometry.receptive_field,
+        "stride": None if geometry is None else geometry.stride,
     }
     if isinstance(decoder, SignalDecoder):
         entry |= {

@@ -108,7 +108,7 @@ def example(branch: Branch, seed: int = 0) -> Tensor:
     if isinstance(decoder, SignalDecoder):
         size = AXES[-1], _samples(branch, decoder.sampling_rate)
         return torch.randn(size, generator=generator)
-    least = branch.window_size if branch.declares_geometry else (SIDE, SIDE)
+    least = (SIDE, SIDE) if branch.geometry is None else branch.window_size
     scale = 2 if isinstance(decoder, PhotoDecoder) and decoder.half_scale else 1
     height, width = scale * (least[0] + branch_step(branch)), scale * (least[1] + SIDE // 4) + 1
     return torch.randint(256, (height, width, 3), generator=generator, dtype=torch.uint8)
@@ -116,12 +116,12 @@ def example(branch: Branch, seed: int = 0) -> Tensor:
 
 def branch_step(branch: Branch) -> int:
     """Pixels to a second row of positions."""
-    return branch.stride if branch.declares_geometry else SIDE // 8
+    return SIDE // 8 if branch.geometry is None else branch.stride
 
 
 def _samples(branch: Branch, rate: float) -> int:
     features = branch.features
-    if isinstance(features, SpectrogramFeatures) and branch.declares_geometry:
+    if isinstance(features, SpectrogramFeatures) and branch.geometry is not None:
         movement = features.samples(WINDOWS * branch.window_size[1])
         return movement + int(KNOWN_SECONDS * rate)
     return int(SECONDS * rate)

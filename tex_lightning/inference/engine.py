@@ -203,12 +203,13 @@ def _compile(branches: Iterable[Branch]) -> None:
     begin = time.perf_counter()
     try:
         for branch in branches:
+            known = branch.geometry is not None  # which is tried before anything is compiled
             for layer in branch.network.modules():
                 if isinstance(layer, FastResponseNorm):
                     layer.stay_uncompiled()
             for part in [*branch.network.children()] or [branch.network]:
                 part.compile(dynamic=True)
-            if branch.declares_geometry:
+            if known:
                 branch.dense(_few_positions(branch), "fc3")
     except Exception as error:  # of PyTorch's compiler or of the one it calls, in many ways
         raise UserError(

@@ -21,6 +21,7 @@ from tex_lightning.classifier import SurfaceClassifier
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import FLOOR, SpectrogramFeatures, movement_start
+from tex_lightning.networks.blocks import is_builtin
 
 Floats = npt.NDArray[np.floating[Any]]
 Labels = npt.NDArray[np.int64]
@@ -236,7 +237,8 @@ def _evidence(branch: Branch, recording: Tensor, scores: Floats, temperature: fl
         return _of_signal(branch, recording, common)
     height, width = recording.shape[:2]
     counts = scores.shape[1:]
-    if branch.declares_geometry:
+    declared = is_builtin(branch.features) and branch.geometry is not None
+    if declared:
         rows, columns = (
             window_extents(count, branch.stride, window)
             for count, window in zip(counts, branch.window_size, strict=True)
@@ -246,7 +248,6 @@ def _evidence(branch: Branch, recording: Tensor, scores: Floats, temperature: fl
             equal_parts(count, 0, size) for count, size in zip(counts, (height, width), strict=True)
         )
     pixels = recording.cpu().numpy()
-    declared = branch.declares_geometry
     return PhotoEvidence(**common, rows=rows, columns=columns, declared=declared, pixels=pixels)
 
 
@@ -255,7 +256,8 @@ def _of_signal(branch: SignalBranch, recording: Tensor, common: dict[str, Any]) 
     skips = getattr(branch.features, "skip_impact", False)
     start = movement_start(recording, rate) / rate if skips else 0.0
     count, seconds = common["scores"].shape[2], recording.shape[-1] / rate
-    if features is not None and branch.declares_geometry:
+    declared = features is not None and branch.geometry is not None
+    if features is not None and declared:
         frames = window_extents(count, branch.stride, branch.window_size[1])
         frames[:, 1] -= 1  # the last frame begins there
         columns = start + frames * features.hop_length / rate
@@ -275,7 +277,7 @@ def _of_signal(branch: SignalBranch, recording: Tensor, common: dict[str, Any]) 
         **common,
         rows=np.array([[0.0, 1.0]]),
         columns=columns,
-        declared=features is not None and branch.declares_geometry,
+        declared=declared,
         samples=recording.cpu().numpy(),
         rate=rate,
         start=start,

@@ -10,15 +10,17 @@ from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics import MetricCollection
 
-from tex_lightning.branches.contract import blamed, check_gradient
+from tex_lightning.branches import Branch
 from tex_lightning.card import LEFT_OUT, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier, own_state
 from tex_lightning.config.instantiation import build, call
+from tex_lightning.contract import breach, calling, check_batch, describe
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
 from tex_lightning.loggers import log_figures
+from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.report.confusion import confusion_figure
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
@@ -49,13 +51,13 @@ class SurfaceModule(LightningModule):
         kept = {"card": card, "fit": fit, "seed": seed, "pieces": pieces}
         self.save_hyperparameters(kept, logger=False)
         self.classifier = SurfaceClassifier(Card(**card))
-        # the faster layout to train every network with batch normalisation in
-        self.network.to(memory_format=torch.channels_last)
+        self.layout = training_layout(self.network)
+        self.network.to(memory_format=self.layout)
         self.fit_config = fit
         self.head_factor: float = fit["head_factor"]
         self.seed, self.pieces = seed, pieces
         node = fit.get("augmentation")
-        self.augmentation = None if node is None else build(self._augmentation_key, node)
+        self.augmentation: Any = None if node is None else build(self._augmentation_key, node)
         self.fit_seconds = 0.0
         self.val_loss: float | None = None
         self.left_out: dict[str, list[float]] = {}
@@ -95,9 +97,13 @@ class SurfaceModule(LightningModule):
         """The network's input tensors (batch, ...) for a training batch, one for each sense."""
         change = self._augmented if self.augmentation is not None and self.training else None
         return [
-            branch.as_weights(branch.training_input(batch[name], self.pieces[name], change))
+            self._laid_out(branch.training_input(batch[name], self.pieces[name], change), branch)
             for name, branch in self.classifier.branches.items()
         ]
+
+    def _laid_out(self, x: Tensor, branch: Branch) -> Tensor:
+        x = branch.as_weights(x)
+        return x.contiguous() if self.layout is torch.contiguous_format else x
 
     @property
     def _augmentation_key(self) -> str:
@@ -105,13 +111,12 @@ class SurfaceModule(LightningModule):
 
     def _augmented(self, patches: Tensor) -> Tensor:
         """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""
-        pixels: Tensor = call(self._augmentation_key, self.augmentation, patches)
-        shape = tuple(getattr(pixels, "shape", ()))
-        if len(shape) != 4 or shape[:2] != patches.shape[:2]:
-            raise UserError(
-                f"{self._augmentation_key} makes {shape or type(pixels).__name__} of patches "
-                f"{tuple(patches.shape)}; name a class that gives (batch, 3, side, side)."
-            )
+        part = self._augmentation_key, "augmentation", self.augmentation
+        with calling(*part):
+            pixels = self.augmentation(patches)
+        given = tuple(patches.shape)
+        if not isinstance(pixels, Tensor) or pixels.dim() != 4 or pixels.shape[:2] != given[:2]:
+            raise breach(*part, f"returned {describe(pixels)} for patches {given}")
         return pixels
 
     @property
@@ -130,13 +135,11 @@ class SurfaceModule(LightningModule):
 
     def scores(self, batch: Batch) -> Tensor:
         """Class scores (batch, classes, fragments) of a training batch."""
-        inputs, kind = self.inputs(batch), self.classifier.card.kind
-        # a piece may be shorter than any recording that the network was tried on
-        with blamed(self.network, f"{kind}, trained on pieces of {self.pieces[kind]},"):
-            scores: Tensor = self.network.features(*inputs, "fc3")
-        if torch.is_grad_enabled():
-            check_gradient(self.network, kind, scores)
-        return scores.flatten(2)
+        inputs, (branch,) = self.inputs(batch), self.classifier.branches.values()
+        part = branch.network_part
+        with calling(*part):
+            found = self.network.features(*inputs, "fc3")
+        return check_batch(found, *part, len(batch["label"]), 3).flatten(2)
 
     def on_train_epoch_start(self) -> None:
         """Make dropout a function of seed, epoch and process: a resumed run repeats it exactly."""
@@ -185,7 +188,10 @@ class SurfaceModule(LightningModule):
 
     def _evaluate(self, batch: Batch, stage: str, metrics: MetricCollection) -> None:
         scores, label = self._whole_scores(batch), batch["label"]
-        metrics.update(self._decide(scores), label)
+        decided = scores
+        if stage == "val" and not bool(scores.isfinite().all()):  # weights that diverge end nothing
+            decided = -nn.functional.one_hot(label, len(scores))[:, None].float()  # an error
+        metrics.update(self._decide(decided), label)
         loss = nn.functional.cross_entropy(scores.T, label.expand(scores.shape[1]))
         # Lightning rounds the mean number of samples of the processes down; this divides evenly
         count = self.trainer.world_size
@@ -219,6 +225,8 @@ class SurfaceModule(LightningModule):
         Raises:
             UserError: If one of the two cannot be made, or is none.
         """
+        if not any(True for _ in self.network.parameters()):
+            return None  # of a network that was fitted in closed form to its buffers
         where = f"model.{self.classifier.card.kind}.fit"
         optimizer, scheduler = make_optimizer(
             where, self.fit_config, list(self.backbone_parameters()), list(self.head_parameters())
@@ -241,6 +249,15 @@ class SurfaceModule(LightningModule):
         checkpoint["fit_seconds"] = self.fit_seconds
         checkpoint["val_loss"] = self.val_loss
         checkpoint[LEFT_OUT] = self.left_out
+
+
+def training_layout(network: nn.Module) -> torch.memory_format:
+    """Return the layout to train a network in: channels last, the faster one, if it is known.
+
+    In it oneDNN of PyTorch 2.13 ends the process in the gradient of a convolution of kernel 1 and
+    stride 2 on eight channels, which no network of this package has.
+    """
+    return torch.channels_last if is_builtin(network) else torch.contiguous_format
 
 
 def make_optimizer(

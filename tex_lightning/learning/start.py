@@ -13,6 +13,7 @@ from torch import nn
 
 from tex_lightning.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.contract import calling
 from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.devices import pick_device
@@ -139,7 +140,8 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
         log_once(log, start_trunk(module.classifier, weights))
     network: Any = module.network
     if hasattr(network, "fit"):
-        _fit_closed_form(training, network, *batches.banks[training.card.kind])
+        with calling(*module.classifier.branch(training.card.kind).network_part):
+            fit_closed_form(network, *batches.banks[training.card.kind], _groups(training))
     if not isinstance(network, VisualNet):
         return
     module.to(pick_device(training.config.trainer.accelerator))
@@ -159,12 +161,12 @@ def fits_probabilities(network: nn.Module) -> bool:
     return linear or isinstance(network, LinearNet)
 
 
-def _fit_closed_form(training: Training, network: Any, bank: Bank, labels: Indices) -> None:  # noqa: ANN401
+def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: list[str]) -> None:  # noqa: ANN401
     """Fit a network of one's own kind to all recordings and their perturbed copies at once."""
     inputs = cast(InputBank, bank).inputs
     given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
     if "groups" in inspect.signature(network.fit).parameters:
-        given.append(_groups(training) * (len(inputs) // len(labels)))
+        given.append(groups * (len(inputs) // len(labels)))
     network.fit(*given)
 
 

@@ -13,12 +13,12 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
-from tex_lightning.branches.contract import PartFault
 from tex_lightning.card import Card
-from tex_lightning.classifier import Trained, read_trained
+from tex_lightning.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.config.model import FUSION
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import make_samples
+from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
@@ -31,6 +31,7 @@ from tex_lightning.learning.start import fits_probabilities, start_network
 from tex_lightning.learning.statistics import keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
+from tex_lightning.learning.trial import check_rebuilt
 from tex_lightning.progress import hidden
 
 log = logging.getLogger(__name__)
@@ -97,7 +98,7 @@ def _fit(trainer: Trainer, module: SurfaceModule, data: SurfaceData, last: Path 
         with nullcontext() if own else hidden():
             # The folder holds only this package's own checkpoints of plain values and tensors.
             trainer.fit(module, datamodule=data, ckpt_path=last, weights_only=True)
-    except (ValueError, PartFault) as error:  # the latter around that of a user's network
+    except ValueError as error:
         if ONE_VALUE not in str(error):
             raise
         kind = module.classifier.card.kind
@@ -161,6 +162,14 @@ def calibrate(training: Training, trained: Trained) -> Card:
     return classifier.card
 
 
+def _check_state(training: Training, classifier: SurfaceClassifier) -> None:
+    """Check that a checkpoint will hold all that a user's parts have learnt."""
+    (first, *more) = classifier.branches.values()
+    if not more and not first.is_builtin:
+        row = training.parts.train.of(first.modality).rows[0]
+        check_rebuilt(classifier.eval(), [load_recording(row, training.store).to(first.device)])
+
+
 def _features_are_untrained(training: Training) -> bool:
     """Whether no layer before the scores was fitted to the labels."""
     starts = training.unimodal.values()
@@ -169,10 +178,12 @@ def _features_are_untrained(training: Training) -> bool:
 
 def _refuse_diverged(module: SurfaceModule) -> None:
     if not _is_finite(module):
-        kind = module.classifier.card.kind
+        classifier = module.classifier
+        kind, parts = classifier.card.kind, classifier.branches.values()
+        own = "" if all(each.is_builtin for each in parts) else ", or look for what makes NaN in it"
         raise UserError(
             f"Training of the {kind} network diverged, its weights are NaN or infinite; lower "
-            f"model.{kind}.fit.learning_rate."
+            f"model.{kind}.fit.learning_rate{own}."
         )
 
 
@@ -204,6 +215,7 @@ def _finish(
     _refuse_diverged(module)
     module.float()  # whatever it was trained in
     if trainer.is_global_zero:
+        _check_state(training, module.classifier)
         _keep_statistics(training, module)
         if calibrated:
             module.network.to(memory_format=torch.contiguous_format)  # as a loaded one is

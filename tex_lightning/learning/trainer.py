@@ -33,6 +33,7 @@ UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
     ".*exists and is not empty.*",  # that is what resuming means
     ".*in eval mode at the start of training.*",  # FusionModule keeps its statistics on purpose
+    ".*configure_optimizers` returned `None`.*",  # of what is fitted in closed form
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
 

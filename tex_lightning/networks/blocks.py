@@ -13,6 +13,8 @@ Norm = Literal["batch", "lrn", "none"]
 Level = Literal["fc2", "fc3"]
 
 NORMS: tuple[Norm, ...] = ("batch", "lrn", "none")
+PACKAGE = "tex_lightning"
+KNOWN = (PACKAGE, "torch", "kornia")  # whose classes this package's parts consist of
 
 
 class Window(NamedTuple):
@@ -73,6 +75,12 @@ class SameConv2d(nn.Conv2d):
     def forward(self, x: Tensor) -> Tensor:
         """Map (B, inputs, M, N) to (B, outputs, M // stride, N // stride)."""
         return super().forward(pad(x, (0, self.beyond, 0, self.beyond)) if self.beyond else x)
+
+
+def is_builtin(part: nn.Module) -> bool:
+    """Return whether a part is this package's, and no module in it is of another."""
+    packages = [type(module).__module__.partition(".")[0] for module in part.modules()]
+    return packages[0] == PACKAGE and all(package in KNOWN for package in packages)
 
 
 def scaled(channels: int, width: float) -> int:

@@ -28,7 +28,6 @@ class VisualNet(nn.Module):
         window_size: Height and width in pixels of an input that gives exactly one prediction: the
             trunk's patch, or with another FC1, where a patch gives several, the smallest image.
         min_size: Smallest height and width in pixels that give a prediction.
-        stride: Pixels between neighbouring predictions.
 
     Raises:
         UserError: The trunk is none, or needs an FC1.
@@ -61,7 +60,6 @@ class VisualNet(nn.Module):
         least, patch = self.trunk.smallest_side(self.fc1_kernel), self.trunk.patch
         side = patch if self.output_size(patch, patch) == (1, 1) else least
         self.window_size, self.min_size = (side, side), (least, least)
-        self.stride = self.trunk.stride
         self.classes = classes
         hidden, self.hidden = nn.Sequential(), self.trunk.out_channels
         if head:
@@ -101,6 +99,11 @@ class VisualNet(nn.Module):
         """
         features: Tensor = self.head(self.trunk(x), level)
         return features
+
+    @property
+    def stride(self) -> int:
+        """Pixels between neighbouring predictions."""
+        return self.trunk.stride
 
     @property
     def score_layer(self) -> nn.Conv2d:

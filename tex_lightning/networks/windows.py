@@ -30,7 +30,7 @@ class WindowNet(nn.Module):
             self.trunk, self.head = whole.trunk, nn.Sequential(nn.Flatten())
             self.head.extend(map(_connected, leaves))
         else:
-            self.trunk, self.head = _Scores(whole), nn.Sequential(nn.Flatten())
+            self.trunk, self.head = Scores(whole), nn.Sequential(nn.Flatten())
         self.train(network.training)
 
     def forward(self, windows: Tensor) -> Tensor:
@@ -39,7 +39,7 @@ class WindowNet(nn.Module):
         return found
 
 
-class _Scores(nn.Module):
+class Scores(nn.Module):
     """A network as a module from its input to its class scores."""
 
     def __init__(self, network: nn.Module) -> None:
@@ -47,6 +47,7 @@ class _Scores(nn.Module):
         self.network = network
 
     def forward(self, x: Tensor) -> Tensor:
+        """Map inputs to class scores before softmax (B, classes, *positions)."""
         return scores(self.network, x)
 
 

@@ -1,36 +1,36 @@
 """Find unusable recordings before time is spent on training."""
 
-from collections.abc import Iterable
-
-import torch
+from collections.abc import Iterable, Sequence
 
 from tex_lightning.branches import Branch
-from tex_lightning.branches.base import as_tensor
-from tex_lightning.branches.contract import PartFault, check_score_layer, check_scores
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import score_layer_of
 from tex_lightning.progress import track
 
 
 def find_unusable(
-    recordings: Recordings, store: Store, branches: Iterable[Branch], *, skip_bad: bool
+    recordings: Recordings,
+    store: Store,
+    branches: Iterable[Branch],
+    damaged: Sequence[Unusable] | None = None,
+    *,
+    skip_bad: bool,
 ) -> list[Unusable]:
-    """Decode recordings and find those that cannot be, or give no fragment.
+    """Find recordings that cannot be decoded, or give no fragment.
 
     Args:
         recordings: All that a task will need.
         store: Filled with them.
+        damaged: Those that it could not be filled with; None fills it.
         branches: Branches that look at them.
         skip_bad: Whether the task goes on without them (``data.skip_bad``).
 
     Raises:
         UserError: Listing them, unless the task goes on.
-        PartFault: If a user's features or network fail on the first.
     """
-    damaged = store.fill(recordings)
+    damaged = store.fill(recordings) if damaged is None else damaged
     readable = recordings.without(each.recording for each in damaged)
     seen = [(row, branch) for branch in branches for row in readable.of(branch.modality)]
     small = [
@@ -42,28 +42,6 @@ def find_unusable(
     if unusable and not skip_bad:
         refuse(unusable, len(recordings))
     return unusable
-
-
-@torch.inference_mode()
-def try_parts(branch: Branch, recordings: Recordings, store: Store, classes: int) -> None:
-    """Take a recording through a user's features and network before anything is trained.
-
-    Args:
-        branch: One sense, its network for the classes of the data.
-        recordings: Usable ones; of its modality the first is taken.
-        store: Holds them.
-        classes: Number of classes.
-
-    Raises:
-        PartFault: If a part fails, or does not give what it has to.
-    """
-    for row in recordings.of(branch.modality).rows[:1]:
-        recording = as_tensor(store.load(row)).to(branch.device)
-        scores = branch.positions(recording, "fc3")
-        check_scores(branch.network, branch.name, scores, classes)
-        if score_layer_of(branch.network) is not None:
-            hidden = branch.positions(recording, "fc2")
-            check_score_layer(branch.network, branch.name, hidden, classes)
 
 
 def refuse(unusable: list[Unusable], count: int) -> None:
@@ -83,8 +61,6 @@ def _too_small(row: Recording, store: Store, branch: Branch) -> Unusable | None:
     """A recording that is too short or too small for a single fragment."""
     try:
         branch.check(store.load(row))
-    except PartFault:
-        raise  # no recording will do
     except UserError as error:
         said = f"{str(error).rstrip('.')}{_doubt(row, store, branch)}."
         return Unusable(row, f"{row.source}: {said}")

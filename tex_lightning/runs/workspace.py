@@ -21,9 +21,11 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.unknown import taken
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.learning.trainer import try_parts_of_training
+from tex_lightning.learning.trial import try_branch
+from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
 from tex_lightning.runs.opening import Opening
-from tex_lightning.runs.usable import find_unusable, try_parts
+from tex_lightning.runs.usable import find_unusable
 
 
 @dataclass(frozen=True)
@@ -101,11 +103,12 @@ def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspa
         )
     if config.decision.unknown and LABEL in recordings.classes:
         raise taken("The data has")
-    skipped = find_unusable(needed, store, branches, skip_bad=data.skip_bad)
-    bad = [each.recording for each in skipped]
+    damaged = store.fill(needed)
     for branch in branches:
         if _is_new(config, branch):
-            _try_new(config, branch, recordings.without(bad), store)
+            _try_new(config, branch, recordings.without(each.recording for each in damaged), store)
+    skipped = find_unusable(needed, store, branches, damaged, skip_bad=data.skip_bad)
+    bad = [each.recording for each in skipped]
     opening.announce(needed.without(bad), store, skipped)
     return Workspace(
         config,
@@ -166,25 +169,27 @@ def _checked_branch(config: Config, name: str) -> Branch:
     if source is not None:
         start_trunk(start, source)
     branch, fit = start.eval().branch(name), config.model.branch(name).fit
-    if branch.declares_geometry and fit.piece < (least := branch.min_size[1]):
+    least = branch.known_min_size if is_builtin(branch.features) else None
+    if least is not None and fit.piece < least[1]:
         raise UserError(
-            f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least} for "
-            f"a prediction; choose {least} or more."
+            f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least[1]} "
+            f"for a prediction; choose {least[1]} or more."
         )
     return branch
 
 
 def _is_new(config: Config, branch: Branch) -> bool:
-    """Whether a branch has parts of the user's that are to be trained."""
+    """Whether a branch that is to be trained has parts of the user's."""
     given = config.model.checkpoints.get(branch.name) is not None
-    return config.model.baseline is None and not given and not branch.is_own
+    augmented = config.model.fit_values(branch.name).get("augmentation") is not None
+    return config.model.baseline is None and not given and (augmented or not branch.is_builtin)
 
 
 def _try_new(config: Config, branch: Branch, recordings: Recordings, store: Store) -> None:
     """Try a branch as it will be trained, for the classes of the data."""
-    card = configured_card(config, [branch.name], recordings.classes)
-    own = SurfaceClassifier(card).eval().branch(branch.name)
-    try_parts(own, recordings, store, len(card.classes))
+    card, model = configured_card(config, [branch.name], recordings.classes), config.model
+    piece = model.branch(branch.name).fit.piece
+    try_branch(card, model.fit_values(branch.name), piece, recordings, store)
 
 
 def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Trained]) -> Card:

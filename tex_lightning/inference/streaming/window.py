@@ -208,7 +208,7 @@ class WindowVote:
         """What a live sense says of an input that is repeated to the size of a fragment."""
         branch, level = self.branches[name], self.classifier.described_level(name)
         recording = recordings[branch.modality]
-        if not branch.declares_geometry:
+        if branch.geometry is None:
             return self.classifier.sense(name, recording)
         x = branch.dense_input(recording)
         frames = max(x.shape[-1], branch.window_size[1])

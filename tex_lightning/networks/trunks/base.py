@@ -1,13 +1,15 @@
 """The declarations of every trunk of VisualNet, and the geometry that follows from them."""
 
 from collections.abc import Iterable, Mapping
-from itertools import count
 from math import prod
 from typing import ClassVar, Literal
 
+import torch
 from torch import Tensor, nn
 
-from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise
+from tex_lightning.errors import UserError
+from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise, is_builtin
+from tex_lightning.networks.probe import MAX_SIDE, map_sizes, measure_steps, smallest
 
 Layout = Literal["caffe", "torchvision", "efficientnet"]
 
@@ -20,8 +22,10 @@ class Trunk(nn.Module):
 
     Attributes:
         norms: Normalisations the trunk can be built with.
-        geometry: The layers that change the side of the map, in order.
-        fc1_kernel: Side of FC1's kernel that makes one prediction out of a ``patch``.
+        geometry: The layers that change the side of the map, in order; only those of this package's
+            trunks are read, and the sides of any other's maps are measured.
+        fc1_kernel: Side of FC1's kernel that makes one prediction out of a ``patch``: that of its
+            map.
         patch: Side in pixels of an input that gives one prediction.
         final: Names of the convolutions of the last map before the features, for weight files.
         textures: Whether the features are statistics of textures, one vector for a ``patch``,
@@ -43,8 +47,8 @@ class Trunk(nn.Module):
     """
 
     norms: ClassVar[tuple[Norm, ...]]
-    geometry: tuple[Window, ...]
-    fc1_kernel: ClassVar[int]
+    geometry: tuple[Window, ...] = ()
+    fc1_kernel: int = 0  # unless a class says it: the side of the map of a patch
     patch: int = 224
     final: ClassVar[tuple[str, ...]] = ()
     textures: ClassVar[bool] = False
@@ -61,6 +65,7 @@ class Trunk(nn.Module):
         self.norm: Norm = norm
         self.layers = self.build()
         initialise(self.layers)
+        self.fc1_kernel = self.fc1_kernel or self.output_side(self.patch) or 1
 
     def build(self) -> nn.Sequential:
         """Return the layers, and set ``out_channels``."""
@@ -73,11 +78,26 @@ class Trunk(nn.Module):
 
     def output_side(self, side: int) -> int:
         """Return the side of the feature map of an image of ``side`` pixels; 0 if too small."""
-        return side_after(self.geometry, side)
+        if is_builtin(self):
+            return side_after(self.geometry, side)
+        found = map_sizes(self)((2, 3, side, side))
+        return 0 if found is None else found[0]
 
     def smallest_side(self, features: int) -> int:
-        """Return the smallest image side in pixels whose feature map has side ``features``."""
-        return next(side for side in count(1) if self.output_side(side) >= features)
+        """Return the smallest image side in pixels whose feature map has side ``features``.
+
+        Raises:
+            UserError: If none has.
+        """
+        found = smallest(self.output_side, features)
+        if found is None:
+            with torch.no_grad():
+                self(torch.zeros(2, 3, self.patch, self.patch))  # which says what is wrong with it
+            raise UserError(
+                f"{type(self).__name__} makes no map of side {features} of any photo up to "
+                f"{MAX_SIDE} pixels; give it another fc1_kernel."
+            )
+        return found
 
     @property
     def min_side(self) -> int:
@@ -86,8 +106,11 @@ class Trunk(nn.Module):
 
     @property
     def stride(self) -> int:
-        """Pixels between neighbouring predictions."""
-        return prod(window.stride for window in self.geometry)
+        """Pixels between neighbouring predictions; 0 where they are at no even distances."""
+        if is_builtin(self):
+            return prod(window.stride for window in self.geometry)
+        steps = measure_steps(self.output_side)
+        return 0 if steps is None else steps.stride
 
 
 def side_after(windows: Iterable[Window], side: int) -> int:

@@ -1,0 +1,114 @@
+"""Every class of a user's own is tried once: its contract, and what a checkpoint holds of it."""
+
+import logging
+import traceback
+
+import numpy as np
+import pytest
+from conftest import make_card
+
+from tex_lightning.card import Card
+from tex_lightning.config.trust import trust
+from tex_lightning.contract import fault_of
+from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
+from tex_lightning.learning.trial import try_branch
+
+RATE = 1000.0
+FIT = {"epochs": 1, "perturb": [], "perturbed_copies": 0, "head_factor": 1.0}
+
+
+@pytest.fixture(autouse=True)
+def trusted():
+    trust("own_parts")
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory) -> tuple[Recordings, Store]:
+    """Recordings of a force, at a level of its own for each class."""
+    folder, rows = tmp_path_factory.mktemp("force"), []
+    for number in range(6):
+        path = folder / f"{number}.npy"
+        np.save(path, number % 2 + np.random.default_rng(number).standard_normal(900))
+        rows.append(Recording("ab"[number % 2], "force", path, number))
+    return Recordings(tuple(rows)), Store(folder, {"force": SignalDecoder(RATE, RATE)})
+
+
+def card(features: dict | None = None, network: dict | None = None) -> Card:
+    node = {
+        "_target_": "tex_lightning.branches.signal.SignalBranch",
+        "modality": "force",
+        "decode": {"sampling_rate": RATE, "file_rate": None, "channel": None},
+        "features": {"_target_": "own_parts.Frames", **(features or {})},
+        "network": {"_target_": "own_parts.SpoiltNet", **(network or {})},
+    }
+    whole = make_card("haptic", classes=["a", "b"])
+    return Card(classes=whole.classes, branches={"force": node}, decision=whole.decision)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        ("none", "returned a NoneType for a batch of 1"),
+        ("list", "returned a list for a batch of 1"),
+        ("array", r"returned a ndarray of float32 of shape \(1, 1, 90\)"),
+        ("batch", r"returned a Tensor of float32 of shape \(3, 1, 90\) for a batch of 1"),
+        ("nan", "holds NaN|gave NaN or infinity"),
+        ("outside", "gives other outputs once it is saved and loaded"),
+    ],
+)
+def test_features_that_break_their_contract(world, spoil, said):
+    with pytest.raises(UserError, match=said):
+        try_branch(card({"spoil": spoil}), FIT, 20, *world)
+
+
+@pytest.mark.parametrize(
+    ("network", "said"),
+    [
+        ({"spoil": "none"}, "returned a NoneType for a batch of 2"),
+        ({"spoil": "list"}, "returned a list for a batch of 2"),
+        ({"spoil": "array"}, "returned a ndarray of float32 of shape"),
+        ({"spoil": "batch"}, r"returned a Tensor of float32 of shape \(6, 2, 16\)"),
+        ({"spoil": "flat"}, r"returned a Tensor of float32 of shape \(2, 2\) for a batch of 2"),
+        ({"spoil": "swapped"}, "gave 16 scores at each position, and there are 2 classes"),
+        ({"more": 1}, "gave 3 scores at each position, and there are 2 classes"),
+        ({"spoil": "nan"}, "gave NaN or infinity"),
+        ({"spoil": "detached"}, "without a gradient, so nothing can be trained"),
+        ({"spoil": "blind"}, "score_layer that turns 4 features into 2 scores, and .* 2 features"),
+        ({"spoil": "outside"}, "gives other scores once it is saved and loaded"),
+    ],
+)
+def test_networks_that_break_their_contract(world, network, said):
+    with pytest.raises(UserError, match=rf"^model\.force\.network \(SpoiltNet\) .*{said}"):
+        try_branch(card(network=network), FIT, 20, *world)
+
+
+@pytest.mark.parametrize("part", ["features", "network"])
+def test_what_a_part_raises_keeps_its_traceback_after_its_key(world, part):
+    with pytest.raises(KeyError, match="boom of a user") as caught:
+        try_branch(card(**{part: {"spoil": "raise"}}), FIT, 20, *world)
+    said, where = fault_of(caught.value)
+    assert said.startswith(f"model.force.{part} (")
+    assert "raised KeyError" in said
+    frames = traceback.extract_tb(where)
+    assert frames[-1].filename.endswith("own_parts.py")
+    assert not any("hydra" in frame.filename for frame in frames)
+
+
+def test_what_keeps_its_contract_passes(world, caplog):
+    with caplog.at_level(logging.WARNING):
+        try_branch(card({"spoil": "buffer"}), FIT, 20, *world)
+        assert not caplog.records
+        try_branch(card({"spoil": "parameter"}), FIT, 20, *world)
+    assert "model.force.features (Frames) has parameters, and training does not" in caplog.text
+
+
+def test_what_is_fitted_to_buffers_needs_no_gradient(world):
+    nearest = {"_target_": "own_parts.Nearest"}
+    try_branch(card(network=nearest), {**FIT, "epochs": 0}, 20, *world)
+    with pytest.raises(UserError, match="without a gradient"):
+        try_branch(card(network=nearest), FIT, 20, *world)
+    with pytest.raises(UserError, match="gives other scores once it is saved and loaded"):
+        try_branch(card(network={**nearest, "outside": True}), {**FIT, "epochs": 0}, 20, *world)

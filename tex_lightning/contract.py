@@ -1,0 +1,107 @@
+"""What each class of a user's own has to be; what it raises keeps its traceback.
+
+:mod:`tex_lightning.runs.trial` tries every one of them once before work.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from tex_lightning.errors import UserError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+FAULT = "tex_lightning_fault"  # attribute of an error
+
+CONTRACTS = {
+    "features": "features map a signal (axes, samples) to network input (1, ..., frames), or photos"
+    " (batch, 3, height, width) uint8 to (batch, channels, height, width), in finite "
+    "floating-point numbers",
+    "network": "a network has features(x, level), which maps inputs (batch, ...) to finite class "
+    'scores (batch, classes, *positions) at level "fc3", computed from its parameters',
+    "trunk": "a trunk maps images (batch, 3, height, width) to finite features (batch, "
+    "out_channels, rows, columns)",
+    "augmentation": "an augmentation maps patches (batch, 3, side, side) in [0, 1] to as many "
+    "finite ones",
+    "perturbation": "a perturbation takes a recording, a value and a scene, and returns a finite "
+    "photo (height, width, 3) or signal of as many axes (axes, samples)",
+    "baseline": "a baseline has fit(recordings, labels, seed), logits(recording), which gives a "
+    "tensor of finite scores (classes, fragments), state(), load_state(state) and "
+    "count_parameters()",
+}
+
+
+@contextmanager
+def calling(key: str, kind: str, part: object) -> Iterator[None]:
+    """Note on what a class raises its key and contract, which are shown before its traceback.
+
+    Args:
+        key: Its key in the configuration.
+        kind: One of :data:`CONTRACTS`.
+        part: What is called.
+    """
+    try:
+        yield
+    except UserError:
+        raise
+    except Exception as error:
+        if not hasattr(error, FAULT):
+            said = f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}."
+            error.add_note(said)
+            setattr(error, FAULT, (said, error.__traceback__))
+        raise
+
+
+def fault_of(error: BaseException) -> tuple[str, TracebackType | None] | None:
+    """Return what :func:`calling` noted on an error, and its traceback from there on."""
+    found: tuple[str, TracebackType | None] | None = getattr(error, FAULT, None)
+    return found
+
+
+def breach(key: str, kind: str, part: object, why: str) -> UserError:
+    """Return the error for a class that does not keep its contract.
+
+    Args:
+        key: Its key in the configuration.
+        kind: One of :data:`CONTRACTS`.
+        part: What is at fault.
+        why: What it did, such as "returned a list".
+    """
+    return UserError(f"{key} ({_name(part)}) {why}; {CONTRACTS[kind]}.")
+
+
+def check_batch(
+    found: object, key: str, kind: str, part: object, batch: int, least: int
+) -> "Tensor":
+    """Return what a class gave for a batch, if it is a tensor for as many.
+
+    Args:
+        found: What it gave.
+        key: Its key in the configuration.
+        kind: One of :data:`CONTRACTS`.
+        part: What gave it.
+        batch: How many inputs it was given.
+        least: Smallest number of dimensions.
+
+    Raises:
+        UserError: If it is not.
+    """
+    from torch import Tensor  # which the command line does without
+
+    if not isinstance(found, Tensor) or found.dim() < least or len(found) != batch:
+        raise breach(key, kind, part, f"returned {describe(found)} for a batch of {batch}")
+    return found
+
+
+def describe(found: Any) -> str:  # noqa: ANN401
+    """Return what something is, for a message: its type, and of an array the shape and numbers."""
+    if not hasattr(found, "shape"):
+        return f"a {type(found).__name__}"
+    numbers = str(found.dtype).removeprefix("torch.")
+    return f"a {type(found).__name__} of {numbers} of shape {tuple(found.shape)}"
+
+
+def _name(part: object) -> str:
+    return getattr(part, "__name__", type(part).__name__)
