@@ -19,7 +19,9 @@ from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 from tex_lightning.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.config.trust import CLASSES, named_classes, trust
+from tex_lightning.features.proportions import BandProportions
 from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.networks.archives import SizeLimit
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)
 PLAN = {"fit": {"head_factor": 1.0}, "seed": 0, "pieces": {"haptic": 200}}
@@ -105,7 +107,7 @@ def test_what_is_no_plain_value_or_no_class_of_a_card_is_refused(tmp_path, key, 
 def test_lightning_makes_nothing_that_a_recipe_names(tmp_path):
     made = {"_target_": "numpy.testing.measure", "code_str": code(tmp_path / "ran")}
     fit = {"head_factor": 1.0, "augmentation": made, "optimizer": made, "schedule": made}
-    module = SurfaceModule.load_from_checkpoint(write(tmp_path, {}, fit=fit))
+    module = SurfaceModule.load_from_checkpoint(str(write(tmp_path, {}, fit=fit)))
     with pytest.raises(KeyError, match="learning_rate"):  # a recipe has to be given
         module.configure_optimizers()
     assert not (tmp_path / "ran").exists()
@@ -209,3 +211,52 @@ def test_a_baseline_of_ones_own_names_further_classes():
     assert isinstance(load_estimator(dump_estimator(FunctionTransformer(), more), more), object)
     with pytest.raises(tl.UserError, match=r"numpy\.sin"):  # but no function
         dump_estimator(FunctionTransformer(np.sin), more)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("branches.haptic.decode.sampling_rate", 1e9, "decode.sampling_rate is 1000000000"),
+        ("branches.haptic.decode.file_rate", 1e12, "decode.file_rate is"),
+        ("decision.pairs", 10**9, "decision.pairs is 1000000000"),
+        ("branches.haptic.width", 90.0, "more weights than the file"),
+        ("branches.haptic.window_seconds", 1e3, "takes up too much memory"),
+        ("branches.haptic.hop_seconds", 1e-9, "takes up too much memory"),
+    ],
+)
+def test_sizes_that_a_file_asks_for_are_bounded(tmp_path, key, value, said):
+    with pytest.raises(tl.UserError, match=said):
+        tl.load(write(tmp_path, {key: value}))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"windows": [1e3]}, "takes up too much memory"),
+        ({"windows": [0.05] * 100_000}, "windows: give 1 to 16"),
+        ({"bands_per_octave": 10**6}, "bands_per_octave: give 1 to 48"),
+        ({"thresholds": 10**6}, "thresholds: give 1 to 64"),
+        ({"fragment_seconds": 0}, "more than 0 s"),
+    ],
+)
+def test_sizes_of_bands_are_bounded(change, said):
+    given = {
+        "sampling_rate": 1e4, "windows": [0.032], "bands_per_octave": 6, "thresholds": 2,
+        "fragment_seconds": 0.5, "skip_impact": True,
+    }  # fmt: skip
+    with pytest.raises(tl.UserError, match=said):
+        BandProportions(**{**given, **change})
+
+
+def test_sizes_of_a_baseline_are_bounded(naive_bayes, tmp_path):
+    for change in ({"filters": 10**6}, {"window_seconds": 1e6}, {"hop_seconds": 1e-9}):
+        with pytest.raises(tl.UserError, match="give at most"):
+            tl.load(forged(naive_bayes, tmp_path, **change))
+
+
+@pytest.mark.parametrize("ask", [torch.zeros, torch.arange, torch.hann_window])
+def test_numbers_are_counted_before_they_take_memory(ask):
+    with SizeLimit(100):
+        ask(1000)
+        with pytest.raises(ValueError, match="more weights than the file"):
+            ask(1 << 50)

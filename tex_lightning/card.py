@@ -10,8 +10,10 @@ from typing import Any, Self, get_args
 import torch
 
 from tex_lightning.config import DecisionConfig
+from tex_lightning.config.fit import LARGEST
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, kind_of
+from tex_lightning.config.tasks import MAX_PAIRS
 from tex_lightning.decision.unknown import novelty_threshold
 from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError, shorten
@@ -32,7 +34,12 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "scale": get_args(Scale),
     "normalisation": get_args(Normalisation),
 }
-RANGES = {"width": (0.0, MAX_WIDTH), "sampling_rate": (1.0, 1e9), "file_rate": (1e-3, 1e9)}
+RANGES = {
+    "width": (0.0, MAX_WIDTH),
+    "sampling_rate": (1.0, 1e6),  # sensors have 20 Hz to 200 kHz
+    "file_rate": (1e-3, 1e7),
+    "resize": (1, LARGEST),
+}
 
 
 @dataclass(frozen=True)
@@ -210,7 +217,7 @@ def _check(card: Card) -> None:
     _among("decision.rule", card.rule, tuple(RULES))
     if card.kind == FUSION:
         _among("fusion.level", card.fusion["level"], get_args(Level))
-    _number("decision.pairs", card.decision["pairs"], 1, 1e9)
+    _number("decision.pairs", card.decision["pairs"], 1, MAX_PAIRS)
     _number("decision.seed", card.decision["seed"], 0, 2**32 - 1)
     _number("decision.reject_below", card.reject_below or 0, 0, 1)
     _number("decision.unknown", card.unknown, 0, 1)

@@ -23,6 +23,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321, quick_length
 from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.files import write_atomically
+from tex_lightning.networks.archives import SizeLimit
 from tex_lightning.networks.blocks import Level
 
 if TYPE_CHECKING:
@@ -191,8 +192,10 @@ def load_trained(path: str | Path) -> Trained:
     if not isinstance(content, dict) or "baseline" not in content:
         return Trained.of(SurfaceClassifier.from_content(path, content), path, content)
     try:
-        classifier = BaselineClassifier(Card.from_dict(content["hyper_parameters"]["card"]))
-        classifier.baseline.load_state(content["baseline"])
+        card = Card.from_dict(content["hyper_parameters"]["card"])
+        with SizeLimit(path.stat().st_size):
+            classifier = BaselineClassifier(card)
+            classifier.baseline.load_state(content["baseline"])
     except UserError as error:
         raise named(path, error) from error
     except Exception as error:  # damage shows in as many ways as there are formats

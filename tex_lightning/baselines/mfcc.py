@@ -13,6 +13,7 @@ from tex_lightning.errors import UserError
 Array = npt.NDArray[Any]
 
 SPACINGS = ("mel", "decreasing")
+MAX_SECONDS, MAX_OVERLAP, MAX_FILTERS = 1, 20, 1000  # far beyond any use, little memory
 ZERO_PADDING = 4  # so that the narrowest filters meet several bins
 FLOOR = 1e-10  # of the mean energy; digital silence would be minus infinity
 
@@ -52,6 +53,15 @@ class Cepstra:
         if min(self.window_seconds, self.hop_seconds, self.highest_hz) <= 0:
             raise UserError(
                 "model.baseline: window_seconds, hop_seconds, highest_hz must exceed 0."
+            )
+        if not self.window_seconds <= min(MAX_SECONDS, MAX_OVERLAP * self.hop_seconds):
+            raise UserError(
+                f"model.baseline.window_seconds={self.window_seconds:g} takes up too much memory: "
+                f"give at most {MAX_SECONDS} s and {MAX_OVERLAP} times hop_seconds."
+            )
+        if self.filters > MAX_FILTERS or self.hop_seconds > MAX_SECONDS:
+            raise UserError(
+                f"model.baseline: give at most {MAX_FILTERS} filters and hops of {MAX_SECONDS} s."
             )
         if not 1 <= self.first <= self.last <= self.filters:
             raise UserError(

@@ -19,6 +19,8 @@ SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that lea
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 DAY = {"unit": "s", "above": 0, "most": 86_400}
 
+MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over
+
 
 @dataclass
 class DecisionConfig:
@@ -30,7 +32,7 @@ class DecisionConfig:
     )
     pairs: int | None = key(
         "K, the pairs or tuples that FusionNet votes over; null takes the checkpoint's",
-        least=1, most=1_000_000,
+        least=1, most=MAX_PAIRS,
     )  # fmt: skip
     rule: str | None = key(
         "count the fragments' votes, or average their class probabilities or scores; null takes "

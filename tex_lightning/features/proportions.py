@@ -13,9 +13,15 @@ from scipy.fft import next_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import mean_filters, movement_start, triangles
+from tex_lightning.features.spectrogram import (
+    check_window,
+    mean_filters,
+    movement_start,
+    triangles,
+)
 
 OVERLAP = 4  # frames that every sample is in
+LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64}
 KEPT = 2000  # frames of a recording, at most, that thresholds are learnt from
 FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
 
@@ -57,6 +63,15 @@ class BandProportions(nn.Module):
         skip_impact: bool,
     ) -> None:
         super().__init__()
+        numbers = (len(windows), bands_per_octave, thresholds)
+        for (name, most), number in zip(LIMITS.items(), numbers, strict=True):
+            if not 1 <= number <= most:
+                raise UserError(f"features.{name}: give 1 to {most}, not {number}.")
+        if not fragment_seconds > 0:
+            raise UserError("features.fragment_seconds has to be more than 0 s.")
+        for seconds in windows:
+            length = min(seconds * sampling_rate, 1e9)
+            check_window(round(length), max(1, round(length / OVERLAP)), sampling_rate)
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.gap = fragment_seconds, max(1, bands_per_octave // 3)
         self.lengths = [next_fast_len(max(2, round(each * sampling_rate))) for each in windows]

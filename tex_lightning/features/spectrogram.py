@@ -10,6 +10,8 @@ from torch import Tensor, nn
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321, quick_length
 
+MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
+MAX_OVERLAP = 100  # hops in a window
 CORNER = 700.0  # Hz; bands are about evenly spaced below it and grow in proportion above
 
 
@@ -81,6 +83,20 @@ BLOCK = 512  # frames; their spectra take 1 MB, fewer are too few for two thread
 FLOOR = 1e-3  # of the training set's mean magnitude; below it the logarithm is flat
 
 
+def check_window(length: int, hop: int, sampling_rate: float) -> None:
+    """Refuse windows whose filters or frames would take up far more memory than the signal.
+
+    Raises:
+        UserError: If a window is too long, or as long as too many hops.
+    """
+    if length > MAX_WINDOW or length > MAX_OVERLAP * hop:
+        raise UserError(
+            f"A window of {length} samples every {hop} at {sampling_rate:g} Hz takes up too much "
+            f"memory: it may have {MAX_WINDOW}, and {MAX_OVERLAP} times those of the hop; choose "
+            "shorter windows or a lower sampling rate."
+        )
+
+
 class SpectrogramFeatures(nn.Module):
     """Cut out the movement, join the axes, compute 50 bands per frame, and normalise them.
 
@@ -141,6 +157,7 @@ class SpectrogramFeatures(nn.Module):
         super().__init__()
         self.window_length = max(2, round(window_seconds * sampling_rate))
         self.hop_length = max(1, round(hop_seconds * sampling_rate))
+        check_window(self.window_length, self.hop_length, sampling_rate)
         if scale == "linear" and self.window_length // 2 + 1 < self.bands:
             raise UserError(
                 f"A window of {window_seconds:g} s at {sampling_rate:g} Hz has "

@@ -84,8 +84,9 @@ class SurfaceModule(LightningModule):
         Raises:
             UserError: If the file cannot be used, or names a class that is not trusted.
         """
-        content = read_checkpoint(checkpoint_path)
-        classifier = SurfaceClassifier.from_content(Path(checkpoint_path), content)
+        path = Path(checkpoint_path).expanduser()
+        content = read_checkpoint(path)
+        classifier = SurfaceClassifier.from_content(path, content)
         stored = content["hyper_parameters"]
         fit = {key: value for key, value in stored["fit"].items() if not isinstance(value, dict)}
         kept = {"fit": fit, "seed": stored["seed"], "pieces": stored["pieces"], **kwargs}

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
-from math import prod
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
@@ -47,18 +46,27 @@ def check_numbers(state: Mapping[str, Tensor]) -> None:
             raise ValueError(f"{name} holds NaN or huge numbers")
 
 
-class SizeLimit(TorchFunctionMode):
-    """Limit the numbers that layers may allocate while the context is entered.
+FACTORIES = {
+    torch.arange, torch.empty, torch.empty_strided, torch.eye, torch.full, torch.hamming_window,
+    torch.hann_window, torch.linspace, torch.logspace, torch.ones, torch.rand, torch.randn,
+    torch.zeros,
+}  # fmt: skip
+SPARE = 1 << 24  # numbers that features compute and no file holds, such as windows and filters
 
-    A network whose description asks for more than its file holds is stopped before it takes memory.
+
+class SizeLimit(TorchFunctionMode):
+    """Limit the numbers that modules may allocate while the context is entered.
+
+    What a description asks for beyond its file is counted on the meta device and stopped before
+    it takes memory.
 
     Args:
-        most: Numbers, such as the bytes of the file.
+        size: Bytes of the file, and so more numbers than its weights are.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, size: int) -> None:
         super().__init__()
-        self.left = most
+        self.weights, self.left = size, size + SPARE
 
     def __torch_function__(
         self,
@@ -67,9 +75,12 @@ class SizeLimit(TorchFunctionMode):
         args: Sequence[Any] = (),
         kwargs: Mapping[str, Any] | None = None,
     ) -> Any:  # noqa: ANN401
-        """Count what ``torch.empty`` is asked for, as layers do."""
-        if func is torch.empty and args:
-            self.left -= prod(args[0] if isinstance(args[0], Sequence) else args)
-            if self.left < 0:
+        """Count what is asked for; layers take their weights by ``torch.empty``."""
+        given = kwargs or {}
+        if func in FACTORIES:
+            size = func(*args, **{**given, "device": "meta"}).numel()
+            self.left -= size
+            self.weights -= size if func is torch.empty else 0
+            if min(self.left, self.weights) < 0:
                 raise ValueError("its network has more weights than the file")
-        return func(*args, **(kwargs or {}))
+        return func(*args, **given)
