@@ -111,7 +111,11 @@ def test_devices_that_are_no_number_are_refused(devices):
     ],
 )  # fmt: skip
 def test_what_a_constructor_refuses_is_said_before_data_is_read(case, cli, tmp_path):
-    data = ["data=folder", f"data.root={tmp_path}/none", "data.sampling_rate=10000"]
+    for label in ("oak", "felt"):
+        (tmp_path / "data" / label / "haptic").mkdir(parents=True)
+        for number in range(10):  # which cannot be read
+            (tmp_path / "data" / label / "haptic" / f"{number}.wav").write_bytes(b"RIFF")
+    data = ["data=folder", f"data.root={tmp_path}/data", "data.sampling_rate=10000"]
     outcome = cli("model=haptic", *data, f"+{case}", f"hydra.run.dir={tmp_path}/run")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome.err
     named = "trainer says" if "trainer" in case else case.rpartition(".")[0]
