@@ -8,7 +8,7 @@ from importlib import import_module
 import torch
 from omegaconf import DictConfig
 
-from tex_lightning.config import SILENT, flatten, plain_values
+from tex_lightning.config import SILENT, Config, flatten, plain_values
 from tex_lightning.config.check import AUTO, check_config, check_known, check_missing, check_shares
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import named_classes, trust
@@ -40,14 +40,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Screen.sweep = job.origin == "sweep"
     several = Screen.sweep and runs_side_by_side(job.hydra)
     Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
-    check_known(composed)
-    check_missing(composed)
-    config = read_config(composed)
-    check_config(config)
-    if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:
-        job, composed = settled, settled.compose(settled.overrides)
-        config = read_config(composed)
-        check_config(config)
+    config, composed, job = settled_config(composed, job)
     if config.checkpoint is not None:
         config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
     set_threads(config.task, config.trainer.threads)
@@ -87,6 +80,26 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     if config.task in TRAINING and results:
         return optimized_value(results, config.optimized_metric)
     return None
+
+
+def settled_config(composed: DictConfig, job: Job) -> tuple[Config, DictConfig, Job]:
+    """Check a configuration, and fill in what its own recordings decide.
+
+    Returns:
+        It, typed and as composed, and the job that asks for all of it.
+
+    Raises:
+        UserError: If a value cannot be used.
+    """
+    check_known(composed)
+    check_missing(composed)
+    config = read_config(composed)
+    check_config(config)
+    if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:
+        job, composed = settled, settled.compose(settled.overrides)
+        config = read_config(composed)
+        check_config(config)
+    return config, composed, job
 
 
 def _check_origin(job: Job) -> None:

@@ -2,9 +2,10 @@
 
 import errno
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 from omegaconf import DictConfig
 
@@ -13,9 +14,13 @@ from tex_lightning.config.arguments import quote_files
 from tex_lightning.config.composition import run_composed
 from tex_lightning.config.job import current_job
 from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.search import split_config_dir, use_config_dir
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.files import UNWRITABLE, unwritable
 from tex_lightning.ranks import is_rank_zero
+
+if TYPE_CHECKING:
+    from tex_lightning.learning.inputs import InputData
 
 
 class Results(dict[str, Any]):
@@ -60,11 +65,6 @@ def train(*overrides: str) -> Results:
         3
         >>> model = tl.load(results.folder)
     """
-    arguments = quote_files(overrides)
-    for each in arguments:
-        if each.startswith("-"):
-            raise UserError(f"{shorten(each)} is for the command line; give overrides key=value.")
-    folders: list[Path] = []
 
     def run(composed: DictConfig) -> Results:
         if composed.task in SILENT:
@@ -75,20 +75,69 @@ def train(*overrides: str) -> Results:
         from tex_lightning.dispatch import run_task  # imports PyTorch
 
         job = current_job(python=True)
-        folders.append(job.directory)
         run_task(composed, job)
         file = job.directory / "results.json"
         content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
         return Results(content, job.directory)
 
+    results: Results = _run(run, overrides)
+    return results
+
+
+def data(*overrides: str) -> "InputData":
+    """Read, decode and divide recordings, for a network and a Lightning Trainer of one's own.
+
+    Args:
+        *overrides: As for :func:`train`; ``model=NAME`` says which inputs are made, and
+            ``data.test_fold`` and ``data.val_fold`` which recordings are left out of training.
+
+    Returns:
+        A ``LightningDataModule`` whose batches are pairs of inputs and labels, see
+        :class:`~tex_lightning.learning.inputs.InputData`.
+
+    Raises:
+        UserError: With the sentence that the command line would print.
+    """
+
+    def run(composed: DictConfig) -> "InputData":
+        from tex_lightning.dispatch import settled_config  # imports PyTorch
+        from tex_lightning.runs.fold import fold_data
+
+        config, _, job = settled_config(composed, current_job(python=True))
+        if config.task != "fit" or config.model.baseline is not None:
+            raise UserError(
+                "tl.data makes the inputs of a network for training; give a model that is one, "
+                "and no task."
+            )
+        return fold_data(config, job.directory)
+
+    with TemporaryDirectory() as folder:
+        made: InputData = _run(run, [*overrides, f"hydra.run.dir={folder}"])
+    return made
+
+
+def _run(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
+    """Call a function with what the overrides compose; raise mistakes as one sentence."""
+    arguments = quote_files(split_config_dir(overrides)[1])
+    for each in arguments:
+        if each.startswith("-"):
+            raise UserError(f"{shorten(each)} is for the command line; give overrides key=value.")
+    began: list[bool] = []
+
+    def run(composed: DictConfig) -> Any:  # noqa: ANN401
+        began.append(True)
+        return function(composed)
+
     try:
-        results: Results = run_composed(run, arguments)
+        use_config_dir(overrides)
+        return run_composed(run, arguments)
     except Exception as error:
-        mistake = as_mistake(error, arguments, began=bool(folders))
+        mistake = as_mistake(error, arguments, began=bool(began))
         if mistake is None or mistake is error:
             raise
         raise mistake from error
-    return results
+    finally:
+        use_config_dir([])
 
 
 def as_mistake(error: Exception, arguments: Sequence[str], *, began: bool) -> UserError | None:

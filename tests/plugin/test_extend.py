@@ -36,7 +36,7 @@ def test_the_parts_of_the_page_run_from_an_empty_folder(cli, empty):
         path = empty / re.search(r"^# (\S+\.\w+)$", text, re.MULTILINE)[1]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    assert len(files) == 6
+    assert len(files) == 8
     (empty / "DIR").mkdir()
     for kind, label in enumerate(("wood", "felt")):
         for number in range(10):

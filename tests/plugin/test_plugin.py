@@ -258,6 +258,11 @@ def test_help_and_near_matches_know_the_users_files(cli, tmp_path):
         "(did you mean model.visual.trunk.channels?)"
         in cli(*wrong, "model.visual.trunk.chanels=1").err
     )
+    shown = cli(*CONF, "task=fit", "model=fusion", "model.senses=[force]", "--help").out
+    assert "model.force.network.channels=8" in shown
+    assert "model.force.fit.frames=64\n    length of a sub-sample" in shown
+    with pytest.raises(tl.UserError, match=r"model=smal does not exist \(did you mean small"):
+        tl.train(*map(str, CONF), "model=smal")
     outcome = cli("--config-dir=/no/such", "model=small")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)
     assert "--config-dir=/no/such is no folder" in outcome.err

@@ -134,7 +134,7 @@ def use_config_dir(arguments: Sequence[str]) -> None:
     """Look for configuration files in the folder that ``--config-dir`` names, if there is one.
 
     The current folder becomes importable with it, as ``python -m`` makes it and an installed
-    command does not, so that classes beside the folder are found.
+    command does not, and so does the folder around it: classes beside the files are found.
 
     Raises:
         UserError: If there is no such folder, or a file in it cannot be read.
@@ -153,6 +153,6 @@ def use_config_dir(arguments: Sequence[str]) -> None:
         for file in folder.glob(pattern):
             check_yaml(file)
     _GIVEN.append(folder)
-    here = str(Path.cwd())
-    if not {"", here} & {*sys.path}:
-        sys.path.append(here)
+    for home in dict.fromkeys((Path.cwd(), folder.parent)):
+        if str(home) not in sys.path and not (home == Path.cwd() and "" in sys.path):
+            sys.path.append(str(home))

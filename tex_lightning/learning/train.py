@@ -27,6 +27,7 @@ from tex_lightning.evaluation.known import card_with_novelties
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.fusion import FusionModule
+from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.start import fits_probabilities, start_network
 from tex_lightning.learning.statistics import keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
@@ -69,15 +70,26 @@ def train_network(training: Training, *watchers: Callback, calibrated: bool = Tr
 
 
 def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData]:
-    torch.manual_seed(training.config.seed)
-    make = FusionModule if training.card.kind == FUSION else SurfaceModule
-    pieces = {name: training.config.model.branch(name).fit.piece for name in training.card.senses}
-    module = make(training.card.to_dict(), training.fit_values, training.config.seed, pieces)
+    module = _new_module(training)
     batches = _make_batches(training, module)
     _check_resumable(last)
     if not last.is_file():
         start_network(training, module, batches)
     return module, _with_samples(training, batches)
+
+
+def _new_module(training: Training) -> SurfaceModule:
+    torch.manual_seed(training.config.seed)
+    make = FusionModule if training.card.kind == FUSION else SurfaceModule
+    pieces = {name: training.config.model.branch(name).fit.piece for name in training.card.senses}
+    return make(training.card.to_dict(), training.fit_values, training.config.seed, pieces)
+
+
+def input_data(training: Training) -> InputData:
+    """Make batches of network inputs; features learn what they have to from the training part."""
+    module = _new_module(training)
+    data = _with_samples(training, _make_batches(training, module))
+    return InputData(data, module.eval())
 
 
 def _check_resumable(last: Path) -> None:

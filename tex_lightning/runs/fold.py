@@ -11,20 +11,30 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import Trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.model import FUSION
+from tex_lightning.config.trust import trust, trusting
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
 from tex_lightning.evaluation.outcomes import RANDOM, environment
+from tex_lightning.files import quiet_threads
+from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.share import train_once
 from tex_lightning.learning.start import name_source
-from tex_lightning.learning.train import train_network
+from tex_lightning.learning.train import input_data, train_network
 from tex_lightning.learning.training import Training
 from tex_lightning.loggers import log_test
 from tex_lightning.progress import steps
 from tex_lightning.ranks import is_rank_zero
 from tex_lightning.runs.explained import draw_telling
+from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.testing import draw_figures, report_network
-from tex_lightning.runs.workspace import Workspace, given_start, make_card
+from tex_lightning.runs.workspace import (
+    Workspace,
+    configured_card,
+    given_start,
+    make_card,
+    open_workspace,
+)
 
 log = logging.getLogger(__name__)
 
@@ -116,6 +126,17 @@ def _fit_network(
         entry = {"checkpoint": str(trained.checkpoint), "fit_seconds": trained.fit_seconds}
         return trained, entry
     return trained, _tested_network(workspace, trained, parts, draw=draw)
+
+
+def fold_data(config: Config, directory: Path) -> InputData:
+    """Read the data of a configuration as inputs of its network, for any Lightning Trainer."""
+    model = config.model
+    with trusting(config.trusted), quiet_threads():
+        trust(config)
+        opening = Opening(config.data, trained_networks(model), [config.data.test_fold])
+        workspace = open_workspace(config, directory, opening)
+        card = configured_card(config, model.senses, workspace.classes)
+        return input_data(make_training(workspace, card, workspace.parts(), {}))
 
 
 def make_training(
