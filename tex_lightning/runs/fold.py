@@ -11,7 +11,7 @@ from tex_lightning.card import Card
 from tex_lightning.classifier import Trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.model import FUSION
-from tex_lightning.config.trust import trust, trusting
+from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.unusable import skipped_entry
 from tex_lightning.devices import pick_device
@@ -131,8 +131,8 @@ def _fit_network(
 def fold_data(config: Config, directory: Path) -> InputData:
     """Read the data of a configuration as inputs of its network, for any Lightning Trainer."""
     model = config.model
-    with trusting(config.trusted), quiet_threads():
-        trust(config)
+    trust(*config.trusted, *named_classes(model.nodes))
+    with quiet_threads():
         opening = Opening(config.data, trained_networks(model), [config.data.test_fold])
         workspace = open_workspace(config, directory, opening)
         card = configured_card(config, model.senses, workspace.classes)
