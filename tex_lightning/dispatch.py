@@ -116,8 +116,8 @@ def _check_origin(job: Job) -> None:
 def set_threads(task: str, threads: int | None) -> None:
     """Set PyTorch's threads on the CPU: as configured, else one for a live stream.
 
-    The layers of a short chunk are so small that a second thread only costs time
-    (``python -m benchmarks threads``). A user's ``OMP_NUM_THREADS`` is left as it is.
+    The layers of a short chunk are so small that a second thread only costs time.
+    A user's ``OMP_NUM_THREADS`` is left as it is.
     """
     if threads is None and task in ("stream", "record") and "OMP_NUM_THREADS" not in os.environ:
         threads = 1
