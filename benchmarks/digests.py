@@ -28,6 +28,7 @@ PAIRED = ("data=manifest", "data.manifest={real}/surfaces10.csv", "data.classes=
           "data.half_scale=false")  # fmt: skip
 CASES = {
     "fusion_fc2": ("model=fusion", *SURFACES, *TINY),
+    "fusion_alexnet": ("model=fusion", "weights=null", *SURFACES, *TINY),  # nothing published
     "fusion_fc3": ("model=fusion_fc3", *SURFACES, *TINY),
     "haptic_lmt16": ("model=haptic", "data.test_fold=0", *LMT16, *TINY),
     "visual_lite0": ("model=visual_efficientnet", "weights=imagenet", *SURFACES, *TINY),
