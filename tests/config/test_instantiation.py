@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tex_lightning.config.instantiation import build_typed
+from tex_lightning.config.instantiation import build_typed, find_class
 from tex_lightning.errors import UserError
 
 
@@ -68,3 +68,12 @@ def test_nodes_inside_are_built():
     made = build_typed("data.reader", node(Plain, folder="a", inner=call)).inner
     assert isinstance(made, partial)
     assert made("abc") == 3
+
+
+def test_a_broken_import_in_a_module_is_named_and_no_missing_attribute(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "half_broken").mkdir()
+    (tmp_path / "half_broken" / "__init__.py").touch()
+    (tmp_path / "half_broken" / "parts.py").write_text("import no_such_library\n")
+    with pytest.raises(UserError, match="No module named 'no_such_library'"):
+        find_class("model.force.network", {"_target_": "half_broken.parts.Net"})

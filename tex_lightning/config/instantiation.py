@@ -122,11 +122,19 @@ def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
     """
     _check_named(where, node)
     with making(where):
-        found = pkgutil.resolve_name(node[TARGET])  # Hydra's own would log the error as well
+        found = _resolve(node[TARGET])
         if not callable(found):
             raise TypeError(f"{node[TARGET]} is no class or function")
         named: Callable[..., Any] = found
         return named
+
+
+def _resolve(target: str) -> Any:  # noqa: ANN401
+    try:
+        return pkgutil.resolve_name(target)  # Hydra's own would log the error as well
+    except AttributeError:
+        importlib.import_module(target.rpartition(".")[0])  # whose own failure it hides
+        raise
 
 
 def _check_named(where: str, node: Mapping[str, Any]) -> None:
