@@ -11,7 +11,7 @@ from rich.table import Table
 import benchmarks
 from benchmarks._run import RESULTS, run_one
 from tex_lightning.config import flatten
-from tex_lightning.screen import console
+from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
 LONG = ("digests", "faults", "hostile", "mutations", "scale")  # minutes each: by name

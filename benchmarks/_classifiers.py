@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import CONF, Config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
@@ -21,8 +21,8 @@ def make_classifier(*overrides: str, classes: int = 16) -> SurfaceClassifier:
     config = configured(*overrides)
     names = [f"class{number}" for number in range(classes)]
     classifier = SurfaceClassifier(configured_card(config, config.model.senses, names)).eval()
-    for branch in classifier.branches.values():
-        for layer in branch.network.get_submodule("head").modules():
+    for sense in classifier.senses.values():
+        for layer in sense.network.get_submodule("head").modules():
             if isinstance(layer, nn.Conv2d):
                 nn.init.kaiming_normal_(layer.weight)
     return classifier

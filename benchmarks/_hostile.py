@@ -14,7 +14,7 @@ import torch
 
 from benchmarks._classifiers import make_classifier
 from benchmarks.mutations import LONG, RATE, SMALL
-from tex_lightning.classifier import lightning_state
+from tex_lightning.classifier.classifier import lightning_state
 
 Write = Callable[[Path], object]
 MARK = "harmed"  # file that would show that code of a file has run
@@ -101,7 +101,7 @@ def pickled_in_archive(path: Path) -> None:
 def wide_network(path: Path) -> None:
     """A card that asks for a network of hundreds of GiB."""
     card, state = network("model=haptic", *SMALL)
-    card["branches"]["haptic"]["width"] = 99.0
+    card["senses"]["haptic"]["width"] = 99.0
     torch.save({"hyper_parameters": {"card": card}, "state_dict": state}, path)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import torch
 
 from benchmarks._commands import output, run
-from tex_lightning.files import write_text
+from tex_lightning.core.files import write_text
 
 SURFACES = ("data=folder", "data.root={surfaces}")
 TINY = ("debug=tiny", "figures.format=png", "trainer.threads=1", "logger.tensorboard=null")

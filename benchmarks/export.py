@@ -17,7 +17,7 @@ import torch
 from torch import nn
 
 from benchmarks._classifiers import configured, make_classifier
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.errors import UserError
 from tex_lightning.export.check import Given, compare, recordings
@@ -97,10 +97,10 @@ def _data(config: Config) -> list[str]:
 def _learn(classifier: SurfaceClassifier, samples: Sequence[Given]) -> None:
     """Let features and fitted networks learn from recordings, and batch statistics vary."""
     generator = torch.Generator().manual_seed(0)
-    for branch in classifier.branches.values():
-        features: Any = branch.features
-        network: Any = branch.network
-        given = [each.decoded[branch.modality] for each in samples]
+    for sense in classifier.senses.values():
+        features: Any = sense.features
+        network: Any = sense.network
+        given = [each.decoded[sense.modality] for each in samples]
         if hasattr(features, "learn"):
             features.learn(given)
         if hasattr(features, "fit"):

@@ -21,9 +21,9 @@ from PIL import Image
 
 from benchmarks._classifiers import make_classifier
 from benchmarks.engine import DEFAULT
+from tex_lightning.core.devices import kept_memory
 from tex_lightning.data.decode import PhotoDecoder, decode_image
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.memory import kept_memory
 from tex_lightning.networks.trunks import TRUNKS
 
 SIZE = (8000, 6000)

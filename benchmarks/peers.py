@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from benchmarks._classifiers import configured
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import SignalDecoder, Trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -82,7 +82,7 @@ def _hapticnet(labels: list[str], traces: list[Trace]) -> SurfaceClassifier:
     """The default HapticNet as prediction runs it, its features fitted on the traces."""
     config = configured("model=haptic")
     classifier = SurfaceClassifier(configured_card(config, ["haptic"], sorted(set(labels)))).eval()
-    features: Any = classifier.branch("haptic").features
+    features: Any = classifier.sense("haptic").features
     features.fit([features.magnitudes(torch.from_numpy(trace)) for trace in traces])
     return accelerate(classifier, config.engine)
 

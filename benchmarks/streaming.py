@@ -13,10 +13,10 @@ import torch
 
 from benchmarks._classifiers import make_classifier
 from benchmarks.engine import DEFAULT
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.devices import computing_threads
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
-from tex_lightning.threads import computing_threads
 
 RATE = 10_000
 SECONDS = 60

@@ -30,14 +30,14 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor, nn
 
 from benchmarks._classifiers import configured
-from tex_lightning.classifier import Trained
+from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.devices import kept_memory
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
-from tex_lightning.memory import kept_memory
 from tex_lightning.runs.fold import make_training
 from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.workspace import Workspace, make_card, open_workspace

@@ -19,8 +19,8 @@ from PIL import Image
 from second_device import chosen
 
 from tex_lightning.__main__ import main
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
@@ -185,9 +185,9 @@ def run_once(cache, tmp_path_factory) -> Callable[..., Path]:
 
 
 @functools.cache
-def branch_node(sense: str) -> dict[str, Any]:
+def sense_node(sense: str) -> dict[str, Any]:
     """What a card says of a branch by default."""
-    return read_config(compose_config(CONF)).model.branch(sense).node
+    return read_config(compose_config(CONF)).model.sense(sense).node
 
 
 def make_card(
@@ -207,7 +207,7 @@ def make_card(
         **changes: Keys of a branch, for each that has them: ``width=0.1``, ``axes="trace"``,
             ``sampling_rate=2000.0``, ``half_scale=True``.
     """
-    branches = {sense: copy.deepcopy(branch_node(sense)) for sense in senses}
+    branches = {sense: copy.deepcopy(sense_node(sense)) for sense in senses}
     for node in branches.values():
         if "half_scale" in node["decode"]:
             node["decode"]["half_scale"] = False
@@ -215,7 +215,7 @@ def make_card(
             part |= {key: value for key, value in changes.items() if key in part}
     return Card(
         classes=list(classes),
-        branches=branches,
+        senses=branches,
         decision={"pairs": pairs, "seed": 0, "rule": "vote", "reject_below": None},
         fusion={"level": level} if len(senses) > 1 else {},
     )

@@ -195,7 +195,7 @@ def chosen() -> Iterator[torch.device]:
     """Let ``trainer.accelerator=auto`` take the second device, in every module of the package."""
     import pytest
 
-    from tex_lightning import devices
+    from tex_lightning.core import devices
     from tex_lightning.learning import trainer
 
     pick = devices.pick_device

@@ -9,7 +9,7 @@ import soundfile
 from omegaconf import OmegaConf
 
 import tex_lightning as tl
-from tex_lightning.card import Card, read_checkpoint
+from tex_lightning.classifier.card import Card, read_checkpoint
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.job import Job
@@ -37,7 +37,7 @@ def fingertip(tmp_path_factory):
 
 def sampling_rate(checkpoint: str) -> float:
     card = Card.from_dict(read_checkpoint(checkpoint)["hyper_parameters"]["card"])
-    return card.branches["haptic"]["decode"]["sampling_rate"]
+    return card.senses["haptic"]["decode"]["sampling_rate"]
 
 
 def test_traces_of_any_sensor_keep_their_rate_and_are_told_apart(cli, fingertip, tmp_path):
@@ -91,7 +91,7 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
     assert "VisualNet starts from ImageNet's weights" in outcome.err
     results = json.loads((tmp_path / "run/results.json").read_text())
     assert results["model"] == "visual"
-    node = tl.load(tmp_path / "run").card.branches["visual"]
+    node = tl.load(tmp_path / "run").card.senses["visual"]
     assert node["trunk"]["_target_"].endswith("EfficientNetLite0")
     assert results["weights"] == {"visual": "imagenet"}
     assert "weights=imagenet" in (tmp_path / "run/.hydra/overrides.yaml").read_text()
@@ -114,6 +114,7 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
 )
 def test_whoever_has_chosen_keeps_the_choice(surfaces, tmp_path, monkeypatch, asked, begins):
     monkeypatch.setattr("tex_lightning.defaults.weights_are_installed", lambda: True)
+    write_manifest(read_folder(surfaces), tmp_path / "table.csv")
     places = (f"data.root={surfaces}", f"data.manifest={tmp_path}/table.csv")
     where = places["data=manifest" in asked]
     overrides = asked if "data=synthetic" in asked else (*asked, where, "data.sampling_rate=10000")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
 from tex_lightning.config import EngineConfig
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.errors import UserError
@@ -72,7 +72,7 @@ def test_the_number_of_threads_does_not_matter(kind):
 
 def test_a_batch_gives_what_its_samples_give():
     model = classifier("haptic")
-    inputs = torch.cat([model.branch("haptic")(noise(seed=seed)) for seed in range(5)])
+    inputs = torch.cat([model.sense("haptic")(noise(seed=seed)) for seed in range(5)])
     for order in (range(5), (4, 2, 0, 1, 3), (3, 3)):
         scores = model.network(inputs[list(order)])
         for place, seed in enumerate(order):

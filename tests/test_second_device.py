@@ -21,8 +21,9 @@ import yaml
 from conftest import make_card, make_photo, make_trace, trunk_node
 from lightning.fabric.utilities import move_data_to_device
 
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
@@ -30,7 +31,6 @@ from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.learning.enrolment import add_classes
 from tex_lightning.learning.fusion import FusionModule
-from tex_lightning.networks.statistics import FeatureStatistics
 from tex_lightning.networks.trunks import TRUNKS
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
@@ -54,8 +54,8 @@ FIT = {
 
 
 def few_card() -> Card:
-    node = read_config(compose_config(CONF, ["experiment=few/haptic"])).model.branch("haptic").node
-    return Card(**{**vars(make_card("haptic")), "branches": {"haptic": node}})
+    node = read_config(compose_config(CONF, ["experiment=few/haptic"])).model.sense("haptic").node
+    return Card(**{**vars(make_card("haptic")), "senses": {"haptic": node}})
 
 
 def trunk_card(name: str) -> Card:
@@ -78,12 +78,12 @@ def make_classifier(card: Card) -> SurfaceClassifier:
     """With random weights and statistics."""
     torch.manual_seed(0)
     classifier = SurfaceClassifier(card).eval()
-    for branch in classifier.branches.values():
-        if hasattr(branch.features, "learn"):
-            branch.features.learn([sample(card)[branch.modality]])
+    for sense in classifier.senses.values():
+        if hasattr(sense.features, "learn"):
+            sense.features.learn([sample(card)[sense.modality]])
     with torch.no_grad():
-        for name, branch in classifier.branches.items():
-            own = classifier.described(name, sample(card)[branch.modality]).mean(dim=1)
+        for name, sense in classifier.senses.items():
+            own = classifier.described(name, sample(card)[sense.modality]).mean(dim=1)
             rows = own + 0.1 * torch.randn(6, len(own))
             labels = torch.arange(6) % len(card.classes)
             classifier.statistics[name] = FeatureStatistics.of(rows, labels, len(card.classes))

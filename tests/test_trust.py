@@ -16,7 +16,7 @@ from sklearn.preprocessing import FunctionTransformer
 import tex_lightning as tl
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.estimators import dump_estimator, load_estimator
-from tex_lightning.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.config.trust import CLASSES, named_classes, trust
 from tex_lightning.features.proportions import BandProportions
@@ -54,12 +54,12 @@ def write(folder: Path, changes: dict[str, object], **more: object) -> Path:
 @pytest.mark.parametrize(
     "key",
     [
-        "branches.haptic.dropout",
-        "branches.haptic.anything",
-        "branches.haptic.modality",
-        "branches.haptic.decode.channel",
-        "branches.haptic.features.skip_impact",
-        "branches.haptic.network.dropout",
+        "senses.haptic.dropout",
+        "senses.haptic.anything",
+        "senses.haptic.modality",
+        "senses.haptic.decode.channel",
+        "senses.haptic.features.skip_impact",
+        "senses.haptic.network.dropout",
     ],
 )
 @pytest.mark.parametrize("nested", [False, True], ids=["value", "in a list"])
@@ -80,20 +80,20 @@ def test_an_interpolation_in_a_card_is_refused_and_runs_nothing(
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("branches.haptic.anything", "${data.root}", r"holds values without \$\{"),
-        ("branches.haptic._partial_", True, "has the key _partial_"),
-        ("branches.haptic.network._args_", [1], "has the key _args_"),
-        ("branches.haptic.features._recursive_", False, "has the key _recursive_"),
-        ("branches.haptic.anything", {"_convert_": "all"}, "has the key _convert_"),
-        ("branches.haptic.anything", torch.ones(1), "of Tensor, which is no plain value"),
-        ("branches.haptic.network.size", 3, "no key model.haptic.network.size"),
-        ("branches.haptic._target_", "torch.nn.Linear", "torch is not trusted"),
-        ("branches.haptic.network._target_", "os.system", "os is not trusted"),
-        ("branches.haptic.network._target_", "numpy.testing.measure", "numpy is not trusted"),
-        ("branches.haptic.anything", [{"_target_": "os.system"}], "os is not trusted"),
-        ("branches.haptic.network._target_", 3, "package 3 is not trusted"),
+        ("senses.haptic.anything", "${data.root}", r"holds values without \$\{"),
+        ("senses.haptic._partial_", True, "has the key _partial_"),
+        ("senses.haptic.network._args_", [1], "has the key _args_"),
+        ("senses.haptic.features._recursive_", False, "has the key _recursive_"),
+        ("senses.haptic.anything", {"_convert_": "all"}, "has the key _convert_"),
+        ("senses.haptic.anything", torch.ones(1), "of Tensor, which is no plain value"),
+        ("senses.haptic.network.size", 3, "no key model.haptic.network.size"),
+        ("senses.haptic._target_", "torch.nn.Linear", "torch is not trusted"),
+        ("senses.haptic.network._target_", "os.system", "os is not trusted"),
+        ("senses.haptic.network._target_", "numpy.testing.measure", "numpy is not trusted"),
+        ("senses.haptic.anything", [{"_target_": "os.system"}], "os is not trusted"),
+        ("senses.haptic.network._target_", 3, "package 3 is not trusted"),
         (
-            "branches.haptic.network._target_",
+            "senses.haptic.network._target_",
             "tex_lightning.learning.base.SurfaceModule",
             "tex_lightning is not trusted",
         ),
@@ -118,7 +118,7 @@ def test_trust_holds_for_the_process(tmp_path, monkeypatch):
         "from tex_lightning.networks.hapticnet import HapticNet\nclass Net(HapticNet): pass\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    path = write(tmp_path, {"branches.haptic.network._target_": "theirs.Net"})
+    path = write(tmp_path, {"senses.haptic.network._target_": "theirs.Net"})
     for load in (tl.load, SurfaceModule.load_from_checkpoint):
         with pytest.raises(tl.UserError, match=r"theirs is not trusted: give trusted=\[theirs\]"):
             load(path)
@@ -129,9 +129,7 @@ def test_trust_holds_for_the_process(tmp_path, monkeypatch):
 
 def test_every_class_that_the_configuration_puts_into_a_card_may_be_named():
     named = set()
-    for file in [
-        path for group in ("branch", "model", "trunk") for path in CONF.glob(f"{group}/*")
-    ]:
+    for file in [path for group in ("sense", "model", "trunk") for path in CONF.glob(f"{group}/*")]:
         content = OmegaConf.to_container(OmegaConf.load(file))
         named |= {*named_classes({key: each for key, each in content.items() if key != "fusion"})}
     assert named == CLASSES
@@ -216,12 +214,12 @@ def test_a_baseline_of_ones_own_names_further_classes():
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("branches.haptic.decode.sampling_rate", 1e9, "decode.sampling_rate is 1000000000"),
-        ("branches.haptic.decode.file_rate", 1e12, "decode.file_rate is"),
+        ("senses.haptic.decode.sampling_rate", 1e9, "decode.sampling_rate is 1000000000"),
+        ("senses.haptic.decode.file_rate", 1e12, "decode.file_rate is"),
         ("decision.pairs", 10**9, "decision.pairs is 1000000000"),
-        ("branches.haptic.width", 90.0, "more weights than the file"),
-        ("branches.haptic.window_seconds", 1e3, "takes up too much memory"),
-        ("branches.haptic.hop_seconds", 1e-9, "takes up too much memory"),
+        ("senses.haptic.width", 90.0, "more weights than the file"),
+        ("senses.haptic.window_seconds", 1e3, "takes up too much memory"),
+        ("senses.haptic.hop_seconds", 1e-9, "takes up too much memory"),
     ],
 )
 def test_sizes_that_a_file_asks_for_are_bounded(tmp_path, key, value, said):

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
-    from tex_lightning.classifier import SurfaceClassifier
+    from tex_lightning.classifier.classifier import SurfaceClassifier
     from tex_lightning.data.datamodule import SurfaceData
     from tex_lightning.data.readers.folder import read_folder
     from tex_lightning.data.recordings import Recording, Recordings, read_manifest
+    from tex_lightning.inference.prediction import Prediction
+    from tex_lightning.inference.predictor import Predictor, load
     from tex_lightning.launch import Results, train
     from tex_lightning.networks.fusionnet import FusionNet
     from tex_lightning.networks.hapticnet import HapticNet
     from tex_lightning.networks.visualnet import VisualNet
-    from tex_lightning.prediction import Prediction
-    from tex_lightning.predictor import Predictor, load
 
 __version__ = "0.1.0"
 
@@ -47,15 +47,15 @@ _MODULES = {
     "Explanation": "report.explanation",
     "FusionNet": "networks.fusionnet",
     "HapticNet": "networks.hapticnet",
-    "Prediction": "prediction",
-    "Predictor": "predictor",
+    "Prediction": "inference.prediction",
+    "Predictor": "inference.predictor",
     "Recording": "data.recordings",
     "Recordings": "data.recordings",
     "Results": "launch",
-    "SurfaceClassifier": "classifier",
+    "SurfaceClassifier": "classifier.classifier",
     "SurfaceData": "data.datamodule",
     "VisualNet": "networks.visualnet",
-    "load": "predictor",
+    "load": "inference.predictor",
     "read_folder": "data.readers.folder",
     "read_manifest": "data.recordings",
     "train": "launch",

@@ -17,12 +17,12 @@ try:
     from tex_lightning.config.job import Job, current_job
     from tex_lightning.config.search import use_config_dir, with_own_senses
     from tex_lightning.config.usage import answer, asks
-    from tex_lightning.contract import fault_of
+    from tex_lightning.core.console import fresh_screen, say
+    from tex_lightning.core.contract import fault_of
+    from tex_lightning.core.progress import finishing
+    from tex_lightning.core.ranks import is_rank_zero, join_quietly
     from tex_lightning.errors import UserError
     from tex_lightning.launch import as_mistake
-    from tex_lightning.progress import finishing
-    from tex_lightning.ranks import is_rank_zero, join_quietly
-    from tex_lightning.screen import fresh_screen, say
 except KeyboardInterrupt:  # Ctrl-C before anything has begun
     print("Interrupted.", file=sys.stderr)
     raise SystemExit(INTERRUPTED) from None
@@ -98,7 +98,7 @@ def main() -> int:
 
 def _interrupted() -> str:
     """What to say after Ctrl-C: how to go on with what is there."""
-    from tex_lightning.runfolder import holds_work
+    from tex_lightning.core.run_folder import holds_work
 
     for directory, override in reversed(STARTED):
         if holds_work(directory):

@@ -8,8 +8,8 @@ from typing import Any
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
 from tex_lightning.config.weights import read_config
+from tex_lightning.core.files import read_record
 from tex_lightning.errors import UserError
-from tex_lightning.files import read_record
 from tex_lightning.runs.family import with_system
 from tex_lightning.tasks import frontier
 

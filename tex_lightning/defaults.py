@@ -102,11 +102,9 @@ def weights_are_installed() -> bool:
 
 def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     """The highest rate in Hz of the traces that are brought to one, at most the paper's."""
-    branches = [model.branch(sense) for sense in model.senses]
+    senses = [model.sense(sense) for sense in model.senses]
     channels = {
-        each.modality: each.decode.get("channel")
-        for each in branches
-        if None in each.decode.values()
+        each.modality: each.decode.get("channel") for each in senses if None in each.decode.values()
     }
     recordings = read_recordings(data, model.modalities)
     rows = [row for row in recordings if row.modality in channels]

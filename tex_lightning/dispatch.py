@@ -13,17 +13,16 @@ from tex_lightning.config.check import AUTO, check_config, check_known, check_mi
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.config.weights import read_config
+from tex_lightning.core.console import Screen, verbosity
+from tex_lightning.core.devices import check_precision, count_processes, kept_memory, use_tf32
+from tex_lightning.core.files import quiet_threads
+from tex_lightning.core.progress import finishing
+from tex_lightning.core.ranks import is_rank_zero, started_processes
+from tex_lightning.core.run_folder import claim_folder, find_checkpoint, locked_folder
 from tex_lightning.defaults import TRAINING, with_defaults
-from tex_lightning.devices import check_precision, count_processes, use_tf32
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value
-from tex_lightning.files import quiet_threads
-from tex_lightning.memory import kept_memory
-from tex_lightning.progress import finishing
-from tex_lightning.ranks import is_rank_zero, started_processes
 from tex_lightning.report.sweep import NO_SWEEP, runs_side_by_side
-from tex_lightning.runfolder import claim_folder, find_checkpoint, locked_folder
-from tex_lightning.screen import Screen, verbosity
 
 
 def run_task(composed: DictConfig, job: Job) -> float | None:

@@ -15,9 +15,9 @@ from tex_lightning.config.composition import run_composed
 from tex_lightning.config.job import current_job
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.search import split_config_dir, use_config_dir
+from tex_lightning.core.files import UNWRITABLE, unwritable
+from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.errors import UserError, shorten
-from tex_lightning.files import UNWRITABLE, unwritable
-from tex_lightning.ranks import is_rank_zero
 
 if TYPE_CHECKING:
     from tex_lightning.learning.inputs import InputData

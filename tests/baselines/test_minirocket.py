@@ -7,7 +7,7 @@ import torch
 
 import tex_lightning as tl
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 
 

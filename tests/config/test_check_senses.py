@@ -31,7 +31,7 @@ def importable() -> Iterator[None]:
 
 
 def check(*overrides: str, senses: str = "force") -> None:
-    given = ["model=fusion", "+branch@model.force=force", f"model.senses=[{senses}]", *overrides]
+    given = ["model=fusion", "+sense@model.force=force", f"model.senses=[{senses}]", *overrides]
     folder = f"file://{PLUGIN}/my_ext/conf"
     check_config(read_config(compose_config(CONF, given, [folder])))
 
@@ -77,7 +77,7 @@ def test_a_class_that_takes_any_argument_takes_all():
 
 
 def test_a_sense_that_begins_with_one_of_the_package_has_its_keys():
-    given = ["+branch@model.grip=haptic", "model.grip.modality=grip"]
+    given = ["+sense@model.grip=haptic", "model.grip.modality=grip"]
     own = "model.grip.network={_target_: my_ext.ForceNet, channels: 4}"  # takes no norm
     check(*given, own, senses="grip")
     with pytest.raises(UserError, match=r"did you mean model\.grip\.width\?"):

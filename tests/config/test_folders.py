@@ -10,12 +10,12 @@ from tex_lightning.config.search import (
 
 def test_senses_of_the_users_folders_are_composed_once(tmp_path):
     register_folders()
-    (tmp_path / "branch").mkdir()
+    (tmp_path / "sense").mkdir()
     for name in ("force", "base", "haptic"):  # a base for others, and a name of the package's
-        (tmp_path / "branch" / f"{name}.yaml").touch()
+        (tmp_path / "sense" / f"{name}.yaml").touch()
     given = [f"hydra.searchpath=[file://{tmp_path}]", "seed=1"]
     found = with_own_senses(given)
-    assert found == [*given, "+branch@model.force=force"]
+    assert found == [*given, "+sense@model.force=force"]
     assert with_own_senses(found) == found
 
 
@@ -23,17 +23,17 @@ def test_another_command_finds_the_same_folders(tmp_path):
     register_folders()
     senses = {}
     for folder, name in (("given", "force"), ("searched", "smell")):
-        (tmp_path / folder / "branch").mkdir(parents=True)
-        (tmp_path / folder / "branch" / f"{name}.yaml").touch()
-        senses[folder] = f"+branch@model.{name}={name}"
+        (tmp_path / folder / "sense").mkdir(parents=True)
+        (tmp_path / folder / "sense" / f"{name}.yaml").touch()
+        senses[folder] = f"+sense@model.{name}={name}"
     use_config_dir(["--config-dir", str(tmp_path / "given")])
     try:
         # the command line's own folder is on Hydra's path as well
         paths = [f"file://{tmp_path}/{folder}" for folder in senses]
-        given = ["seed=1", *senses.values(), "+branch@model.grip=haptic"]
+        given = ["seed=1", *senses.values(), "+sense@model.grip=haptic"]
         assert repeated_arguments(given, paths) == [
             "--config-dir", f"{tmp_path}/given", f'hydra.searchpath=["file://{tmp_path}/searched"]',
-            "seed=1", "+branch@model.grip=haptic",
+            "seed=1", "+sense@model.grip=haptic",
         ]  # fmt: skip
     finally:
         use_config_dir([])

@@ -8,7 +8,7 @@ from tex_lightning.config import CONF, flatten, plain_values
 from tex_lightning.config.check import check_config, check_known
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
-from tex_lightning.devices import count_processes
+from tex_lightning.core.devices import count_processes
 from tex_lightning.errors import UserError
 
 MODELS = [
@@ -25,7 +25,7 @@ def leaves_of_nodes(model):
     config = read_config(compose_config(CONF, model))
     nodes = {"model.baseline": config.model.baseline} if config.model.baseline else {}
     for sense in [] if config.model.baseline else config.model.senses:
-        node = config.model.branch(sense).node
+        node = config.model.sense(sense).node
         parts = {key: value for key, value in node.items() if isinstance(value, dict)}
         nodes |= {f"model.{sense}.{key}": value for key, value in parts.items()}
     for kind in [] if config.model.baseline else config.model.trained:

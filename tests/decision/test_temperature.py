@@ -3,7 +3,7 @@ import pytest
 import torch
 from scipy.special import softmax
 
-from tex_lightning.decision.temperature import fit_temperature
+from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.decision.voting import max_vote
 
 

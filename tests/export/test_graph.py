@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import halve
 from tex_lightning.decision.voting import RULES
 from tex_lightning.export.graph import Part, PhotoGraph, is_unknown, joined, thresholds, traced_vote

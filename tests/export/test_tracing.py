@@ -4,7 +4,7 @@ import pytest
 import torch
 from conftest import make_card
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.decision.voting import random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.export.tracing import draws, trace

@@ -14,7 +14,7 @@ from docs_world import write_web_runtime
 from PIL import Image
 
 import tex_lightning as tl
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export import web_page as web_runtime
@@ -199,7 +199,7 @@ def fusion(tmp_path_factory, recordings) -> Path:
     model = SurfaceClassifier(card).eval()
     decoded = {
         each.modality: each.decode_input(recordings[each.modality], {})[0]
-        for each in model.branches.values()
+        for each in model.senses.values()
     }
     with torch.no_grad():
         model.fusion.head.bias -= model.logits(**decoded).mean(dim=1)

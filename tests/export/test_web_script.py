@@ -13,7 +13,7 @@ import pytest
 import soundfile
 from scipy.signal import resample_poly
 
-from tex_lightning.classifier import content_seed
+from tex_lightning.classifier.classifier import content_seed
 from tex_lightning.data.decode import halve, rate_ratio
 from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
 from tex_lightning.data.text_traces import read_text_trace

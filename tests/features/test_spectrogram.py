@@ -7,7 +7,11 @@ from scipy.signal import ShortTimeFFT, spectrogram
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SpectrogramFeatures, mel_filters, movement_start
+from tex_lightning.features.spectrogram import (
+    SpectrogramFeatures,
+    mel_filters,
+    movement_start,
+)
 
 
 def noise(seconds: float, axes: int = 1, seed: int = 0) -> torch.Tensor:

@@ -9,7 +9,7 @@ from conftest import make_card
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig
 from tex_lightning.decision.voting import RULES, random_tuples
 from tex_lightning.errors import UserError
@@ -180,7 +180,7 @@ def test_single_windows_have_the_scores_of_isolated_crops():
     sequential = SequentialClassifier(model, CONFIG)
     rows, columns = model.network.output_size(800, 1000)
     last = rows * columns - 1
-    scores = sequential._windows(model.branch("visual"), large, torch.tensor([columns + 2, last]))
+    scores = sequential._windows(model.sense("visual"), large, torch.tensor([columns + 2, last]))
     inside = model.logits(image=large[32 : 32 + 224, 64 : 64 + 224].contiguous())
     edge = model.logits(image=large[-224:, -224:].contiguous())
     torch.testing.assert_close(scores, torch.cat((inside, edge), dim=1))
@@ -203,7 +203,7 @@ def test_the_dense_fallback_is_the_full_vote(kind, level):
 
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
-    rows = count_positions(monkeypatch, model.branch("visual").network)
+    rows = count_positions(monkeypatch, model.sense("visual").network)
     vote = SequentialClassifier(model, CONFIG).classify(**given("fusion", 0))
     assert rows == []
     assert 0 < vote.relative_macs < 1
@@ -229,7 +229,7 @@ def test_fusion_takes_no_more_of_a_trace_than_it_needs(level):
 def test_the_cheaper_modality_comes_first(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
     small = photo(0, 240, 240)
-    rows = count_positions(monkeypatch, model.branch("haptic").network)
+    rows = count_positions(monkeypatch, model.sense("haptic").network)
     vote = SequentialClassifier(model, CONFIG).classify(haptic=trace(0, 60.0), image=small)
     assert rows == []
     assert vote.relative_macs < 0.5
@@ -251,13 +251,13 @@ def test_of_three_senses_the_cheapest_is_asked_alone_where_it_is_sure(monkeypatc
     model = classifier("three", level)
     sample = given("three", 0)
     costs = {
-        name: Costs(model.card).of(name, *branch.input_size(sample[branch.modality]))
-        for name, branch in model.branches.items()
+        name: Costs(model.card).of(name, *sense.input_size(sample[sense.modality]))
+        for name, sense in model.senses.items()
     }
     first = min(costs, key=costs.get)
     rows = {
-        name: count_positions(monkeypatch, branch.network)
-        for name, branch in model.branches.items()
+        name: count_positions(monkeypatch, sense.network)
+        for name, sense in model.senses.items()
         if name != first
     }
     sure = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
@@ -275,19 +275,19 @@ def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monk
     model.card = replace(model.card, decision={**model.card.decision, "rule": rule})
     sample = given("three", 0)
     costs = {
-        name: Costs(model.card).of(name, *branch.input_size(sample[branch.modality]))
-        for name, branch in model.branches.items()
+        name: Costs(model.card).of(name, *sense.input_size(sample[sense.modality]))
+        for name, sense in model.senses.items()
     }
     cheap, middle, dear = sorted(costs, key=costs.get)
-    rows = count_positions(monkeypatch, model.branch(dear).network)
+    rows = count_positions(monkeypatch, model.sense(dear).network)
     monkeypatch.setattr(early_stopping, "beginnings", lambda *_: iter(()))
     answers = iter([False, True])
     monkeypatch.setattr(early_stopping, "is_confident", lambda *_: next(answers))
     vote = SequentialClassifier(model, CONFIG).classify(**sample)
     assert rows == []
     assert vote.relative_macs == (costs[cheap] + costs[middle]) / sum(costs.values())
-    senses = [name for name in model.card.senses if name != dear]  # in the order of the tuples
-    summands = [model.summand(name, sample[model.branch(name).modality]) for name in senses]
+    senses = [name for name in model.card.sense_names if name != dear]  # in the order of the tuples
+    summands = [model.summand(name, sample[model.sense(name).modality]) for name in senses]
     tuples = random_tuples([each.shape[1] for each in summands], 200, model.seed(**sample))
     scores = sum(each[:, tuples[:, place]] for place, each in enumerate(summands))
     torch.testing.assert_close(vote.probabilities, RULES[rule](scores, 1.0).probabilities)

@@ -8,7 +8,7 @@ import torch
 from conftest import make_card, trunk_node
 from torch import nn
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
@@ -117,7 +117,7 @@ def test_large_inputs_in_pieces_keep_class_scores_and_fragments(kind):
     engine = accelerate(model, replace(DEFAULT, tile=25_000 if kind == "haptic" else 60_000))
     sizes = []
     sense = "haptic" if kind == "haptic" else "visual"
-    engine.branch(sense).network.trunk.register_forward_pre_hook(
+    engine.sense(sense).network.trunk.register_forward_pre_hook(
         lambda _, given: sizes.append(given[0].shape[2:])
     )
     found = engine.logits(**large)
@@ -136,8 +136,8 @@ def test_bf16_gives_float32_scores_near_those_of_fp32(kind, level):
     assert not torch.equal(found, found.bfloat16().float())  # the last layer is not rounded
     torch.testing.assert_close(found, expected, rtol=0.1, atol=0.1)
     assert (found.argmax(0) == expected.argmax(0)).float().mean() > 0.9
-    for name, branch in model.branches.items():  # by the layer whose statistics novelty is told by
-        recording = inputs()[branch.modality]
+    for name, sense in model.senses.items():  # by the layer whose statistics novelty is told by
+        recording = inputs()[sense.modality]
         described = engine.described(name, recording)
         torch.testing.assert_close(described, model.described(name, recording), rtol=0.1, atol=0.1)
 

@@ -7,7 +7,7 @@ from conftest import RATE, make_card, make_photo, make_trace, visualnet
 from torch import nn
 from torch.nn.functional import avg_pool2d
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.inference.evidence import cell_edges, gather, nearest
@@ -164,7 +164,7 @@ def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level
     assert vote.label == whole.label
     assert torch.equal(vote.fragments, whole.fragments)
     assert torch.equal(vote.probabilities, whole.probabilities)
-    assert found["visual"].scores.shape == (3, *classifier.branch("visual").grid(given["image"]))
+    assert found["visual"].scores.shape == (3, *classifier.sense("visual").grid(given["image"]))
     if level == "fc2":
         for name, modality in (("haptic", "haptic"), ("visual", "image")):
             alone = classifier.part((name,)).logits(**{modality: given[modality]})

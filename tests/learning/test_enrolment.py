@@ -4,11 +4,11 @@ import pytest
 import torch
 from conftest import make_card
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
 from tex_lightning.learning.enrolment import add_classes, keep_classes
 from tex_lightning.learning.new_rows import fit_rows
-from tex_lightning.networks.statistics import FeatureStatistics
 
 NEW = ["delta", "epsilon"]
 
@@ -55,7 +55,7 @@ def test_scores_of_the_old_classes_stay(senses, level):
     with torch.enable_grad():
         found = add_classes(classifier, NEW, features)
     assert found.card.classes == [*classifier.card.classes, *NEW]
-    sample = {classifier.branch(name).modality: recordings(name)[0] for name in senses}
+    sample = {classifier.sense(name).modality: recordings(name)[0] for name in senses}
     before, after = classifier.logits(**sample), found.logits(**sample)
     assert after.shape == (5, before.shape[1])
     torch.testing.assert_close(after[:3], before)
@@ -86,7 +86,7 @@ def test_the_parts_of_a_fusion_of_features_add_up():
 def test_a_class_that_is_taken_out_leaves_the_others_in_order(senses):
     classifier, _ = make_classifier(*senses, level="fc3")
     found = keep_classes(classifier, ["alpha", "gamma"])
-    sample = {classifier.branch(name).modality: recordings(name)[0] for name in senses}
+    sample = {classifier.sense(name).modality: recordings(name)[0] for name in senses}
     with torch.no_grad():
         if len(senses) == 1:
             torch.testing.assert_close(found.logits(**sample), classifier.logits(**sample)[[0, 2]])

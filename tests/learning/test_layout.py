@@ -43,9 +43,9 @@ def test_inputs_have_the_layout_of_the_weights(monkeypatch):
     module = SurfaceModule(make_card("visual", width=0.1).to_dict(), fit, 0, {"visual": 40})
     crop = torch.zeros(2, 3, 60, 60, dtype=torch.uint8)
     batch = {"visual": {"crop": crop, "degrees": torch.zeros(2)}}
-    (branch,) = module.classifier.branches.values()
+    (sense,) = module.classifier.senses.values()
     x = torch.zeros(2, 3, 40, 40).contiguous(memory_format=torch.channels_last)
-    monkeypatch.setattr(type(branch), "training_input", lambda *_: x)
+    monkeypatch.setattr(type(sense), "training_input", lambda *_: x)
     assert module.inputs(batch)[0].is_contiguous(memory_format=torch.channels_last)
     module.layout = torch.contiguous_format
     assert module.inputs(batch)[0].is_contiguous()

@@ -10,8 +10,8 @@ from scipy.special import softmax
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import PredefinedSplit, cross_val_predict
 
-from tex_lightning.decision.temperature import fit_temperature
-from tex_lightning.groups import leave_out
+from tex_lightning.core.groups import leave_out
+from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import _view, fit_linear_head
 from tex_lightning.perturbations.augment import Augmentation
@@ -75,7 +75,7 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
     raw = []
     with torch.no_grad():
         for photo in photos.recordings:
-            image = module.classifier.branch("visual")(torch.from_numpy(photo))
+            image = module.classifier.sense("visual")(torch.from_numpy(photo))
             raw.append(module.network.eval().trunk(image).mean(dim=(0, 2, 3)).double().numpy())
     groups = names(12)
     fit_linear_head(module, photos, labels, groups)

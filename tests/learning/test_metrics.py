@@ -104,7 +104,7 @@ def test_lightning_tests_and_predicts_a_checkpoint_as_the_package_does(run, surf
     checkpoint = run / "checkpoints" / "haptic.ckpt"
     module = SurfaceModule.load_from_checkpoint(checkpoint, weights_only=True)
     card = module.classifier.card
-    store = Store(cache, {"haptic": module.classifier.branch("haptic").decoder})
+    store = Store(cache, {"haptic": module.classifier.sense("haptic").decoder})
     samples = make_samples(
         split(read_folder(surfaces), Folding(10, 0, None, False, None)).test, ["haptic"]
     )

@@ -7,7 +7,7 @@ import torch
 from conftest import make_card, make_photo, make_trace
 from torch import nn
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.decision.voting import random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
@@ -244,12 +244,10 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
         "sound": torch.randn(1, 105_840, generator=rng),
     }
     alone = []
-    for name, branch in classifier.branches.items():
+    for name, sense in classifier.senses.items():
         start = SurfaceClassifier.from_checkpoint(paths[name], name)
         alone.append(start.logits(**sample))
-        assert torch.equal(
-            branch(sample[branch.modality]), start.branch(name)(sample[branch.modality])
-        )
+        assert torch.equal(sense(sample[sense.modality]), start.sense(name)(sample[sense.modality]))
     counts = [each.shape[1] for each in alone]
     tuples = random_tuples(counts, 50, classifier.seed(**sample))
     expected = sum(each[:, tuples[:, place]] for place, each in enumerate(alone))

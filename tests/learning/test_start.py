@@ -6,7 +6,7 @@ import pytest
 import torch
 from conftest import make_card, trunk_node
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.learning.start import start_trunk
 

@@ -7,15 +7,15 @@ from scipy.stats import binomtest
 from sklearn.model_selection import LeaveOneGroupOut
 
 import tex_lightning as tl
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
-from tex_lightning.decision.unknown import novelty_threshold
-from tex_lightning.groups import leave_out
+from tex_lightning.core.groups import leave_out
+from tex_lightning.decision.calibration import novelty_threshold
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.statistics import left_out_novelties
-from tex_lightning.networks.statistics import FeatureStatistics
 
 ENGINE = read_config(compose_config(CONF, ["engine.precision=bf16"])).engine
 
@@ -51,7 +51,7 @@ def test_they_tell_the_classes_of_other_recordings(bands):
 
 def test_a_part_and_a_fast_copy_keep_them():
     classifier = SurfaceClassifier(make_card("haptic", "visual", width=0.1)).eval()
-    for number, name in enumerate(classifier.card.senses):
+    for number, name in enumerate(classifier.card.sense_names):
         rows = torch.randn(6, classifier.fusion.sizes[number])
         labels = torch.tensor([0, 0, 1, 1, 2, 2])
         classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)

@@ -9,13 +9,12 @@ from conftest import make_card
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
-from tex_lightning.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
+from tex_lightning.core.progress import Work, share
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks.progress import ProgressBar
 from tex_lightning.learning.train import _fit, _refuse_diverged, train_network
 from tex_lightning.learning.trainer import CheckpointFiles, _settle_progress_bar
-from tex_lightning.progress import Work
-from tex_lightning.progress_line import share
 
 
 class Unsaveable:

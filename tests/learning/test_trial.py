@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from conftest import make_card
 
-from tex_lightning.card import Card
+from tex_lightning.classifier.card import Card
 from tex_lightning.config.trust import trust
-from tex_lightning.contract import fault_of
+from tex_lightning.core.contract import fault_of
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
@@ -38,14 +38,14 @@ def world(tmp_path_factory) -> tuple[Recordings, Store]:
 
 def card(features: dict | None = None, network: dict | None = None) -> Card:
     node = {
-        "_target_": "tex_lightning.branches.signal.SignalBranch",
+        "_target_": "tex_lightning.senses.signal.SignalSense",
         "modality": "force",
         "decode": {"sampling_rate": RATE, "file_rate": None, "channel": None},
         "features": {"_target_": "own_parts.Frames", **(features or {})},
         "network": {"_target_": "own_parts.SpoiltNet", **(network or {})},
     }
     whole = make_card("haptic", classes=["a", "b"])
-    return Card(classes=whole.classes, branches={"force": node}, decision=whole.decision)
+    return Card(classes=whole.classes, senses={"force": node}, decision=whole.decision)
 
 
 @pytest.mark.parametrize(

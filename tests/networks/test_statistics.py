@@ -2,7 +2,7 @@ import pytest
 import torch
 from sklearn.covariance import oas
 
-from tex_lightning.networks.statistics import MAX_RANK, FeatureStatistics
+from tex_lightning.classifier.statistics import MAX_RANK, FeatureStatistics
 
 
 def drawn(recordings=40, features=6, classes=4, seed=0):

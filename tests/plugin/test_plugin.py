@@ -12,7 +12,7 @@ from conftest import CLASSES, make_photo
 from PIL import Image
 
 import tex_lightning as tl
-from tex_lightning.card import read_checkpoint
+from tex_lightning.classifier.card import read_checkpoint
 from tex_lightning.config.search import use_config_dir
 from tex_lightning.perturbations.pixels import Scene
 from tex_lightning.perturbations.table import read_severities
@@ -76,7 +76,7 @@ def test_reader_trunk_callback_and_logger_of_a_user_train(run):
     assert "test/vote_accuracy" in lines
     content = read_checkpoint(run / "checkpoints" / "visual.ckpt")
     card = content["hyper_parameters"]["card"]
-    assert card["branches"]["visual"]["trunk"] == {"_target_": "my_ext.SmallTrunk", "channels": 6}
+    assert card["senses"]["visual"]["trunk"] == {"_target_": "my_ext.SmallTrunk", "channels": 6}
     assert content["state_dict"]["classifier.network.trunk.layers.0.weight"].shape == (6, 3, 8, 8)
 
 
@@ -289,7 +289,7 @@ def test_the_current_folder_is_importable_with_the_flag(monkeypatch, tmp_path):
 def forge(run: Path, path: Path, target: str) -> Path:
     """The checkpoint with another class for its trunk."""
     content = torch.load(run / "checkpoints" / "visual.ckpt", weights_only=True)
-    content["hyper_parameters"]["card"]["branches"]["visual"]["trunk"] = {"_target_": target}
+    content["hyper_parameters"]["card"]["senses"]["visual"]["trunk"] = {"_target_": target}
     torch.save(content, path)
     return path
 
@@ -316,8 +316,8 @@ def test_code_of_an_unknown_package_does_not_run(cli, run, flat, monkeypatch, tm
     ("target", "said"),
     [
         ("tex_lightning.__main__.os.system", "tex_lightning is not trusted"),
-        ("tex_lightning.card.Path", "tex_lightning is not trusted"),
-        ("tex_lightning.files.Path", "tex_lightning is not trusted"),
+        ("tex_lightning.classifier.card.Path", "tex_lightning is not trusted"),
+        ("tex_lightning.core.files.Path", "tex_lightning is not trusted"),
         ("my_ext.Path", "pathlib is not trusted"),
         ("my_ext.torch.nn.Conv2d", "torch is not trusted"),
         ("my_ext.torch.hub.load", "is no class"),

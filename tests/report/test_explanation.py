@@ -12,11 +12,11 @@ from PIL import Image
 from torch import nn
 
 import tex_lightning as tl
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
 from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equal_parts, gather
-from tex_lightning.prediction import describe
+from tex_lightning.inference.prediction import describe
 from tex_lightning.report.evidence_panels import OTHERS
 from tex_lightning.report.explanation import COLOURS, Explanation
 

@@ -7,7 +7,7 @@ import torch
 from conftest import make_card
 from torch import nn
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.evaluation.fragments import ConfusedPair
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.features.spectrogram import SpectrogramFeatures
@@ -33,7 +33,7 @@ def test_features_that_tell_no_frequencies_are_numbered():
 
 @pytest.mark.parametrize("senses", [("haptic", "visual"), ("visual", "sound", "haptic")])
 def test_a_pair_shows_what_each_sense_took_of_both_classes(senses, surfaces):
-    branches = SurfaceClassifier(make_card(*senses, width=0.1)).branches.values()
+    branches = SurfaceClassifier(make_card(*senses, width=0.1)).senses.values()
     outcomes = [
         Outcome(
             {

@@ -110,7 +110,7 @@ def test_a_job_of_a_sweep_leaves_the_table_to_the_summary(printed, monkeypatch, 
 
 
 def test_frontier(printed, monkeypatch, tmp_path):
-    monkeypatch.setattr("tex_lightning.screen.console", table.console)
+    monkeypatch.setattr("tex_lightning.core.console.console", table.console)
     point = frontier_chart.Point(
         system="hapticnet_w0.5_sequential", kind="haptic", parameters=123_456_789, macs=1,
         latency_ms_median=12.0, latency_ms_p95=12.0, fit_seconds=12_345.6, vote_accuracy=1.0,

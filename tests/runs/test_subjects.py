@@ -11,7 +11,7 @@ from tex_lightning.runs.subjects import render_recording
 
 @pytest.mark.parametrize("rate", [50.0, 500.0, 900.0, 10_000.0])
 def test_a_trace_is_rendered_at_any_rate_of_a_sense(rate):
-    branch = SimpleNamespace(decoder=SignalDecoder(sampling_rate=rate))
-    trace = render_recording(branch, SimpleNamespace(seconds=2.0), 0)
+    sense = SimpleNamespace(decoder=SignalDecoder(sampling_rate=rate))
+    trace = render_recording(sense, SimpleNamespace(seconds=2.0), 0)
     assert trace.shape == (3, 2 * rate)
     assert np.isfinite(trace).all()

@@ -8,10 +8,10 @@ import torch
 from conftest import make_card, make_photo, make_trace
 
 import tex_lightning as tl
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.export.onnx_file import make_onnx, write_onnx
 from tex_lightning.export.tracing import trace
-from tex_lightning.networks.statistics import FeatureStatistics
 from tex_lightning_runtime import Runtime
 
 RANGES = {
@@ -27,7 +27,7 @@ RECORDINGS = {"haptic": make_trace, "visual": make_photo}
 def add_statistics(classifier):
     """What training would leave behind: features of two recordings of every class."""
     labels = torch.arange(6) % 3
-    for name in classifier.branches:
+    for name in classifier.senses:
         made = [RECORDINGS[name](kind % 3, kind) for kind in range(6)]
         arrays = [torch.from_numpy(np.atleast_2d(each)) for each in made]
         rows = [classifier.described(name, each).mean(dim=1).detach() for each in arrays]

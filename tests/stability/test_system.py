@@ -9,7 +9,7 @@ import pytest
 import torch
 from conftest import make_card, trunk_node
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
 from tex_lightning.perturbations.table import perturbations

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import tex_lightning as tl
-from tex_lightning.networks.statistics import FeatureStatistics
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.runs.enrolment import write_checkpoint
 
 
@@ -151,7 +151,7 @@ def fusion(untrained, tmp_path_factory):
     """A FusionNet of random weights that knows a, b and c, with statistics of no meaning."""
     classifier = tl.load(untrained).classifier
     labels = torch.arange(9) % 3
-    for name, size in zip(classifier.card.senses, classifier.fusion.sizes, strict=True):
+    for name, size in zip(classifier.card.sense_names, classifier.fusion.sizes, strict=True):
         rows = torch.rand(9, size, generator=torch.Generator().manual_seed(0))
         classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
     path = tmp_path_factory.mktemp("fusion") / "fusion.ckpt"

@@ -13,7 +13,7 @@ import torch
 from conftest import make_card, make_trace
 
 import tex_lightning as tl
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.export.graph import ClassifierGraph
 from tex_lightning.tasks import export
@@ -75,12 +75,12 @@ def test_it_classifies_sizes_it_was_not_traced_with(fusion, untrained, axes, sid
     photo = np.random.default_rng(0).integers(256, size=(side, side + 9, 3), dtype=np.uint8)
     names = [each.name for each in session.get_outputs()]
     outputs = dict(zip(names, session.run(None, {"haptic": trace, "image": photo}), strict=True))
-    branches = classifier.branches
+    senses = classifier.senses
     for name, given in (("haptic", trace), ("visual", photo)):
         expected = classifier.summand(name, torch.from_numpy(given)).detach().numpy()
         found = outputs[f"{name}_scores"]
         np.testing.assert_allclose(found.reshape(3, -1), expected, atol=1e-4)
-    spectrogram = branches["haptic"](torch.from_numpy(trace))[0, 0]
+    spectrogram = senses["haptic"](torch.from_numpy(trace))[0, 0]
     np.testing.assert_allclose(outputs["haptic_input"], spectrogram, atol=1e-3)
     assert outputs["scores"].shape == (3, 50)  # drawn at the seed of the card
     assert outputs["shares"].sum() == pytest.approx(1)

@@ -79,8 +79,8 @@ def test_epochs_without_training_are_for_what_is_fitted_at_once(cli, tmp_path):
 
 
 def test_a_sense_of_ones_own_is_a_file_that_begins_with_it(cli, surfaces, tmp_path):
-    (tmp_path / "conf/branch").mkdir(parents=True)
-    (tmp_path / "conf/branch/force.yaml").write_text(
+    (tmp_path / "conf/sense").mkdir(parents=True)
+    (tmp_path / "conf/sense/force.yaml").write_text(
         "defaults: [signal, bands, _self_]\nmodality: force\n"
     )
     manifest = write_forces(surfaces, tmp_path / "forces.csv")

@@ -13,7 +13,7 @@ import pytest
 from omegaconf import OmegaConf
 from PIL import Image
 
-from tex_lightning.card import read_checkpoint
+from tex_lightning.classifier.card import read_checkpoint
 from tex_lightning.config.job import Job
 from tex_lightning.evaluation.choice import one_standard_error, partner
 from tex_lightning.evaluation.outcomes import Outcome
@@ -241,7 +241,7 @@ def test_every_system_is_timed_on_photos_of_its_own_size(given, cli, monkeypatch
     sides = {}
 
     def classify(classifier, samples):
-        half_scale = classifier.card.branches["visual"]["decode"]["half_scale"]
+        half_scale = classifier.card.senses["visual"]["decode"]["half_scale"]
         sides[half_scale] = next(samples)["image"].shape[0]
 
     monkeypatch.setattr(latencies, "_classify_next", classify)

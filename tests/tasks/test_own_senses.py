@@ -8,7 +8,7 @@ import soundfile
 import torch
 from conftest import RATE, make_card, make_trace
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_other_tasks_have_no_such_key(cli, stroke, tmp_path):
     outcome = cli(f"+force={stroke}", f"hydra.run.dir={tmp_path}/run")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1)
     assert "There is no key force" in outcome.err
-    (tmp_path / "conf" / "branch").mkdir(parents=True)
-    (tmp_path / "conf" / "branch" / "force.yaml").write_text("defaults: [haptic, _self_]\n")
+    (tmp_path / "conf" / "sense").mkdir(parents=True)
+    (tmp_path / "conf" / "sense" / "force.yaml").write_text("defaults: [haptic, _self_]\n")
     known = ["--config-dir", tmp_path / "conf", "force=A.wav", f"hydra.run.dir={tmp_path}/run"]
     assert "force=FILE is read by task=predict, task=profile" in cli(*known).err

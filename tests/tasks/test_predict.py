@@ -12,7 +12,7 @@ import torch
 from conftest import make_trace
 from PIL import Image
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import decode_image
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.evaluation.outcomes import read_outcomes
@@ -135,7 +135,7 @@ def test_photos_may_be_halved_by_the_jpeg_decoder(cli, surfaces, trained, tmp_pa
     with Image.open(surfaces / "beta" / "image" / "beta_0.png") as photo:
         photo.resize((480, 480)).save("large.jpg", quality=95)
     content = torch.load(trained / "checkpoints" / "visual.ckpt", weights_only=True)
-    content["hyper_parameters"]["card"]["branches"]["visual"]["decode"]["half_scale"] = True
+    content["hyper_parameters"]["card"]["senses"]["visual"]["decode"]["half_scale"] = True
     torch.save(content, "halved.ckpt")
     exact, fast = (
         json.loads(cli("task=predict", "checkpoint=halved.ckpt", "image=large.jpg", *more).out)
@@ -220,8 +220,8 @@ def test_a_fusion_network_does_with_one_modality_and_says_so(cli, surfaces, trai
         ["image"],
         ["haptic", "image"],
     ]
-    trace = torch.from_numpy(fusion.branch("haptic").decoder.decode(wav)[0])
-    photo = torch.from_numpy(decode_image(png, fusion.branch("visual").decoder))
+    trace = torch.from_numpy(fusion.sense("haptic").decoder.decode(wav)[0])
+    photo = torch.from_numpy(decode_image(png, fusion.sense("visual").decoder))
     with torch.no_grad():
         haptic = max_vote(fusion.summand("haptic", trace))
         visual = max_vote(fusion.summand("visual", photo))

@@ -20,8 +20,8 @@ SYSTEMS = {"haptic", "force", "haptic+force", "haptic+force_sequential"}
 def table(surfaces, tmp_path_factory) -> tuple[Path, Path]:
     """Folder with a sense of one's own, and a manifest with its recordings."""
     folder = tmp_path_factory.mktemp("force")
-    (folder / "conf/branch").mkdir(parents=True)
-    (folder / "conf/branch/force.yaml").write_text(
+    (folder / "conf/sense").mkdir(parents=True)
+    (folder / "conf/sense/force.yaml").write_text(
         "defaults: [signal, bands, _self_]\nmodality: force\n"
     )
     lines = []
@@ -93,7 +93,7 @@ def test_the_command_that_it_prints_trains_what_was_chosen(measured, cli, tmp_pa
     results = json.loads((measured / "results.json").read_text())
     program, *arguments = shlex.split(results["command"].removeprefix("python -m "))
     assert program == "tex_lightning"
-    assert not [each for each in arguments if each.startswith("+branch@")]
+    assert not [each for each in arguments if each.startswith("+sense@")]
     if results["chosen"] != "force":  # which is the one that needs the user's folder
         arguments.append("model.senses=[force]")
     outcome = cli(*arguments, f"hydra.run.dir={tmp_path}/r")

@@ -10,7 +10,7 @@ import torch
 from scipy.stats import binomtest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
@@ -128,7 +128,7 @@ def test_without_its_trace_fusion_votes_as_its_visual_part(tested, fused):
     fusion = SurfaceClassifier.from_checkpoint(fused / "checkpoints" / "fusion.ckpt")
     part, right = fusion.part(["visual"]), []
     for each in read_outcomes(fused / "predictions" / "fusion.csv"):
-        decoded, _ = part.branch("visual").decoder.decode(Path(each.files["image"]))
+        decoded, _ = part.sense("visual").decoder.decode(Path(each.files["image"]))
         vote = part.classify(image=torch.from_numpy(decoded))
         right.append(fusion.card.classes[vote.label] == each.label)
     assert float(found[-1]["vote_accuracy"]) == pytest.approx(np.mean(right))

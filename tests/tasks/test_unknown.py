@@ -8,7 +8,7 @@ import torch
 from conftest import RATE, make_photo, make_trace
 
 import tex_lightning as tl
-from tex_lightning.classifier import Sensed, join_novelties
+from tex_lightning.classifier.classifier import SenseOutput, join_novelties
 from tex_lightning.errors import UserError
 
 STRANGE = 7  # a tone of no class
@@ -93,7 +93,7 @@ def test_a_missing_sense_leaves_the_novelty_of_the_others(untrained, tmp_path):
     """The statistics are made up: what counts is who adds what."""
     content = torch.load(untrained / "checkpoints" / "fusion.ckpt", weights_only=True)
     model = tl.load(untrained)
-    for name, size in zip(model.card.senses, model.classifier.fusion.sizes, strict=True):
+    for name, size in zip(model.card.sense_names, model.classifier.fusion.sizes, strict=True):
         torch.manual_seed(0)
         made = tl.networks.statistics.FeatureStatistics.of(
             torch.rand(9, size), torch.arange(9) % 3, 3
@@ -115,9 +115,9 @@ def test_a_missing_sense_leaves_the_novelty_of_the_others(untrained, tmp_path):
 
 
 def test_novelties_add_up_as_far_as_all_are_known():
-    known = Sensed(torch.zeros(1, 1), torch.tensor(2.0))
+    known = SenseOutput(torch.zeros(1, 1), torch.tensor(2.0))
     assert join_novelties([known, known]).item() == 4
-    assert join_novelties([known, Sensed(torch.zeros(1, 1), None)]) is None
+    assert join_novelties([known, SenseOutput(torch.zeros(1, 1), None)]) is None
 
 
 def test_checkpoints_that_cannot_tell_are_refused(untrained, bands, tmp_path):

@@ -9,22 +9,22 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.baselines.making import make_baseline
-from tex_lightning.branches import Branch
-from tex_lightning.branches.base import as_tensor
-from tex_lightning.branches.photo import PhotoBranch
-from tex_lightning.branches.signal import SignalBranch
-from tex_lightning.card import Card, damaged, named, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier, Trained
+from tex_lightning.classifier.card import Card, damaged, named, read_checkpoint
+from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config.trust import make_value, trusted_class
+from tex_lightning.core.files import write_atomically
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321, quick_length
 from tex_lightning.features.spectrogram import movement_start
-from tex_lightning.files import write_atomically
 from tex_lightning.networks.archives import SizeLimit
 from tex_lightning.networks.blocks import Level
+from tex_lightning.senses import Sense
+from tex_lightning.senses.base import as_tensor
+from tex_lightning.senses.photo import PhotoSense
+from tex_lightning.senses.signal import SignalSense
 
 if TYPE_CHECKING:
     from tex_lightning.baselines.base import Array, Baseline
@@ -103,7 +103,7 @@ def as_baseline_takes_it(x: Tensor) -> "Array":
     return array
 
 
-class MovementBranch(SignalBranch):
+class MovementSense(SignalSense):
     """Signals for baselines."""
 
     features: Movement
@@ -118,7 +118,7 @@ class MovementBranch(SignalBranch):
         self.features.steady(as_tensor(recording))
 
 
-class PixelBranch(PhotoBranch):
+class PixelSense(PhotoSense):
     """Photos for baselines, with pixels as they are."""
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
@@ -135,11 +135,11 @@ class BaselineClassifier(SurfaceClassifier):
 
     baseline: "Baseline"
 
-    def make_branches(self) -> dict[str, Branch]:
+    def make_senses(self) -> dict[str, Sense]:
         """Make the branch whose network is the baseline; the network of its node is not made."""
         name, node, budget = (self.card.baseline[key] for key in ("name", "node", "budget"))
         self.baseline = make_baseline(name, node, budget)
-        (sense,), (values,) = self.card.senses, self.card.branches.values()
+        (sense,), (values,) = self.card.sense_names, self.card.senses.values()
         kind = trusted_class(f"model.{sense}", values)
         if kind.medium != (medium := MEDIA[self.baseline.kind]):
             raise UserError(
@@ -148,11 +148,11 @@ class BaselineClassifier(SurfaceClassifier):
             )
         decoder = kind.make_decoder(make_value(f"model.{sense}.decode", values["decode"]))
         network = FittedBaseline(self.baseline)
-        if medium == PhotoBranch.medium:
-            return {sense: PixelBranch(sense, values["modality"], decoder, Pixels(), network)}
+        if medium == PhotoSense.medium:
+            return {sense: PixelSense(sense, values["modality"], decoder, Pixels(), network)}
         self.baseline.sampling_rate = decoder.sampling_rate
         moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
-        return {sense: MovementBranch(sense, values["modality"], decoder, moving, network)}
+        return {sense: MovementSense(sense, values["modality"], decoder, moving, network)}
 
     def count_parameters(self) -> int:
         """How many numbers were fitted."""
@@ -209,7 +209,7 @@ class Loaded(Sequence["Array"]):
 
     rows: Sequence[Recording]
     store: Store
-    branch: Branch
+    sense: Sense
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -220,4 +220,4 @@ class Loaded(Sequence["Array"]):
     def __getitem__(self, index: Any) -> Any:  # noqa: ANN401  (a number or a slice)
         if isinstance(index, slice):
             return [self[place] for place in range(*index.indices(len(self.rows)))]
-        return as_baseline_takes_it(self.branch(load_recording(self.rows[index], self.store)))
+        return as_baseline_takes_it(self.sense(load_recording(self.rows[index], self.store)))

@@ -20,8 +20,8 @@ from torch import Tensor, nn
 
 from tex_lightning.baselines.base import Array, State
 from tex_lightning.baselines.trunks import TrunkBaseline, resized
+from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
-from tex_lightning.progress import track
 
 VARIANCE_FLOOR = 1e-4  # of the largest variance of a feature
 MIXTURE = ("weights", "means", "variances")

@@ -17,7 +17,7 @@ from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from tex_lightning.baselines.base import Array, EstimatorBaseline, State
-from tex_lightning.threads import computing_threads
+from tex_lightning.core.devices import computing_threads
 
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
 ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them

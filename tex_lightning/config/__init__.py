@@ -142,7 +142,7 @@ class Config:
         return self.weights if alone or sense == "visual" else None
 
     def start_of(self, kind: str) -> str | None:
-        """Source of a network's first weights; FusionNet's branches are trained already."""
+        """Source of a network's first weights; FusionNet's senses are trained already."""
         return None if kind == FUSION else self.weights_of(kind)
 
     @property

@@ -12,8 +12,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
 from tex_lightning.config import CONF, READ_FILES, Config
+from tex_lightning.core.files import matches
 from tex_lightning.errors import UserError, reason
-from tex_lightning.files import matches
 
 # whose values name files
 KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
@@ -68,8 +68,10 @@ def quote_files(arguments: Sequence[str]) -> list[str]:
 
 
 def _is_own_sense(argument: str) -> bool:
-    """Whether it names neither a key, nor a group, nor what resembles one."""
-    name, equals, _ = argument.partition("=")
+    """Whether it gives a file, and its name is no key, no group and nothing that resembles one."""
+    name, equals, value = argument.partition("=")
+    if not (value == "-" or _names_files(value) or Path(value).suffix[1:2].isalpha()):
+        return False
     known = [*(each.name for each in fields(Config)), *(path.name for path in CONF.iterdir())]
     near = get_close_matches(name, known, n=1, cutoff=MISSPELT)
     return bool(equals) and name.isidentifier() and not near

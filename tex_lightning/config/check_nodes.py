@@ -26,10 +26,11 @@ def check_nodes(config: Config) -> Iterator[str]:
     reads, model = READS[config.task], config.model
     yield from check_node("data.reader", config.data.reader)
     if "model" in reads and model.baseline is not None:
-        yield from check_node("model.baseline", model.baseline)
+        if isinstance(model.baseline, Mapping):  # check_model complains of anything else
+            yield from check_node("model.baseline", model.baseline)
     elif "model" in reads:
         for sense in model.senses:
-            yield from _inner_nodes(f"model.{sense}", model.branch(sense).node)
+            yield from _inner_nodes(f"model.{sense}", model.sense(sense).node)
         for kind in model.trained:
             fit = model.fit_values(kind)
             nodes = {name: fit[name] for name in FITTED if name in fit}

@@ -82,7 +82,7 @@ def check_model(model: ModelConfig) -> Iterator[str]:
         given = shorten(head)
         yield f"model.visual.head is {given}: give channels of FC1 and FC2, or [] for neither"
     for sense in model.known:
-        branch = model.branch(sense)
+        branch = model.sense(sense)
         medium = "signal" if isinstance(branch.fit, SignalFitConfig) else "photo"
         for name in branch.fit.perturb:
             known = trainable(branch.modality, medium)

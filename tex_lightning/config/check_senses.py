@@ -10,24 +10,24 @@ from tex_lightning.config.annotations import parameters
 from tex_lightning.config.check_ranges import nearest
 from tex_lightning.config.instantiation import OWN, TARGET, find_callable, find_class
 from tex_lightning.config.model import (
-    BranchConfig,
+    CustomPhotoConfig,
+    CustomSignalConfig,
     ModelConfig,
-    OwnPhotoConfig,
-    OwnSignalConfig,
     PhotoConfig,
+    SenseConfig,
     SignalConfig,
 )
 from tex_lightning.errors import listed, shorten
 
 log = logging.getLogger(__name__)
 
-BRANCH = {each.name for each in fields(BranchConfig)}
-BASES = {OwnSignalConfig: SignalConfig, OwnPhotoConfig: PhotoConfig}
+BRANCH = {each.name for each in fields(SenseConfig)}
+BASES = {CustomSignalConfig: SignalConfig, CustomPhotoConfig: PhotoConfig}
 PARTS = ("features", "network")
 CHECKPOINT = "_checkpoint"
 FILLED_IN = ("classes", "bands")  # with what the data and the features say
 MISSPELT = 0.8  # similarity of two exchanged letters among five
-WITH_BANDS = {"skip_impact"}  # of conf/branch/bands.yaml, whose features may be replaced
+WITH_BANDS = {"skip_impact"}  # of conf/sense/bands.yaml, whose features may be replaced
 
 
 def check_senses(model: ModelConfig) -> Iterator[str]:
@@ -38,7 +38,7 @@ def check_senses(model: ModelConfig) -> Iterator[str]:
             near = nearest(key, [f"{name}{CHECKPOINT}" for name in model.known], "model.fusion.")
             yield f"model.fusion.{key} is of no sense{near}: name one of {', '.join(model.known)}"
     for sense in model.senses if model.baseline is None else ():
-        branch = model.branch(sense)
+        branch = model.sense(sense)
         if type(branch) in BASES:
             yield from _check_sense(f"model.{sense}", branch)
         else:
@@ -46,9 +46,9 @@ def check_senses(model: ModelConfig) -> Iterator[str]:
             yield from _unread(f"model.{sense}.decode", branch.decode, decoder, {})
 
 
-def _check_sense(where: str, branch: BranchConfig) -> Iterator[str]:
+def _check_sense(where: str, sense: SenseConfig) -> Iterator[str]:
     """Complaints about one sense: the keys of its classes, its own, those of its decoder."""
-    values = branch.node
+    values = sense.node
     nodes = {
         name: node
         for name, node in values.items()
@@ -61,7 +61,7 @@ def _check_sense(where: str, branch: BranchConfig) -> Iterator[str]:
     offered = {key for name, all_of in taken.items() for key in (all_of or set()) - {*nodes[name]}}
     offered -= {*FILLED_IN}
     inner = {key: f"{name}.{key}" for name, node in nodes.items() for key in node}
-    known = BRANCH | _inherited(branch) | (offered - {*values["decode"]})
+    known = BRANCH | _inherited(sense) | (offered - {*values["decode"]})
     # what a node has as well may be interpolated from here
     known |= {key for node in nodes.values() for key in node if values.get(key) == node[key]}
     doubtful = [key for key in values if _resembles(key, known | {*inner})]
@@ -99,15 +99,15 @@ def _parameters(where: str, node: Mapping[str, Any]) -> set[str] | None:
     return None if taken is None else {*taken}
 
 
-def _inherited(branch: BranchConfig) -> set[str]:
+def _inherited(sense: SenseConfig) -> set[str]:
     """Keys that come with a sense of the package which the user's begins with, read or not."""
-    base = {each.name for each in fields(BASES[type(branch)])} - BRANCH
-    given = vars(branch).keys()
+    base = {each.name for each in fields(BASES[type(sense)])} - BRANCH
+    given = vars(sense).keys()
     return base if base <= given else WITH_BANDS & given
 
 
 def _decoder_keys(cls: type[Any]) -> set[str] | None:
-    """Settings that the decoder of a branch has; None if a user's branch reads them by itself."""
+    """Settings that the decoder of a sense has; None if a user's sense reads them by itself."""
     make = getattr(cls, "make_decoder", None)
     if make is None or not make.__module__.startswith(OWN):
         return None

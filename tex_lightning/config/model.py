@@ -19,7 +19,7 @@ PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others 
 
 
 @dataclass
-class BranchConfig:
+class SenseConfig:
     """One sense.
 
     The keys beside ``fit`` form a node, which a card keeps and from which a branch is built. Its
@@ -39,12 +39,12 @@ class BranchConfig:
 
     @property
     def node(self) -> dict[str, Any]:
-        """Plain values from which the branch is built, including a user's own keys."""
+        """Plain values from which the sense is built, including a user's own keys."""
         return {name: value for name, value in vars(self).items() if name != "fit"}
 
 
 @dataclass
-class SignalConfig(BranchConfig):
+class SignalConfig(SenseConfig):
     """HapticNet on spectrograms of traces or sounds."""
 
     width: float = key("factor on every channel count; 1 is the paper's size", **WIDTH)
@@ -72,7 +72,7 @@ class SignalConfig(BranchConfig):
 
 
 @dataclass
-class PhotoConfig(BranchConfig):
+class PhotoConfig(SenseConfig):
     """VisualNet on one of several trunks."""
 
     trunk: dict[str, Any] = key(
@@ -96,14 +96,14 @@ class PhotoConfig(BranchConfig):
 
 
 @dataclass
-class OwnSignalConfig(BranchConfig):
+class CustomSignalConfig(SenseConfig):
     """A user's sense of signals."""
 
     fit: SignalFitConfig = field(default_factory=SignalFitConfig)
 
 
 @dataclass
-class OwnPhotoConfig(BranchConfig):
+class CustomPhotoConfig(SenseConfig):
     """A user's sense of photos."""
 
     fit: PhotoFitConfig = field(default_factory=PhotoFitConfig)
@@ -169,12 +169,12 @@ class ModelConfig:
     @property
     def known(self) -> list[str]:
         """Names of all senses that are configured."""
-        return [name for name, each in vars(self).items() if isinstance(each, BranchConfig)]
+        return [name for name, each in vars(self).items() if isinstance(each, SenseConfig)]
 
     @property
     def nodes(self) -> list[Any]:
         """What a card keeps of it: the nodes of its baseline and of its senses."""
-        return [self.baseline, *(self.branch(name).node for name in self.senses)]
+        return [self.baseline, *(self.sense(name).node for name in self.senses)]
 
     @property
     def checkpoints(self) -> dict[str, str]:
@@ -192,11 +192,11 @@ class ModelConfig:
     @property
     def modalities(self) -> tuple[str, ...]:
         """Modalities of the recordings that it reads, each once."""
-        return tuple(dict.fromkeys(self.branch(name).modality for name in self.senses))
+        return tuple(dict.fromkeys(self.sense(name).modality for name in self.senses))
 
-    def branch(self, sense: str) -> "BranchConfig":
+    def sense(self, sense: str) -> "SenseConfig":
         """The configuration of one sense."""
-        found: BranchConfig = getattr(self, sense)
+        found: SenseConfig = getattr(self, sense)
         return found
 
     def fit_values(self, kind: str) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from tex_lightning.config.model import PACKAGE_SENSES
+from tex_lightning.core.files import check_yaml
 from tex_lightning.errors import UserError
-from tex_lightning.yaml_files import check_yaml
 
 ENTRY_POINTS = "tex_lightning.plugins"
 FLAGS = ("--config-dir", "-cd")  # of Hydra
@@ -42,14 +42,14 @@ def register_folders() -> None:
 
 
 def with_own_senses(overrides: Sequence[str]) -> list[str]:
-    """The overrides, and those that compose the senses in ``branch/`` of a user's folders.
+    """The overrides, and those that compose the senses in ``sense/`` of a user's folders.
 
     ``model.senses`` may name them then, as it does those of the package.
     """
     folders = [*_searched_folders(), *_named_folders(overrides)]
-    names = {file.stem for folder in folders for file in folder.glob("branch/*.yaml")}
+    names = {file.stem for folder in folders for file in folder.glob("sense/*.yaml")}
     own = sorted(names.difference(PACKAGE_SENSES, ["base"]))  # base is what others begin with
-    added = [f"+branch@model.{name}={name}" for name in own]
+    added = [f"+sense@model.{name}={name}" for name in own]
     return [*overrides, *(each for each in added if each not in overrides)]
 
 

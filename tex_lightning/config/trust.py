@@ -15,12 +15,12 @@ from tex_lightning.config.instantiation import HYDRAS, TARGET, find_class, makin
 from tex_lightning.config.search import ENTRY_POINTS, installed_packages
 from tex_lightning.errors import UserError, listed, shorten
 
-# A new class of conf/branch, conf/model or conf/trunk is added here.
+# A new class of conf/sense, conf/model or conf/trunk is added here.
 CLASSES = frozenset(
     f"tex_lightning.{name}"
     for name in (
-        "branches.photo.PhotoBranch",
-        "branches.signal.SignalBranch",
+        "senses.photo.PhotoSense",
+        "senses.signal.SignalSense",
         "features.image.ImageFeatures",
         "features.proportions.BandProportions",
         "features.spectrogram.SpectrogramFeatures",

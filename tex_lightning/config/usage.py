@@ -17,7 +17,7 @@ WIDTH = 79
 ALL = "all"
 FLAGS = ("-h", "--help", "--version")
 TOPIC = ("help=", "--help=")
-PARTS = {"branch": "model", "trunk": "model"}  # groups that fill in a section of another name
+PARTS = {"sense": "model", "trunk": "model"}  # groups that fill in a section of another name
 EVERYWHERE = ("task", "experiment", "debug")  # groups that go with any task
 
 COMMANDS = """\

@@ -9,11 +9,11 @@ from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import nearest
 from tex_lightning.config.instantiation import TARGET, find_class
-from tex_lightning.config.model import OwnPhotoConfig, OwnSignalConfig
+from tex_lightning.config.model import CustomPhotoConfig, CustomSignalConfig
 from tex_lightning.errors import UserError
 from tex_lightning.networks.trunks import TRUNKS, name_trunk
 
-OWN = {"signal": OwnSignalConfig, "photo": OwnPhotoConfig}  # by the medium of a branch
+OWN = {"signal": CustomSignalConfig, "photo": CustomPhotoConfig}  # by the medium of a branch
 
 
 def read_config(composed: DictConfig) -> Config:
@@ -34,7 +34,7 @@ def read_config(composed: DictConfig) -> Config:
         if name not in model.known:
             raise UserError(
                 f"model.senses names {name}, and there is no such sense: choose from "
-                f"{', '.join(model.known)}, or write conf/branch/{name}.yaml and give "
+                f"{', '.join(model.known)}, or write conf/sense/{name}.yaml and give "
                 "--config-dir conf."
             )
     return pick_weights(config)
@@ -45,7 +45,7 @@ def _own_sense(name: str, node: dict[str, Any], budget: float) -> object:
     medium = getattr(find_class(where, node), "medium", None)
     if medium not in OWN:
         raise UserError(
-            f"{where} names {node[TARGET]}, which is no branch: begin its file with defaults: "
+            f"{where} names {node[TARGET]}, which is no sense: begin its file with defaults: "
             "[signal, _self_] or [photo, _self_]."
         )
     schema = OmegaConf.structured(OWN[medium])
@@ -62,7 +62,7 @@ def _own_sense(name: str, node: dict[str, Any], budget: float) -> object:
         raise UserError(f"There is no key {where}.{error.full_key}{near}; correct it.") from error
     except OmegaConfBaseException as error:
         said = str(error).splitlines()[0].rstrip(".")
-        raise UserError(f"{where}: {said}; correct conf/branch/{name}.yaml.") from error
+        raise UserError(f"{where}: {said}; correct conf/sense/{name}.yaml.") from error
 
 
 def pick_weights(config: Config) -> Config:

@@ -16,11 +16,11 @@ import torch
 from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.signal import resample_poly
 
+from tex_lightning.core.files import require_file
+from tex_lightning.core.quiet import quietly, silence_libtiff
 from tex_lightning.data.rates import SourceRate, source_rate
 from tex_lightning.data.trace_files import MOST_SAMPLES, TRACE_SUFFIXES, read_axes
 from tex_lightning.errors import UserError, reason
-from tex_lightning.files import require_file
-from tex_lightning.quiet import quietly, silence_libtiff
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program

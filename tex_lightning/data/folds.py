@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tex_lightning.config import Folding
+from tex_lightning.core.groups import divide
 from tex_lightning.data.conditions import is_tested, tested_part
 from tex_lightning.data.recordings import Recording, Recordings, natural_key, plural
 from tex_lightning.errors import UserError, listed
-from tex_lightning.groups import divide
 
 
 @dataclass(frozen=True)

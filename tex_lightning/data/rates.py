@@ -15,11 +15,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal, get_args
 
+from tex_lightning.core.files import is_file, read_json, resolved
 from tex_lightning.data.tables import read_table
 from tex_lightning.data.time_column import RawTrace
 from tex_lightning.data.trace_files import axis_paths, same_rate
 from tex_lightning.errors import UserError, shorten
-from tex_lightning.files import is_file, read_json, resolved
 
 RATES_TABLE = "rates.csv"
 LEVELS = 3  # ROOT/CLASS/haptic: a table may lie in each

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tex_lightning.config.check_ranges import nearest
+from tex_lightning.core.files import is_file, resolved
 from tex_lightning.data.parts import Part, name_part, overlap, read_part, write_part
 from tex_lightning.data.rates import names_rate, positive_number
 from tex_lightning.data.tables import read_table
 from tex_lightning.errors import UserError, reason, shorten
-from tex_lightning.files import is_file, resolved
 from tex_lightning.text import to_cell
 
 MODALITIES = ("haptic", "image", "sound")  # that the package brings; others are a user's

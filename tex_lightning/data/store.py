@@ -22,6 +22,9 @@ import numpy as np
 import numpy.typing as npt
 import platformdirs
 
+from tex_lightning.core.devices import computing_threads
+from tex_lightning.core.files import require_file, resolved, write_atomically
+from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder, SignalDecoder
 from tex_lightning.data.parts import cut_part
 from tex_lightning.data.rates import SOURCES, SourceRate
@@ -29,9 +32,6 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.trace_files import axis_files, axis_paths
 from tex_lightning.data.unusable import Unusable
 from tex_lightning.errors import UserError
-from tex_lightning.files import require_file, resolved, write_atomically
-from tex_lightning.progress import track
-from tex_lightning.threads import computing_threads
 
 FINGERPRINT_BYTES = 65_536
 LAYOUT = 4  # of an entry: what an earlier version decoded otherwise is decoded anew

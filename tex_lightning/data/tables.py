@@ -4,8 +4,8 @@ import csv
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.core.files import check_lines
 from tex_lightning.errors import UserError, reason
-from tex_lightning.files import check_lines
 from tex_lightning.text import from_cell
 
 Record = dict[str, str]

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import soundfile
 
+from tex_lightning.core.files import check_lines, is_file, require_file
+from tex_lightning.core.quiet import quietly
 from tex_lightning.data.text_traces import read_text_trace
 from tex_lightning.data.time_column import RawTrace, choose_channel
 from tex_lightning.data.xml_traces import read_xml_trace
 from tex_lightning.errors import UserError, reason
-from tex_lightning.files import check_lines, is_file, require_file
-from tex_lightning.quiet import quietly
 
 SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
 TRACE_SUFFIXES = (*SOUND_SUFFIXES, ".npy", ".txt", ".csv", ".xml")

@@ -1,1 +1,1 @@
-"""The decision: pure functions from fragment predictions to one label."""
+"""How fragments become one label: votes, early stopping, calibration, unknown materials."""

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import torch
 
-from tex_lightning.card import NOVELTIES, Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import NOVELTIES, Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample, Split, make_samples
 from tex_lightning.data.loading import load_sample
 from tex_lightning.data.store import Store
@@ -42,7 +42,7 @@ def card_with_novelties(
     rows = [*left_out, *validated]
     rows = rows[:: max(1, math.ceil(len(rows) / MOST))]
     if rows:
-        columns = dict(zip(card.senses, map(list, zip(*rows, strict=True)), strict=True))
+        columns = dict(zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True))
         card = replace(card, calibration={**card.calibration, NOVELTIES: columns})
     return card
 
@@ -54,8 +54,8 @@ def _measured(
     found = []
     for sample in samples:
         with torch.inference_mode():
-            sensed = classifier.sense_all(**load_sample(sample, store))
-        known = [sensed[name].novelty for name in classifier.card.senses]
+            sensed = classifier.sense_outputs(**load_sample(sample, store))
+        known = [sensed[name].novelty for name in classifier.card.sense_names]
         found.append([float(each) for each in known if each is not None])
     return found
 
@@ -64,9 +64,9 @@ def _left_out(
     novelties: Mapping[str, Sequence[float]], classifier: SurfaceClassifier, parts: Split
 ) -> list[list[float]]:
     """The same of the samples of the training, as far as it was measured there."""
-    if not all(novelties.get(name) for name in classifier.card.senses):
+    if not all(novelties.get(name) for name in classifier.card.sense_names):
         return []
-    modalities = {name: branch.modality for name, branch in classifier.branches.items()}
+    modalities = {name: sense.modality for name, sense in classifier.senses.items()}
     known = {
         name: dict(zip(parts.train.of(modality).rows, novelties[name], strict=True))
         for name, modality in modalities.items()

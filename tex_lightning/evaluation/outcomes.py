@@ -16,7 +16,7 @@ import torch
 from scipy.stats import binomtest
 
 from tex_lightning import __version__
-from tex_lightning.files import read_rows, write_rows, write_text
+from tex_lightning.core.files import read_rows, write_rows, write_text
 
 RANDOM = "random weights"  # in place of the file that weights came from
 FILES = "files"

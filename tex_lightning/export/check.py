@@ -11,9 +11,9 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from tex_lightning.branches import Branch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig, EngineConfig
+from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder, PhotoDecoder, to_size
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.loading import load_recording
@@ -24,7 +24,7 @@ from tex_lightning.export.graph import DRAWS
 from tex_lightning.export.tracing import draws, example
 from tex_lightning.features.proportions import BandProportions
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.progress import track
+from tex_lightning.senses import Sense
 
 MADE_UP = "synthetic"  # data: no files are read
 SHORTEST = 0.5  # of the example that is traced
@@ -75,11 +75,11 @@ def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> l
 
 def _raw_decoders(data: DataConfig, classifier: SurfaceClassifier) -> dict[str, Decoder]:
     decoders = {}
-    for branch in classifier.branches.values():
-        decoder = branch.decoder.assuming(data.file_rate)
+    for sense in classifier.senses.values():
+        decoder = sense.decoder.assuming(data.file_rate)
         if isinstance(decoder, PhotoDecoder):
             decoder = replace(decoder, half_scale=False)
-        decoders[branch.modality] = decoder
+        decoders[sense.modality] = decoder
     return decoders
 
 
@@ -98,8 +98,8 @@ def _loaded(sample: Sample, store: Store, classifier: SurfaceClassifier) -> Give
     try:
         given = {name: load_recording(row, store) for name, row in sample.recordings.items()}
         found = _decoded(given, classifier)
-        for branch in classifier.branches.values():
-            branch.check(found.decoded[branch.modality])
+        for sense in classifier.senses.values():
+            sense.check(found.decoded[sense.modality])
     except UserError:
         return None
     return found
@@ -108,9 +108,9 @@ def _loaded(sample: Sample, store: Store, classifier: SurfaceClassifier) -> Give
 def _noise(classifier: SurfaceClassifier, seed: int) -> dict[str, Tensor]:
     """Recordings of a size of their own; every second signal begins with quiet and a touch."""
     rng, found = np.random.default_rng(seed), {}
-    for branch in classifier.branches.values():
-        noise = example(branch, seed)
-        if branch.medium == "signal":
+    for sense in classifier.senses.values():
+        noise = example(sense, seed)
+        if sense.medium == "signal":
             axes = 1 if seed % 4 < 2 else 3
             samples = round(noise.shape[1] * rng.uniform(SHORTEST, 2))
             noise = noise.repeat(1, 2)[:axes, :samples]
@@ -119,18 +119,18 @@ def _noise(classifier: SurfaceClassifier, seed: int) -> dict[str, Tensor]:
         else:
             height, width = noise.shape[:2]
             noise = noise.repeat(2, 2, 1)[: height + int(rng.integers(height)), : width + seed]
-        found[branch.modality] = noise.contiguous()
+        found[sense.modality] = noise.contiguous()
     return found
 
 
 def _decoded(raw: dict[str, Tensor], classifier: SurfaceClassifier) -> Given:
     return Given(
-        raw, {b.modality: _as_decoded(b, raw[b.modality]) for b in classifier.branches.values()}
+        raw, {b.modality: _as_decoded(b, raw[b.modality]) for b in classifier.senses.values()}
     )
 
 
-def _as_decoded(branch: Branch, raw: Tensor) -> Tensor:
-    decoder = branch.decoder
+def _as_decoded(sense: Sense, raw: Tensor) -> Tensor:
+    decoder = sense.decoder
     if not isinstance(decoder, PhotoDecoder):
         return raw
     return torch.from_numpy(to_size(raw.numpy(), decoder, "The photo"))
@@ -210,14 +210,14 @@ def feed(classifier: SurfaceClassifier, given: Given) -> dict[str, Array]:
     inputs = {name: np.ascontiguousarray(each.numpy()) for name, each in given.raw.items()}
     if classifier.fusion is not None:
         card, seed = classifier.card, classifier.seed(**given.decoded)
-        inputs[DRAWS] = draws(seed, card.decision["pairs"], len(card.senses)).numpy()
+        inputs[DRAWS] = draws(seed, card.decision["pairs"], len(card.sense_names)).numpy()
     return inputs
 
 
 def tolerance(classifier: SurfaceClassifier) -> float:
     """Difference of scores, as a share of their range, that rounding explains."""
-    branches = classifier.branches.values()
-    counted = any(isinstance(branch.features, BandProportions) for branch in branches)
+    senses = classifier.senses.values()
+    counted = any(isinstance(sense.features, BandProportions) for sense in senses)
     return COUNTED if counted else TOLERANCE
 
 

@@ -14,13 +14,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, pad
 
-from tex_lightning.branches import Branch
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier, class_scores
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier, class_scores
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.layers import exportable
 from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
+from tex_lightning.senses import Sense
 
 
 class Part(NamedTuple):
@@ -58,8 +58,8 @@ def names(sense: str) -> list[str]:
 def joined(parts: list[Part], draws: Tensor) -> tuple[Tensor, Tensor]:
     """Class scores (classes, fragments), and which senses are there, bool (senses,).
 
-    They are those of :meth:`~tex_lightning.classifier.SurfaceClassifier.part` of the senses that
-    are there: sums at random tuples of positions, or of a single sense those of its positions.
+    They are those of :meth:`.SurfaceClassifier.part` of the senses that are there: sums at random
+    tuples of positions, or of a single sense those of its positions.
 
     Args:
         parts: Parts of all senses, in order.
@@ -91,7 +91,7 @@ def _drawn(part: Part, draws: Tensor, column: Tensor) -> Tensor:
 def is_unknown(card: Card, novelty: Tensor, present: Tensor) -> Tensor:
     """Whether the novelty () of a sample that has some senses (senses,) is too large; bool ()."""
     above = [math.inf, *thresholds(card).values()]
-    which = (present * 2 ** torch.arange(len(card.senses))).sum()
+    which = (present * 2 ** torch.arange(len(card.sense_names))).sum()
     return novelty.double() > torch.tensor(above, dtype=torch.float64)[which]
 
 
@@ -101,8 +101,8 @@ def thresholds(card: Card) -> dict[str, float | None]:
     They are in the order of the numbers whose bit i says that sense i is there, from 1 on.
     """
     sets = [
-        [name for place, name in enumerate(card.senses) if bits >> place & 1]
-        for bits in range(1, 1 << len(card.senses))
+        [name for place, name in enumerate(card.sense_names) if bits >> place & 1]
+        for bits in range(1, 1 << len(card.sense_names))
     ]
     return {"+".join(each): card.of(each).unknown_above for each in sets}
 
@@ -187,14 +187,14 @@ class ClassifierGraph(nn.Module):
     def __init__(self, classifier: SurfaceClassifier) -> None:
         super().__init__()
         self.card = classifier.card
-        branches = classifier.branches
-        self.modalities = {name: branch.modality for name, branch in branches.items()}
-        self.fronts = nn.ModuleDict({name: _front(each) for name, each in branches.items()})
+        senses = classifier.senses
+        self.modalities = {name: sense.modality for name, sense in senses.items()}
+        self.fronts = nn.ModuleDict({name: _front(each) for name, each in senses.items()})
         self.network = exportable(classifier.network)
         self.fused = classifier.fusion is not None
-        self.levels = {name: classifier.described_level(name) for name in branches}
-        self.scored = {name: classifier.level(name) != self.levels[name] for name in branches}
-        known = {name: classifier.statistics_of(name) for name in branches}
+        self.levels = {name: classifier.described_level(name) for name in senses}
+        self.scored = {name: classifier.level(name) != self.levels[name] for name in senses}
+        known = {name: classifier.statistics_of(name) for name in senses}
         told = bool(classifier.card.novelties) and None not in known.values()
         self.statistics = nn.ModuleDict(deepcopy(known) if told else {})  # type: ignore[arg-type]
 
@@ -263,7 +263,7 @@ class ClassifierGraph(nn.Module):
         return (positions if network.levels[place] == "fc3" else summand), summand
 
     def _novelty(self, name: str, found: Tensor) -> Tensor | None:
-        """Novelty (); see :meth:`~tex_lightning.networks.statistics.FeatureStatistics.novelty`."""
+        """Novelty (); see :meth:`.FeatureStatistics.novelty`."""
         if name not in self.statistics:
             return None
         statistics: Any = self.statistics[name]
@@ -281,14 +281,14 @@ def is_public(name: str) -> bool:
     return "/" not in name
 
 
-def _front(branch: Branch) -> nn.Module:
-    features = branch.features.cpu().eval().requires_grad_(False)
-    if branch.medium == "signal":
+def _front(sense: Sense) -> nn.Module:
+    features = sense.features.cpu().eval().requires_grad_(False)
+    if sense.medium == "signal":
         return signal_graph(features)
-    decoder = branch.decoder
+    decoder = sense.decoder
     if not isinstance(decoder, PhotoDecoder):
         raise UserError(
-            f"Recordings of {branch.name} are decoded by {type(decoder).__name__}, which no "
+            f"Recordings of {sense.name} are decoded by {type(decoder).__name__}, which no "
             "exported file can do; derive it from SignalDecoder or PhotoDecoder."
         )
     if decoder.resize is not None:
@@ -296,5 +296,5 @@ def _front(branch: Branch) -> nn.Module:
             f"This network looks at photos that were brought to {decoder.resize} pixels, which an "
             "exported file cannot do exactly; train with data.resize=null."
         )
-    least = max(branch.min_size) if branch.knows_min_size else 1
+    least = max(sense.min_size) if sense.knows_min_size else 1
     return PhotoGraph(features, decoder.half_scale, 2 * least if decoder.half_scale else least)

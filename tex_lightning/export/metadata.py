@@ -3,14 +3,14 @@
 from typing import Any
 
 from tex_lightning import __version__
-from tex_lightning.branches import Branch
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.quality import limits
 from tex_lightning.export.graph import thresholds
 from tex_lightning.export.tracing import AXES
 from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses import Sense
 
 KEY = "tex_lightning"  # of the metadata
 FORMAT = 2  # of what stands there
@@ -24,7 +24,7 @@ def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
         "version": __version__,
         "kind": card.kind,
         "classes": card.classes,
-        "senses": [_sense(branch, card) for branch in classifier.branches.values()],
+        "senses": [_sense(sense, card) for sense in classifier.senses.values()],
         "decision": {
             "rule": card.rule,
             "temperature": card.temperature,
@@ -44,15 +44,15 @@ def _unknown(card: Card) -> dict[str, Any] | None:
     return {"rate": card.unknown, "thresholds": thresholds(card)}
 
 
-def _sense(branch: Branch, card: Card) -> dict[str, Any]:
-    decoder, geometry = branch.decoder, branch.geometry
+def _sense(sense: Sense, card: Card) -> dict[str, Any]:
+    decoder, geometry = sense.decoder, sense.geometry
     entry: dict[str, Any] = {
-        "name": branch.name,
-        "modality": branch.modality,
-        "what": branch.what,
-        "medium": branch.medium,
-        "least": _least(branch),
-        "limits": limits(card.input_ranges.get(branch.modality, {})),
+        "name": sense.name,
+        "modality": sense.modality,
+        "what": sense.what,
+        "medium": sense.medium,
+        "least": _least(sense),
+        "limits": limits(card.input_ranges.get(sense.modality, {})),
         "receptive_field": None if geometry is None else geometry.receptive_field,
         "stride": None if geometry is None else geometry.stride,
     }
@@ -62,8 +62,8 @@ def _sense(branch: Branch, card: Card) -> dict[str, Any]:
             "file_rate": decoder.file_rate,
             "channel": decoder.channel,
             "axes": AXES,
-            "too_short": _too_short(branch.what, entry["least"], decoder.sampling_rate),
-            **_frames(branch),
+            "too_short": _too_short(sense.what, entry["least"], decoder.sampling_rate),
+            **_frames(sense),
         }
     elif isinstance(decoder, PhotoDecoder):
         entry |= {"half_scale": decoder.half_scale, "resize": decoder.resize}
@@ -76,8 +76,8 @@ def _too_short(what: str, least: int | None, rate: float) -> str:
     return f"The {what} has less movement than {needed}one fragment takes; record a longer stroke."
 
 
-def _frames(branch: Branch) -> dict[str, Any]:
-    features = branch.features
+def _frames(sense: Sense) -> dict[str, Any]:
+    features = sense.features
     if not isinstance(features, SpectrogramFeatures):
         return {"hop_seconds": None, "window_seconds": None, "frequencies": None}
     rate = features.sampling_rate
@@ -88,10 +88,10 @@ def _frames(branch: Branch) -> dict[str, Any]:
     }
 
 
-def _least(branch: Branch) -> int | None:
+def _least(sense: Sense) -> int | None:
     """Samples of movement, or pixels a side after halving, that one fragment takes."""
-    if not branch.knows_min_size:
+    if not sense.knows_min_size:
         return None
-    if isinstance(branch.features, SpectrogramFeatures):
-        return branch.features.samples(branch.min_size[1])
-    return max(branch.min_size)
+    if isinstance(sense.features, SpectrogramFeatures):
+        return sense.features.samples(sense.min_size[1])
+    return max(sense.min_size)

@@ -12,10 +12,10 @@ from typing import Any
 import yaml
 
 from tex_lightning import __version__
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.files import read_record, read_rows
 from tex_lightning.errors import UserError, listed
-from tex_lightning.files import read_record, read_rows
 from tex_lightning.text import printable, to_markdown
 
 RESULTS = "results.json"
@@ -82,7 +82,7 @@ def _senses(card: Card) -> str:
 
 def _what(classifier: SurfaceClassifier) -> str:
     card = classifier.card
-    names = {type(branch.network).__name__: None for branch in classifier.branches.values()}
+    names = {type(sense.network).__name__: None for sense in classifier.senses.values()}
     fused = "" if classifier.fusion is None else f", fused on {card.fusion['level'].upper()}"
     return (
         f"{listed(list(names))}{fused}, {classifier.count_parameters():,} parameters, trained with "
@@ -100,7 +100,7 @@ def _data(card: Card, results: Mapping[str, Any]) -> Iterator[str]:
     if "test_fold" in card.trained_on:
         tested = f"fold {card.trained_on['test_fold']} of {card.trained_on.get('folds')}"
         yield f"- Left out to test: {to_markdown(tested)}"
-    for name, node in card.branches.items():
+    for name, node in card.senses.items():
         rate = node["decode"].get("sampling_rate")
         what = to_markdown(f"{name} reads {node['modality']}")
         yield f"- {what}" + (f" at {rate:g} Hz" if rate else "")
@@ -150,7 +150,7 @@ def _licence(card: Card) -> str:
         return "None were used: all weights began at random."
     said = []
     for sense, source in trunks.items():
-        node = json.dumps(card.branches.get(sense, {}))
+        node = json.dumps(card.senses.get(sense, {}))
         known = [text for name, text in LICENCES.items() if name in node and source == OFFICIAL]
         text = known[0] if known else f"as stated by the publisher of {source}"
         said += [to_markdown(f"{sense}: {text}")]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.export.check import Runner
 from tex_lightning.export.graph import DRAWS, is_public, sense_outputs
@@ -109,9 +109,9 @@ def _completed(classifier: SurfaceClassifier, model: Any) -> Any:  # noqa: ANN40
     if classifier.fusion is not None:
         outputs = [each.name for each in model.graph.output]
         senses: dict[str, list[str]] = {}
-        for name, branch in classifier.branches.items():
+        for name, sense in classifier.senses.items():
             own = [output for output in sense_outputs(name) if output in outputs]
-            senses.setdefault(branch.modality, []).extend(own)
+            senses.setdefault(sense.modality, []).extend(own)
         found = skip_absent(model, senses, [name for name in outputs if is_public(name)])
         found.metadata_props.extend(model.metadata_props)
         model = found
@@ -156,8 +156,8 @@ def _clear(graph: Any) -> None:  # noqa: ANN401
     for node in graph.node:
         node.ClearField("metadata_props")
         node.ClearField("doc_string")
-        for branch in (each.g for each in node.attribute if each.HasField("g")):
-            _clear(branch)
+        for sense in (each.g for each in node.attribute if each.HasField("g")):
+            _clear(sense)
     for value in (*graph.value_info, *graph.input, *graph.output):
         value.ClearField("metadata_props")
     graph.ClearField("metadata_props")

@@ -11,12 +11,12 @@ import torch
 from torch import Tensor
 from torch.export import Dim, ExportedProgram
 
-from tex_lightning.branches import Branch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.export.graph import DRAWS, ClassifierGraph
 from tex_lightning.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures
+from tex_lightning.senses import Sense
 
 WINDOWS = 3  # of the network, that the recordings have with which it is traced
 SIDE = 400  # pixels of a photo for a network that does not say what it needs
@@ -50,9 +50,9 @@ def trace(classifier: SurfaceClassifier) -> Traced:
     """
     graph = ClassifierGraph(classifier).eval()
     inputs, sizes = {}, {}
-    for branch in classifier.branches.values():
-        inputs[branch.modality] = example(branch)
-        sizes[branch.modality] = {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
+    for sense in classifier.senses.values():
+        inputs[sense.modality] = example(sense)
+        sizes[sense.modality] = {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
     if graph.fused:
         inputs[DRAWS], sizes[DRAWS] = default_draws(classifier), {0: Dim.DYNAMIC}
     graph.name_inputs(list(inputs))
@@ -71,8 +71,8 @@ def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
     """The error for a network that cannot be exported."""
     parts = {
         type(part).__name__: None
-        for branch in classifier.branches.values()
-        for part in (branch.features, branch.network)
+        for sense in classifier.senses.values()
+        for part in (sense.features, sense.network)
     }
     said = shorten(next(iter(str(error).strip().splitlines()), "").rstrip("."))
     return UserError(
@@ -88,7 +88,7 @@ def default_draws(classifier: SurfaceClassifier) -> Tensor:
     They are those of :func:`~tex_lightning.decision.voting.random_tuples` at the card's seed.
     """
     card = classifier.card
-    return draws(card.decision["seed"], card.decision["pairs"], len(card.senses))
+    return draws(card.decision["seed"], card.decision["pairs"], len(card.sense_names))
 
 
 def draws(seed: int, count: int, senses: int) -> Tensor:
@@ -101,28 +101,28 @@ def draws(seed: int, count: int, senses: int) -> Tensor:
     return torch.from_numpy(words.astype(np.int64).reshape(senses, count).T.copy())
 
 
-def example(branch: Branch, seed: int = 0) -> Tensor:
+def example(sense: Sense, seed: int = 0) -> Tensor:
     """A recording of noise that gives several positions."""
     generator = torch.Generator().manual_seed(seed)
-    decoder = branch.decoder
+    decoder = sense.decoder
     if isinstance(decoder, SignalDecoder):
-        size = AXES[-1], _samples(branch, decoder.sampling_rate)
+        size = AXES[-1], _samples(sense, decoder.sampling_rate)
         return torch.randn(size, generator=generator)
-    least = (SIDE, SIDE) if branch.geometry is None else branch.window_size
+    least = (SIDE, SIDE) if sense.geometry is None else sense.window_size
     scale = 2 if isinstance(decoder, PhotoDecoder) and decoder.half_scale else 1
-    height, width = scale * (least[0] + branch_step(branch)), scale * (least[1] + SIDE // 4) + 1
+    height, width = scale * (least[0] + branch_step(sense)), scale * (least[1] + SIDE // 4) + 1
     return torch.randint(256, (height, width, 3), generator=generator, dtype=torch.uint8)
 
 
-def branch_step(branch: Branch) -> int:
+def branch_step(sense: Sense) -> int:
     """Pixels to a second row of positions."""
-    return SIDE // 8 if branch.geometry is None else branch.stride
+    return SIDE // 8 if sense.geometry is None else sense.stride
 
 
-def _samples(branch: Branch, rate: float) -> int:
-    features = branch.features
-    if isinstance(features, SpectrogramFeatures) and branch.geometry is not None:
-        movement = features.samples(WINDOWS * branch.window_size[1])
+def _samples(sense: Sense, rate: float) -> int:
+    features = sense.features
+    if isinstance(features, SpectrogramFeatures) and sense.geometry is not None:
+        movement = features.samples(WINDOWS * sense.window_size[1])
         return movement + int(KNOWN_SECONDS * rate)
     return int(SECONDS * rate)
 

@@ -18,8 +18,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.core.files import write_bytes
 from tex_lightning.errors import UserError
-from tex_lightning.files import write_bytes
 
 RUNTIME = "onnxruntime"  # its folder in the page's
 CARD = "model.json"

@@ -6,8 +6,8 @@ from functools import lru_cache
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
 
 
 def count_macs(function: Callable[[], object]) -> int:
@@ -39,7 +39,7 @@ class Costs:
         self.of = lru_cache(self._of)
 
     def _of(self, sense: str, height: int, width: int) -> int:
-        classifier, branch = self.classifier, self.classifier.branch(sense)
+        classifier, branch = self.classifier, self.classifier.sense(sense)
         x = branch.blank(height, width).to("meta")
         return count_macs(
             lambda: classifier.project(sense, branch.dense(x, classifier.level(sense)))

@@ -21,8 +21,7 @@ from functools import cache
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.branches import Branch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.decision.early_stopping import StoppingRule, is_confident
 from tex_lightning.decision.voting import Vote, max_vote, random_tuples
@@ -31,6 +30,7 @@ from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.inference.costs import Costs, count_macs
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.senses import Sense
 
 STREAMED = 3.0  # time of a multiply-accumulate here over that in a full pass; measured 2.3 to 3
 
@@ -60,15 +60,15 @@ def beginnings(trace: Tensor, stream: StreamingClassifier, costs: Costs) -> Iter
     Raises:
         UserError: If there is not one fragment.
     """
-    features, branch = stream.features, stream.branch
-    bands, frames = branch.input_size(trace)
-    branch.check_frames(frames)
+    features, sense = stream.features, stream.sense
+    bands, frames = sense.input_size(trace)
+    sense.check_frames(frames)
     start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
     movement, begin, before = trace[:, start:], 0, 0
-    budget = costs.of(branch.name, bands, frames) / STREAMED
+    budget = costs.of(sense.name, bands, frames) / STREAMED
     stream.restart(start_known=True)
-    for seen in _lengths(branch, frames):
-        cost = costs.of(branch.name, bands, seen)
+    for seen in _lengths(sense, frames):
+        cost = costs.of(sense.name, bands, seen)
         if stream.macs + cost - before > budget:
             return
         end, before = features.samples(seen), cost
@@ -78,10 +78,10 @@ def beginnings(trace: Tensor, stream: StreamingClassifier, costs: Costs) -> Iter
         begin = end
 
 
-def _lengths(branch: Branch, frames: int) -> Iterator[int]:
+def _lengths(sense: Sense, frames: int) -> Iterator[int]:
     """Frames of 1, 2, 4, 8 ... fragments: every push has a cost of its own."""
-    fragments, stride = 1, branch.stride
-    while (seen := branch.min_size[1] + (fragments - 1) * stride) < frames:
+    fragments, stride = 1, sense.stride
+    while (seen := sense.min_size[1] + (fragments - 1) * stride) < frames:
         yield seen
         fragments *= 2
     yield frames
@@ -123,9 +123,9 @@ def prepare(
 
 def needs_threshold(classifier: SurfaceClassifier) -> bool:
     """Whether a sequential decision uses a probability, as all but those on a single photo do."""
-    branches = classifier.branches.values()
+    senses = classifier.senses.values()
     return not classifier.card.baseline and not (
-        len(branches) == 1 and all(branch.windowed for branch in branches)
+        len(senses) == 1 and all(sense.windowed for sense in senses)
     )
 
 
@@ -153,8 +153,8 @@ class SequentialClassifier(SurfaceClassifier):
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
         by_score = classifier.card.rule == "score"  # a stream keeps votes and probabilities
         self.streams = {
-            name: None if branch.windowed or by_score else signal_stream(classifier, name)
-            for name, branch in classifier.branches.items()
+            name: None if sense.windowed or by_score else signal_stream(classifier, name)
+            for name, sense in classifier.senses.items()
         }
 
     @property
@@ -170,50 +170,50 @@ class SequentialClassifier(SurfaceClassifier):
     def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; ``relative_macs`` is the share of the arithmetic done."""
         self.require(recordings)
-        branches = self.full.branches
-        if len(branches) > 1:
-            return self._several(branches, recordings)
-        (branch,) = branches.values()
-        recording = recordings[branch.modality]
-        if not branch.windowed:
-            return self._trace(branch, recording)
-        return self._photo(branch, recording) if self.counts else self.full.classify(**recordings)
+        senses = self.full.senses
+        if len(senses) > 1:
+            return self._several(senses, recordings)
+        (sense,) = senses.values()
+        recording = recordings[sense.modality]
+        if not sense.windowed:
+            return self._trace(sense, recording)
+        return self._photo(sense, recording) if self.counts else self.full.classify(**recordings)
 
-    def _trace(self, branch: Branch, trace: Tensor) -> Vote:
+    def _trace(self, sense: Sense, trace: Tensor) -> Vote:
         """Take more and more of a trace, nothing twice."""
-        stream = self.streams[branch.name]
+        stream = self.streams[sense.name]
         if stream is None:
-            return self.full.classify(**{branch.modality: trace})
-        bands, frames = branch.input_size(trace)
-        full = self.costs.of(branch.name, bands, frames)
+            return self.full.classify(**{sense.modality: trace})
+        bands, frames = sense.input_size(trace)
+        full = self.costs.of(sense.name, bands, frames)
         for vote in beginnings(trace, stream, self.costs):
             certain = self.counts and stream.certain(frames)
             if is_confident(vote.probability, self.threshold) or certain:
                 return _spent(vote, stream.macs, full)
         if not stream.macs:
             _say_nothing_saved()
-        return _spent(self.full.classify(**{branch.modality: trace}), stream.macs + full, full)
+        return _spent(self.full.classify(**{sense.modality: trace}), stream.macs + full, full)
 
-    def _photo(self, branch: Branch, photo: Tensor) -> Vote:
+    def _photo(self, sense: Sense, photo: Tensor) -> Vote:
         """Vote over the positions of a photo in random order."""
-        branch.check(photo)
-        rows, columns = branch.grid(photo)
-        generator = torch.Generator().manual_seed(self.full.seed(**{branch.modality: photo}))
+        sense.check(photo)
+        rows, columns = sense.grid(photo)
+        generator = torch.Generator().manual_seed(self.full.seed(**{sense.modality: photo}))
         order = torch.randperm(rows * columns, generator=generator)
         none = torch.zeros(len(self.card.classes), rows * columns, device=self.device)
-        return self._draw(branch, photo, none, order, 0)
+        return self._draw(sense, photo, none, order, 0)
 
-    def _several(self, branches: dict[str, Branch], recordings: dict[str, Tensor]) -> Vote:
+    def _several(self, senses: dict[str, Sense], recordings: dict[str, Tensor]) -> Vote:
         """Use one sense after another, the cheapest first; a photo that comes last by windows."""
-        own = {name: recordings[branch.modality] for name, branch in branches.items()}
-        costs = {name: self._cost(branch, own[name]) for name, branch in branches.items()}
+        own = {name: recordings[sense.modality] for name, sense in senses.items()}
+        costs = {name: self._cost(sense, own[name]) for name, sense in senses.items()}
         full, (first, *others) = sum(costs.values()), sorted(costs, key=costs.__getitem__)
-        summand, vote, spent = self._listen(branches[first], own[first], costs[first])
+        summand, vote, spent = self._listen(senses[first], own[first], costs[first])
         if is_confident(vote.probability, self.threshold):
             return _spent(vote, spent, full)
         summands, seed = {first: summand}, self.full.seed(**recordings)
         for name in others:
-            if name == others[-1] and branches[name].windowed and self.counts:
+            if name == others[-1] and senses[name].windowed and self.counts:
                 return self._last_photo(name, own[name], summands, seed, spent, full)
             summands[name] = self.full.summand(name, own[name])
             spent += costs[name]
@@ -223,23 +223,23 @@ class SequentialClassifier(SurfaceClassifier):
                     return _spent(vote, spent, full)
         return _spent(self._tuples_vote(summands, seed, self.card.temperature), spent, full)
 
-    def _cost(self, branch: Branch, recording: Tensor) -> int:
+    def _cost(self, sense: Sense, recording: Tensor) -> int:
         """Multiply-accumulates of one sense, of a recording that is large enough.
 
         Of a network that does not say what it makes of a recording they are counted on the first
         one, and taken as proportional to its size for others: computing tells, but costs as much.
         """
-        if branch.knows_min_size:
-            branch.check(recording)
-            return self.costs.of(branch.name, *branch.input_size(recording))
-        if branch.name not in self.densities:
-            macs = count_macs(lambda: self.full.summand(branch.name, recording))
-            self.densities[branch.name] = macs / recording.numel()
-        return max(1, round(self.densities[branch.name] * recording.numel()))
+        if sense.knows_min_size:
+            sense.check(recording)
+            return self.costs.of(sense.name, *sense.input_size(recording))
+        if sense.name not in self.densities:
+            macs = count_macs(lambda: self.full.summand(sense.name, recording))
+            self.densities[sense.name] = macs / recording.numel()
+        return max(1, round(self.densities[sense.name] * recording.numel()))
 
     def _tuples_vote(self, summands: dict[str, Tensor], seed: int, temperature: float) -> Vote:
         """The vote of the senses used so far; the vote of all senses is the full one."""
-        asked = [summands[name] for name in self.full.branches if name in summands]
+        asked = [summands[name] for name in self.full.senses if name in summands]
         tuples = self._tuples([each.shape[1] for each in asked], seed)
         drawn = [each[:, tuples[:, place]] for place, each in enumerate(asked)]
         return self.full.decide(_sum(drawn), temperature)
@@ -254,26 +254,26 @@ class SequentialClassifier(SurfaceClassifier):
         full: int,
     ) -> Vote:
         """Draw the tuples of the full vote, and compute the windows of the photo that they need."""
-        branches = self.full.branches
+        senses = self.full.senses
         counts = [
-            summands[name].shape[1] if name in summands else _count(branch, photo)
-            for name, branch in branches.items()
+            summands[name].shape[1] if name in summands else _count(sense, photo)
+            for name, sense in senses.items()
         ]
-        places = dict(zip(branches, self._tuples(counts, seed).T, strict=True))
-        known = [summands[name][:, places[name]] for name in branches if name in summands]
+        places = dict(zip(senses, self._tuples(counts, seed).T, strict=True))
+        known = [summands[name][:, places[name]] for name in senses if name in summands]
         order = places[last].cpu()
-        return self._draw(branches[last], photo, _sum(known), order, spent, full)
+        return self._draw(senses[last], photo, _sum(known), order, spent, full)
 
     def _tuples(self, counts: Sequence[int], seed: int) -> Tensor:
         """Positions (tuples, senses) that are voted over, on the device of the scores."""
         return random_tuples(counts, self.card.decision["pairs"], seed).to(self.device)
 
-    def _listen(self, branch: Branch, recording: Tensor, cost: int) -> tuple[Tensor, Vote, int]:
+    def _listen(self, sense: Sense, recording: Tensor, cost: int) -> tuple[Tensor, Vote, int]:
         """Compute the summand (classes, positions), vote and cost of one sense, until it is sure.
 
         Where it is sure the rest of a signal is left out, of the summand too.
         """
-        name, stream, spent = branch.name, self.streams[branch.name], 0
+        name, stream, spent = sense.name, self.streams[sense.name], 0
         if stream is not None:
             for vote in beginnings(recording, stream, self.costs):
                 if is_confident(vote.probability, self.threshold):
@@ -286,7 +286,7 @@ class SequentialClassifier(SurfaceClassifier):
 
     def _draw(
         self,
-        branch: Branch,
+        sense: Sense,
         photo: Tensor,
         others: Tensor,
         order: Tensor,
@@ -296,17 +296,17 @@ class SequentialClassifier(SurfaceClassifier):
         """Vote over fragments one after another, computing the windows that they need.
 
         Args:
-            branch: Branch of the photo.
+            sense: Sense of the photo.
             photo: Decoded.
             others: (classes, fragments) what is added to the photo's score of each fragment.
             order: (fragments,) position of each in the photo, row by row.
             before: Multiply-accumulates done before.
             full: Those of the full decision; None takes the photo's.
         """
-        dense = self.costs.of(branch.name, *branch.input_size(photo))
-        one = self.costs.of(branch.name, *branch.window_size)
+        dense = self.costs.of(sense.name, *sense.input_size(photo))
+        one = self.costs.of(sense.name, *sense.window_size)
         full, spent = full or dense, before
-        table = others.new_empty(len(others), _count(branch, photo))
+        table = others.new_empty(len(others), _count(sense, photo))
         known = torch.zeros(table.shape[1], dtype=torch.bool)
         votes, drawn = [0] * len(others), 0
         while not self.rule.decided(votes, len(order) - drawn):
@@ -314,10 +314,10 @@ class SequentialClassifier(SurfaceClassifier):
             asked = torch.unique(order[drawn : drawn + more])
             fresh = asked[~known[asked]]
             if spent - before + len(fresh) * one > dense:
-                table, spent = self.full.summand(branch.name, photo), spent + dense
+                table, spent = self.full.summand(sense.name, photo), spent + dense
                 drawn = len(order)
                 break
-            table[:, fresh.to(table.device)] = self._windows(branch, photo, fresh)
+            table[:, fresh.to(table.device)] = self._windows(sense, photo, fresh)
             known[fresh], spent = True, spent + len(fresh) * one
             new = slice(drawn, drawn + more)
             labels = (others[:, new] + table[:, order[new].to(table.device)]).argmax(dim=0)
@@ -327,19 +327,19 @@ class SequentialClassifier(SurfaceClassifier):
         logits = others[:, :drawn] + table[:, order[:drawn].to(table.device)]
         return _spent(max_vote(logits, self.card.temperature), spent, full)
 
-    def _windows(self, branch: Branch, photo: Tensor, places: Tensor) -> Tensor:
+    def _windows(self, sense: Sense, photo: Tensor, places: Tensor) -> Tensor:
         """Scores (classes, places) of single windows; those at the far edge lie inside."""
-        columns, side = branch.grid(photo)[1], torch.tensor(branch.window_size)
-        corners = torch.stack((places // columns, places % columns), dim=1) * branch.stride
-        corners = corners.minimum((torch.tensor(branch.input_size(photo)) - side).clamp(min=0))
-        level = self.full.level(branch.name)
-        found = [branch.windows(photo, part, level) for part in torch.split(corners, BATCH)]
-        return self.full.project(branch.name, torch.cat(found, dim=1))
+        columns, side = sense.grid(photo)[1], torch.tensor(sense.window_size)
+        corners = torch.stack((places // columns, places % columns), dim=1) * sense.stride
+        corners = corners.minimum((torch.tensor(sense.input_size(photo)) - side).clamp(min=0))
+        level = self.full.level(sense.name)
+        found = [sense.windows(photo, part, level) for part in torch.split(corners, BATCH)]
+        return self.full.project(sense.name, torch.cat(found, dim=1))
 
 
-def _count(branch: Branch, recording: Tensor) -> int:
+def _count(sense: Sense, recording: Tensor) -> int:
     """Positions that a recording gives."""
-    rows, columns = branch.grid(recording)
+    rows, columns = sense.grid(recording)
     return rows * columns
 
 

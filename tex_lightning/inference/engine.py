@@ -12,11 +12,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.branches import Branch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.senses import Sense
 
 PIECE = 1 << 19  # elements; with three float32 buffers of this size the cache is not exceeded
 
@@ -162,16 +162,16 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
     # on the CPU: not every device computes in float64
     fast = deepcopy(classifier).cpu().eval().requires_grad_(False)
     fast.tile = config.tile
-    for branch in fast.branches.values():
-        for features in branch.features.modules():
+    for sense in fast.senses.values():
+        for features in sense.features.modules():
             if isinstance(features, SpectrogramFeatures):
                 features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
-        _rewrite(branch.network, config)
+        _rewrite(sense.network, config)
     fast.to(device)
     if config.precision == "bf16":
         _warn_of_slow_bf16(device)
     if config.compile:
-        _compile(fast.branches.values())
+        _compile(fast.senses.values())
     return fast
 
 
@@ -198,19 +198,19 @@ def _rewrite(network: nn.Module, config: EngineConfig) -> None:
 
 
 @torch.inference_mode()
-def _compile(branches: Iterable[Branch]) -> None:
+def _compile(senses: Iterable[Sense]) -> None:
     """Compile for inputs of any size, and run once so that this is not part of a latency."""
     begin = time.perf_counter()
     try:
-        for branch in branches:
-            known = branch.geometry is not None  # which is tried before anything is compiled
-            for layer in branch.network.modules():
+        for sense in senses:
+            known = sense.geometry is not None  # which is tried before anything is compiled
+            for layer in sense.network.modules():
                 if isinstance(layer, FastResponseNorm):
                     layer.stay_uncompiled()
-            for part in [*branch.network.children()] or [branch.network]:
+            for part in [*sense.network.children()] or [sense.network]:
                 part.compile(dynamic=True)
             if known:
-                branch.dense(_few_positions(branch), "fc3")
+                sense.dense(_few_positions(sense), "fc3")
     except Exception as error:  # of PyTorch's compiler or of the one it calls, in many ways
         raise UserError(
             f"engine.compile=true: torch.compile failed ({type(error).__name__}); install a "
@@ -222,11 +222,11 @@ def _compile(branches: Iterable[Branch]) -> None:
     )
 
 
-def _few_positions(branch: Branch) -> Tensor:
+def _few_positions(sense: Sense) -> Tensor:
     """An input of a few positions, as the weights of the network are."""
-    height, width = branch.window_size
-    wide = branch.blank(height, 2 * width)
-    return wide.to(next(branch.network.parameters()))
+    height, width = sense.window_size
+    wide = sense.blank(height, 2 * width)
+    return wide.to(next(sense.network.parameters()))
 
 
 def has_bf16(device: torch.device) -> bool | None:

@@ -15,13 +15,13 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from tex_lightning.branches import Branch
-from tex_lightning.branches.signal import SignalBranch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import FLOOR, SpectrogramFeatures, movement_start
 from tex_lightning.networks.blocks import is_builtin
+from tex_lightning.senses import Sense
+from tex_lightning.senses.signal import SignalSense
 
 Floats = npt.NDArray[np.floating[Any]]
 Labels = npt.NDArray[np.int64]
@@ -201,14 +201,14 @@ def gather(
     classifier.require(dict(recordings))
     alone = classifier.fusion is None
     summands, found = [], {}
-    for name, branch in classifier.branches.items():
-        recording = recordings[branch.modality]
-        grid = branch.position_grid(recording, classifier.level(name))
+    for name, sense in classifier.senses.items():
+        recording = recordings[sense.modality]
+        grid = sense.position_grid(recording, classifier.level(name))
         summand = classifier.project(name, grid.flatten(1))
         summands.append(summand)
         scores = summand.reshape(-1, *grid.shape[1:]).cpu().numpy()
         # a temperature is fitted to the sum of all senses
-        found[name] = _evidence(branch, recording, scores, card.temperature if alone else 1.0)
+        found[name] = _evidence(sense, recording, scores, card.temperature if alone else 1.0)
     logits = classifier.join(summands, 0 if alone else classifier.seed(**recordings))
     return classifier.decide(logits, card.temperature), found
 
@@ -226,22 +226,22 @@ def refuse_baseline(classifier: SurfaceClassifier) -> None:
         )
 
 
-def _evidence(branch: Branch, recording: Tensor, scores: Floats, temperature: float) -> Evidence:
+def _evidence(sense: Sense, recording: Tensor, scores: Floats, temperature: float) -> Evidence:
     common: dict[str, Any] = {
-        "name": branch.name,
-        "what": branch.what,
+        "name": sense.name,
+        "what": sense.what,
         "scores": scores,
         "temperature": temperature,
     }
-    if isinstance(branch, SignalBranch):
-        return _of_signal(branch, recording, common)
+    if isinstance(sense, SignalSense):
+        return _of_signal(sense, recording, common)
     height, width = recording.shape[:2]
     counts = scores.shape[1:]
-    declared = is_builtin(branch.features) and branch.geometry is not None
+    declared = is_builtin(sense.features) and sense.geometry is not None
     if declared:
         rows, columns = (
-            window_extents(count, branch.stride, window)
-            for count, window in zip(counts, branch.window_size, strict=True)
+            window_extents(count, sense.stride, window)
+            for count, window in zip(counts, sense.window_size, strict=True)
         )
     else:
         rows, columns = (
@@ -251,20 +251,20 @@ def _evidence(branch: Branch, recording: Tensor, scores: Floats, temperature: fl
     return PhotoEvidence(**common, rows=rows, columns=columns, declared=declared, pixels=pixels)
 
 
-def _of_signal(branch: SignalBranch, recording: Tensor, common: dict[str, Any]) -> SignalEvidence:
-    rate, features = branch.decoder.sampling_rate, branch.spectrogram
-    skips = getattr(branch.features, "skip_impact", False)
+def _of_signal(sense: SignalSense, recording: Tensor, common: dict[str, Any]) -> SignalEvidence:
+    rate, features = sense.decoder.sampling_rate, sense.spectrogram
+    skips = getattr(sense.features, "skip_impact", False)
     start = movement_start(recording, rate) / rate if skips else 0.0
     count, seconds = common["scores"].shape[2], recording.shape[-1] / rate
-    declared = features is not None and branch.geometry is not None
+    declared = features is not None and sense.geometry is not None
     if features is not None and declared:
-        frames = window_extents(count, branch.stride, branch.window_size[1])
+        frames = window_extents(count, sense.stride, sense.window_size[1])
         frames[:, 1] -= 1  # the last frame begins there
         columns = start + frames * features.hop_length / rate
         columns[:, 1] += features.window_length / rate
     else:
         columns = equal_parts(count, start, seconds)
-    shown = _mel(recording, rate) if features is None else (features, branch(recording)[0, 0])
+    shown = _mel(recording, rate) if features is None else (features, sense(recording)[0, 0])
     values: Floats | None = None
     times: Floats = np.empty(0)
     frequencies: Floats = np.empty(0)

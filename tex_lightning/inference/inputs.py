@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from glob import has_magic
 from pathlib import Path
 
+from tex_lightning.core.files import is_file, is_folder, matches
 from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
 from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError, listed
-from tex_lightning.files import is_file, is_folder, matches
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 import logging
 
-from tex_lightning.card import Card
-from tex_lightning.decision.unknown import LABEL, least_rate
+from tex_lightning.classifier.card import Card
+from tex_lightning.decision.calibration import LABEL, least_rate
 from tex_lightning.errors import UserError
 
 log = logging.getLogger(__name__)

@@ -10,18 +10,18 @@ from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 from torchmetrics import MetricCollection
 
-from tex_lightning.branches import Branch
-from tex_lightning.card import LEFT_OUT, Card, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier, own_state
+from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint
+from tex_lightning.classifier.classifier import SurfaceClassifier, own_state
 from tex_lightning.config.instantiation import build, call
-from tex_lightning.contract import breach, calling, check_batch, describe
+from tex_lightning.core.contract import breach, calling, check_batch, describe
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
+from tex_lightning.learning.loggers import log_figures
 from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
-from tex_lightning.loggers import log_figures
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.report.confusion import confusion_figure
+from tex_lightning.senses import Sense
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -98,12 +98,12 @@ class SurfaceModule(LightningModule):
         """The network's input tensors (batch, ...) for a training batch, one for each sense."""
         change = self._augmented if self.augmentation is not None and self.training else None
         return [
-            self._laid_out(branch.training_input(batch[name], self.pieces[name], change), branch)
-            for name, branch in self.classifier.branches.items()
+            self._laid_out(sense.training_input(batch[name], self.pieces[name], change), sense)
+            for name, sense in self.classifier.senses.items()
         ]
 
-    def _laid_out(self, x: Tensor, branch: Branch) -> Tensor:
-        x = branch.as_weights(x)
+    def _laid_out(self, x: Tensor, sense: Sense) -> Tensor:
+        x = sense.as_weights(x)
         return x.contiguous() if self.layout is torch.contiguous_format else x
 
     @property
@@ -136,8 +136,8 @@ class SurfaceModule(LightningModule):
 
     def scores(self, batch: Batch) -> Tensor:
         """Class scores (batch, classes, fragments) of a training batch."""
-        inputs, (branch,) = self.inputs(batch), self.classifier.branches.values()
-        part = branch.network_part
+        inputs, (sense,) = self.inputs(batch), self.classifier.senses.values()
+        part = sense.network_part
         with calling(*part):
             found = self.network.features(*inputs, "fc3")
         return check_batch(found, *part, len(batch["label"]), 3).flatten(2)

@@ -10,12 +10,12 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier import STATISTICS, SurfaceClassifier
+from tex_lightning.classifier.classifier import STATISTICS, SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
 from tex_lightning.learning.new_rows import Fragments, fit_rows
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
 from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.statistics import FeatureStatistics
 
 State = dict[str, Tensor]
 
@@ -36,12 +36,13 @@ def add_classes(
     """
     check_extensible(classifier)
     statistics = {
-        name: _with_classes(classifier, name, features[name]) for name in classifier.card.senses
+        name: _with_classes(classifier, name, features[name])
+        for name in classifier.card.sense_names
     }
     temperature, fusion = classifier.card.temperature, classifier.fusion
     state: State = {}
     if fusion is None or "fc3" in fusion.levels:
-        for name in classifier.card.senses:
+        for name in classifier.card.sense_names:
             layer = _score_layer(classifier, name)
             weight, bias = _values(layer)
             new = fit_rows(
@@ -63,7 +64,7 @@ def add_classes(
 def keep_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
     """Copy a classifier with only some of its classes."""
     kept = torch.tensor([classifier.card.classes.index(name) for name in names])
-    senses, fusion = classifier.card.senses, classifier.fusion
+    senses, fusion = classifier.card.sense_names, classifier.fusion
     scored = [name for name in senses if classifier.level(name) == "fc3"]
     layers: list[ScoreLayer] = [_score_layer(classifier, name) for name in scored]
     layers += _unused_layers(classifier)
@@ -85,19 +86,19 @@ def check_extensible(classifier: SurfaceClassifier) -> None:
     Raises:
         UserError: Saying why.
     """
-    if set(classifier.statistics) != {*classifier.card.senses}:
+    if set(classifier.statistics) != {*classifier.card.sense_names}:
         raise UserError(
             "The checkpoint keeps no statistics of its features, which stand for its old "
             "recordings; train it anew with task=fit."
         )
-    for name in classifier.card.senses:
+    for name in classifier.card.sense_names:
         if classifier.level(name) == "fc3":
             _score_layer(classifier, name)
     _unused_layers(classifier)
 
 
 def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
-    network = classifier.branch(name).network
+    network = classifier.sense(name).network
     layer = score_layer_of(network)
     if layer is None:
         raise UserError(
@@ -113,8 +114,8 @@ def _unused_layers(classifier: SurfaceClassifier) -> list[ScoreLayer]:
 
     This package's have lost theirs.
     """
-    names = [name for name in classifier.card.senses if classifier.level(name) == "fc2"]
-    kept = [name for name in names if not hasattr(classifier.branch(name).network, "head")]
+    names = [name for name in classifier.card.sense_names if classifier.level(name) == "fc2"]
+    kept = [name for name in names if not hasattr(classifier.sense(name).network, "head")]
     return [_score_layer(classifier, name) for name in kept]
 
 
@@ -154,8 +155,8 @@ def _with_features(
     """
     weight, whole = _values(fusion.head)
     blocks = torch.split(weight, fusion.sizes, dim=1)
-    last, rows, mean = classifier.card.senses[-1], [], float(whole.mean())
-    for name, block in zip(classifier.card.senses, blocks, strict=True):
+    last, rows, mean = classifier.card.sense_names[-1], [], float(whole.mean())
+    for name, block in zip(classifier.card.sense_names, blocks, strict=True):
         bias = whole if name == last else torch.zeros_like(whole)
         new, biases = fit_rows(
             statistics[name], block, bias, features[name],

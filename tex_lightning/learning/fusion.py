@@ -21,8 +21,8 @@ class FusionModule(SurfaceModule):
         self, card: dict[str, Any], fit: dict[str, Any], seed: int, pieces: dict[str, int]
     ) -> None:
         super().__init__(card, fit, seed, pieces)
-        branches = self.classifier.branches.items()
-        self.pieces = {name: branch.piece_size(pieces[name]) for name, branch in branches}
+        senses = self.classifier.senses.items()
+        self.pieces = {name: sense.piece_size(pieces[name]) for name, sense in senses}
 
     def scores(self, batch: Batch) -> Tensor:
         """Class scores (batch, classes, tuples); for a share of the samples of one sense alone.

@@ -46,14 +46,14 @@ class InputData(SurfaceData):
 
     @torch.no_grad()
     def _recordings(self, batch: Batch) -> tuple[Any, torch.Tensor]:
-        branches = self.classifier.branches.values()
-        inputs = [branch(batch["recordings"][branch.modality]) for branch in branches]
+        senses = self.classifier.senses.values()
+        inputs = [sense(batch["recordings"][sense.modality]) for sense in senses]
         return self._joined(inputs), batch["label"][None]
 
     def _joined(self, inputs: Sequence[torch.Tensor]) -> Any:  # noqa: ANN401
         if len(inputs) == 1:
             return inputs[0]
-        return dict(zip(self.classifier.branches, inputs, strict=True))
+        return dict(zip(self.classifier.senses, inputs, strict=True))
 
 
 @dataclass

@@ -19,12 +19,12 @@ import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
+from tex_lightning.core.groups import leave_out
+from tex_lightning.core.progress import track
 from tex_lightning.data.banks import PhotoBank, mirrored, random_corner
-from tex_lightning.decision.temperature import fit_temperature
-from tex_lightning.groups import leave_out
+from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.trunks.textures import TextureFeatures
-from tex_lightning.progress import track
 
 Pixels = npt.NDArray[np.uint8]
 Labels = npt.NDArray[np.int64]
@@ -107,8 +107,8 @@ def _view(photos: PhotoBank, number: int, module: SurfaceModule) -> Pixels:
 @torch.no_grad()
 def _mean_features(module: SurfaceModule, view: Pixels) -> Tensor:
     """Features (D,) of a photo, mean over its fragments."""
-    branch = next(iter(module.classifier.branches.values()))
-    features: Tensor = module.network.trunk(branch(torch.from_numpy(view)))
+    sense = next(iter(module.classifier.senses.values()))
+    features: Tensor = module.network.trunk(sense(torch.from_numpy(view)))
     return features.mean(dim=(0, 2, 3))
 
 

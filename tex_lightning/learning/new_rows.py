@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.networks.statistics import FeatureStatistics
+from tex_lightning.classifier.statistics import FeatureStatistics
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 

@@ -12,9 +12,9 @@ import torch
 from lightning.fabric.utilities import move_data_to_device
 from torch import Tensor, nn
 
+from tex_lightning.core.progress import track
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.visualnet import VisualNet
-from tex_lightning.progress import track
 
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies is not blown up
 

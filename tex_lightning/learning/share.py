@@ -8,9 +8,9 @@ from pathlib import Path
 
 import torch
 
-from tex_lightning.card import read_checkpoint
-from tex_lightning.classifier import Trained, read_trained
-from tex_lightning.files import unwritable, write_atomically
+from tex_lightning.classifier.card import read_checkpoint
+from tex_lightning.classifier.classifier import Trained, read_trained
+from tex_lightning.core.files import unwritable, write_atomically
 from tex_lightning.learning.train import calibrate, train_network
 from tex_lightning.learning.training import Training
 

@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from torch import nn
 
-from tex_lightning.card import SUFFIX, Card, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.contract import calling
+from tex_lightning.classifier.card import SUFFIX, Card, read_checkpoint
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.console import log_once
+from tex_lightning.core.contract import calling
+from tex_lightning.core.devices import pick_device
 from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
-from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import fit_linear_head
@@ -26,7 +27,6 @@ from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
-from tex_lightning.screen import log_once
 
 log = logging.getLogger(__name__)
 
@@ -93,7 +93,7 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
 
 def _shape(card: Card) -> dict[str, Any]:
     """The settings that the trunk's weights depend on."""
-    node = card.branches[card.kind]
+    node = card.senses[card.kind]
     rate = {key: value for key, value in node["decode"].items() if key == "sampling_rate"}
     return {**rate, **{key: value for key, value in node.items() if key not in HEADS}}
 
@@ -140,7 +140,7 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
         log_once(log, start_trunk(module.classifier, weights))
     network: Any = module.network
     if hasattr(network, "fit"):
-        with calling(*module.classifier.branch(training.card.kind).network_part):
+        with calling(*module.classifier.sense(training.card.kind).network_part):
             fit_closed_form(network, *batches.banks[training.card.kind], _groups(training))
     if not isinstance(network, VisualNet):
         return

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Sequence
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.core.groups import leave_out
+from tex_lightning.core.progress import track
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store
-from tex_lightning.groups import leave_out
-from tex_lightning.networks.statistics import FeatureStatistics
-from tex_lightning.progress import track
 
 
 def keep_statistics(
@@ -30,8 +30,8 @@ def keep_statistics(
     novelties: dict[str, list[float]] = {}
     classes = classifier.card.classes
     classifier.eval()
-    for name, branch in classifier.branches.items():
-        own = rows.of(branch.modality).rows
+    for name, sense in classifier.senses.items():
+        own = rows.of(sense.modality).rows
         labels = torch.tensor(class_indices([row.label for row in own], classes))
         means = [each.mean(dim=1) for each in position_features(classifier, name, own, store)]
         features = torch.stack(means)
@@ -77,6 +77,6 @@ def position_features(
         rows: Recordings of its modality.
         store: Where they are decoded.
     """
-    what = plural(classifier.branch(name).modality)
+    what = plural(classifier.sense(name).modality)
     for row in track(rows, f"Statistics of {what}"):
         yield classifier.described(name, load_recording(row, store)).cpu()

@@ -13,14 +13,15 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier, Trained, read_trained
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.progress import hidden
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import class_indices
-from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibrate import calibrated_card
 from tex_lightning.evaluation.known import card_with_novelties
@@ -33,7 +34,6 @@ from tex_lightning.learning.statistics import keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
 from tex_lightning.learning.trial import check_rebuilt
-from tex_lightning.progress import hidden
 
 log = logging.getLogger(__name__)
 
@@ -81,7 +81,9 @@ def _prepare(training: Training, last: Path) -> tuple[SurfaceModule, SurfaceData
 def _new_module(training: Training) -> SurfaceModule:
     torch.manual_seed(training.config.seed)
     make = FusionModule if training.card.kind == FUSION else SurfaceModule
-    pieces = {name: training.config.model.branch(name).fit.piece for name in training.card.senses}
+    pieces = {
+        name: training.config.model.sense(name).fit.piece for name in training.card.sense_names
+    }
     return make(training.card.to_dict(), training.fit_values, training.config.seed, pieces)
 
 
@@ -128,12 +130,12 @@ def _make_batches(training: Training, module: SurfaceModule) -> TrainingBatches:
     """Cut from the training recordings of every sense, its features on the device."""
     classifier, card, banks = module.classifier, training.card, {}
     for name, start in training.unimodal.items():
-        classifier.branch(name).adopt(start.classifier.branch(name))
+        classifier.sense(name).adopt(start.classifier.sense(name))
     classifier.features.to(pick_device(training.config.trainer.accelerator))
-    for name, branch in classifier.branches.items():
-        rows = training.parts.train.of(branch.modality).rows
+    for name, sense in classifier.senses.items():
+        rows = training.parts.train.of(sense.modality).rows
         labels = np.array(class_indices([row.label for row in rows], card.classes))
-        bank = branch.bank(
+        bank = sense.bank(
             rows, training.store, {**training.config.model.fit_values(name), **training.fit_values},
             size=module.pieces[name], seed=training.config.seed, learn=not training.unimodal,
         )  # fmt: skip
@@ -176,7 +178,7 @@ def calibrate(training: Training, trained: Trained) -> Card:
 
 def _check_state(training: Training, classifier: SurfaceClassifier) -> None:
     """Check that a checkpoint will hold all that a user's parts have learnt."""
-    (first, *more) = classifier.branches.values()
+    (first, *more) = classifier.senses.values()
     if not more and not first.is_builtin:
         row = training.parts.train.of(first.modality).rows[0]
         check_rebuilt(classifier.eval(), [load_recording(row, training.store).to(first.device)])
@@ -191,7 +193,7 @@ def _features_are_untrained(training: Training) -> bool:
 def _refuse_diverged(module: SurfaceModule) -> None:
     if not _is_finite(module):
         classifier = module.classifier
-        kind, parts = classifier.card.kind, classifier.branches.values()
+        kind, parts = classifier.card.kind, classifier.senses.values()
         own = "" if all(each.is_builtin for each in parts) else ", or look for what makes NaN in it"
         raise UserError(
             f"Training of the {kind} network diverged, its weights are NaN or infinite; lower "

@@ -18,16 +18,16 @@ from torch import nn
 from tex_lightning.config import Config, TrainerConfig
 from tex_lightning.config.instantiation import build, build_derived
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.console import DEBUG, Screen
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import write_atomically
 from tex_lightning.data.folds import make_samples
-from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError, reason
-from tex_lightning.files import write_atomically
 from tex_lightning.learning.base import make_optimizer
 from tex_lightning.learning.callbacks.fusion import FusionStart
 from tex_lightning.learning.callbacks.progress import ProgressBar
+from tex_lightning.learning.loggers import make_loggers, open_loggers
 from tex_lightning.learning.training import Training
-from tex_lightning.loggers import make_loggers, open_loggers
-from tex_lightning.screen import DEBUG, Screen
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay

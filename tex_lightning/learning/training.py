@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.card import Card
-from tex_lightning.classifier import Trained
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Split
 from tex_lightning.data.store import Store

@@ -9,17 +9,17 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.branches import Branch
-from tex_lightning.branches.base import as_tensor
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.contract import breach, calling, check_batch, describe
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.contract import breach, calling, check_batch, describe
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.start import fit_closed_form
 from tex_lightning.networks.blocks import score_layer_of
+from tex_lightning.senses import Sense
+from tex_lightning.senses.base import as_tensor
 
 log = logging.getLogger(__name__)
 
@@ -44,23 +44,23 @@ def try_branch(
     """
     module = SurfaceModule(card.to_dict(), dict(fit), 0, {card.kind: piece})
     classifier, network = module.classifier, module.network
-    branch, fitted = classifier.branch(card.kind), hasattr(network, "fit")
-    rows = _largest(recordings.of(branch.modality), store, FITTED if fitted else 1)
+    sense, fitted = classifier.sense(card.kind), hasattr(network, "fit")
+    rows = _largest(recordings.of(sense.modality), store, FITTED if fitted else 1)
     labels = np.array(class_indices([row.label for row in rows], card.classes))
-    bank = branch.bank(rows, store, fit, size=piece, seed=0, learn=True)
+    bank = sense.bank(rows, store, fit, size=piece, seed=0, learn=True)
     if fitted:
-        with calling(*branch.network_part):
+        with calling(*sense.network_part):
             fit_closed_form(network, bank, labels, [row.group_key for row in rows])
-    _warn_of_untrained(branch)
+    _warn_of_untrained(sense)
     batch = TrainingBatches({card.kind: (bank, labels)}, BATCH, 0)[0]
     inputs = module.train().inputs(batch)[0]
-    _check_numbers(inputs, *branch.features_part)
-    _check_scores(module.scores(batch), branch, len(card.classes), trained=fit["epochs"] > 0)
+    _check_numbers(inputs, *sense.features_part)
+    _check_scores(module.scores(batch), sense, len(card.classes), trained=fit["epochs"] > 0)
     classifier.eval()
     decoded = [as_tensor(store.load(row)) for row in rows[:BATCH]]
     with torch.inference_mode():
         for recording in decoded:
-            _check_whole(branch, recording, len(card.classes))
+            _check_whole(sense, recording, len(card.classes))
     check_rebuilt(classifier, decoded)
 
 
@@ -73,12 +73,12 @@ def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording
     return found
 
 
-def _warn_of_untrained(branch: Branch) -> None:
-    if any(each.requires_grad for each in branch.features.parameters()):
-        key, _, part = branch.features_part
+def _warn_of_untrained(sense: Sense) -> None:
+    if any(each.requires_grad for each in sense.features.parameters()):
+        key, _, part = sense.features_part
         log.warning(
             "%s (%s) has parameters, and training does not change those of features; put layers "
-            "that learn into model.%s.network.", key, type(part).__name__, branch.name,
+            "that learn into model.%s.network.", key, type(part).__name__, sense.name,
         )  # fmt: skip
 
 
@@ -89,9 +89,9 @@ def _check_numbers(found: Tensor, key: str, kind: str, part: nn.Module) -> None:
         raise breach(key, kind, part, "gave NaN or infinity")
 
 
-def _check_scores(scores: Tensor, branch: Branch, classes: int, *, trained: bool) -> None:
+def _check_scores(scores: Tensor, sense: Sense, classes: int, *, trained: bool) -> None:
     """Check class scores (batch, classes, fragments) of training pieces, and their gradient."""
-    part = branch.network_part
+    part = sense.network_part
     check_batch(scores, *part, BATCH, 3)
     if scores.shape[1] != classes:
         raise breach(
@@ -105,21 +105,21 @@ def _check_scores(scores: Tensor, branch: Branch, classes: int, *, trained: bool
         raise breach(*part, "gave scores without a gradient, so nothing can be trained")
     with calling(*part):
         scores.square().sum().backward()  # type: ignore[no-untyped-call]  # no annotation
-    gradients = [each.grad for each in branch.network.parameters() if each.grad is not None]
+    gradients = [each.grad for each in sense.network.parameters() if each.grad is not None]
     if not all(bool(each.isfinite().all()) for each in gradients):
         raise breach(*part, "gave scores with a gradient that is NaN or infinite")
 
 
-def _check_whole(branch: Branch, recording: Tensor, classes: int) -> None:
+def _check_whole(sense: Sense, recording: Tensor, classes: int) -> None:
     """Check what is given for a whole recording, as in testing."""
-    scores, part = branch.positions(recording, "fc3"), branch.network_part
+    scores, part = sense.positions(recording, "fc3"), sense.network_part
     if len(scores) != classes:
         raise breach(
             *part, f"gave {len(scores)} scores at each position, and there are {classes} classes"
         )
     _check_numbers(scores, *part)
-    layer = score_layer_of(branch.network)
-    hidden = len(scores) if layer is None else len(branch.positions(recording, "fc2"))
+    layer = score_layer_of(sense.network)
+    hidden = len(scores) if layer is None else len(sense.positions(recording, "fc2"))
     if layer is not None and tuple(layer.weight.shape[:2]) != (classes, hidden):
         rows, columns = layer.weight.shape[:2]
         raise breach(
@@ -147,26 +147,26 @@ def check_rebuilt(classifier: SurfaceClassifier, recordings: Sequence[Tensor]) -
     rebuilt.expect_statistics(state)
     rebuilt.load_state_dict(state)
     rebuilt.eval().to(classifier.device)
-    (branch,), (again,) = classifier.branches.values(), rebuilt.branches.values()
+    (sense,), (again,) = classifier.senses.values(), rebuilt.senses.values()
     for recording in recordings:
-        if not same(*(_outputs(each, each.features, recording) for each in (branch, again))):
+        if not same(*(_outputs(each, each.features, recording) for each in (sense, again))):
             raise breach(
-                *branch.features_part,
+                *sense.features_part,
                 "gives other outputs once it is saved and loaded, since it has learnt something "
                 "outside of its parameters and buffers: register_buffer keeps it",
             )
-        if not same(*(_outputs(each, each.network, recording) for each in (branch, again))):
+        if not same(*(_outputs(each, each.network, recording) for each in (sense, again))):
             raise breach(
-                *branch.network_part,
+                *sense.network_part,
                 "gives other scores once it is saved and loaded, since it has learnt something "
                 "outside of its parameters and buffers: register_buffer keeps it",
             )
 
 
 @torch.inference_mode()
-def _outputs(branch: Branch, part: nn.Module, recording: Tensor) -> Tensor:
+def _outputs(sense: Sense, part: nn.Module, recording: Tensor) -> Tensor:
     torch.manual_seed(0)  # of what draws
-    return branch(recording) if part is branch.features else branch.positions(recording, "fc3")
+    return sense(recording) if part is sense.features else sense.positions(recording, "fc3")
 
 
 def same(found: Tensor, again: Tensor) -> bool:

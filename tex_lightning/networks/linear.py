@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.decision.temperature import fit_temperature
-from tex_lightning.groups import PARTS, leave_out
+from tex_lightning.core.groups import PARTS, leave_out
+from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.networks.blocks import Head, Level
 
 LEAST_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing

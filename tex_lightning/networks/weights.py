@@ -10,6 +10,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from tex_lightning.core.quiet import quietly
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.networks.archives import check_archive
@@ -17,7 +18,6 @@ from tex_lightning.networks.official_weights import find_weights
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
 from tex_lightning.networks.weight_files import fold_statistics, read_caffemodel, read_matconvnet
-from tex_lightning.quiet import quietly
 
 log = logging.getLogger(__name__)
 

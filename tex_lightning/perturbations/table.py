@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
+from tex_lightning.core.files import check_yaml
 from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations import pixels as lenses
 from tex_lightning.perturbations import traces as strokes
 from tex_lightning.perturbations.pixels import Array, Scene
-from tex_lightning.yaml_files import check_yaml
 
 BOTH = "both"  # of what is wrong with how recordings are put together, and with none of them
 FEWER = "fewer_pairs"  # that one of them which hits no modality

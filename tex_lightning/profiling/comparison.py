@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig, ProfileConfig
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.inference.costs import count_macs
@@ -85,7 +85,7 @@ def compare(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> d
 
 @torch.inference_mode()
 def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> dict[str, Any]:
-    network = subject.branch.network
+    network = subject.sense.network
     twin = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
     x = subject.features(subject.classifier).contiguous()
     grid = _grid(subject, x)
@@ -105,7 +105,7 @@ def _measure(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> 
 
 def _grid(subject: Subject, x: Tensor) -> Tensor:
     """The windows of a network input."""
-    return cut_windows(x, subject.branch.window_size, subject.branch.stride)
+    return cut_windows(x, subject.sense.window_size, subject.sense.stride)
 
 
 def _dense(subject: Subject, classifier: SurfaceClassifier) -> Callable[[], Tensor]:
@@ -116,7 +116,7 @@ def _dense(subject: Subject, classifier: SurfaceClassifier) -> Callable[[], Tens
 def _arithmetic(subject: Subject, twin: WindowNet, x: Tensor, grid: Tensor) -> dict[str, Any]:
     """Multiply-accumulates of both ways."""
     windows = grid.shape[0] * grid.shape[1]
-    dense = count_macs(lambda: scores(subject.branch.network, x))
+    dense = count_macs(lambda: scores(subject.sense.network, x))
     one = count_macs(lambda: twin(grid[0, 0][None]))
     return {
         "windows": windows,
@@ -141,7 +141,7 @@ def _ways(
                 twin(window[None])
 
     ways: dict[str, Callable[[], Any]] = {
-        "reference": partial(subject.branch.dense, x, "fc3"),
+        "reference": partial(subject.sense.dense, x, "fc3"),
         "features": partial(subject.features, fast),
         "sliding_window": one_by_one,
         "batched_window": partial(_all_windows, twin, grid, plain),

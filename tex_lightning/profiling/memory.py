@@ -14,12 +14,12 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from tex_lightning.branches import Branch
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.profiling.timing import like_weights, only_branch
+from tex_lightning.senses import Sense
 
 STATUS = Path("/proc/self/status")
 RESET = Path("/proc/self/clear_refs")
@@ -81,17 +81,17 @@ def _resident_peak(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], threads: int
 ) -> float | None:
     torch.set_num_threads(threads)
-    branch, x = _prepared(card, engine, shape, torch.device("cpu"))
-    height, width = branch.window_size
+    sense, x = _prepared(card, engine, shape, torch.device("cpu"))
+    height, width = sense.window_size
     with torch.inference_mode():
         # the libraries' own beginnings are no part of the figure
-        branch.dense(x[..., :height, :width], "fc3")
+        sense.dense(x[..., :height, :width], "fc3")
         try:
             RESET.write_text(RESET_PEAK)
         except OSError:
             return None
         before = _kib("VmRSS")
-        branch.dense(x, "fc3")
+        sense.dense(x, "fc3")
     return (_kib("VmHWM") - before) / 1024
 
 
@@ -103,17 +103,17 @@ def _kib(key: str) -> int:
 def _cuda_peak(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
 ) -> float:
-    branch, x = _prepared(card, engine, shape, device)
+    sense, x = _prepared(card, engine, shape, device)
     with torch.inference_mode():
         torch.cuda.reset_peak_memory_stats(device)
         before = torch.cuda.memory_allocated(device)
-        branch.dense(x, "fc3")
+        sense.dense(x, "fc3")
     return (torch.cuda.max_memory_allocated(device) - before) / 2**20
 
 
 def _prepared(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], device: torch.device
-) -> tuple[Branch, Tensor]:
-    """The branch of an accelerated classifier, and an input."""
-    branch = only_branch(accelerate(SurfaceClassifier(card).eval().to(device), engine))
-    return branch, like_weights(branch.network, torch.randn(shape))
+) -> tuple[Sense, Tensor]:
+    """The sense of an accelerated classifier, and an input."""
+    sense = only_branch(accelerate(SurfaceClassifier(card).eval().to(device), engine))
+    return sense, like_weights(sense.network, torch.randn(shape))

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.branches import Branch
-from tex_lightning.classifier import SurfaceClassifier
-from tex_lightning.devices import synchronise
-from tex_lightning.progress import track
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.devices import synchronise
+from tex_lightning.core.progress import track
+from tex_lightning.senses import Sense
 
 
 @dataclass(frozen=True)
@@ -118,20 +118,20 @@ class Subject:
     recording: Tensor
 
     @property
-    def branch(self) -> Branch:
+    def sense(self) -> Sense:
         """The only branch of the classifier."""
         return only_branch(self.classifier)
 
     def features(self, classifier: SurfaceClassifier) -> Tensor:
         """Network input (1, C, H, W) of the recording, as this or an equal classifier has it."""
-        branch = only_branch(classifier)
-        return like_weights(branch.network, branch(self.recording))
+        sense = only_branch(classifier)
+        return like_weights(sense.network, sense(self.recording))
 
 
-def only_branch(classifier: SurfaceClassifier) -> Branch:
-    """The branch of a unimodal classifier."""
-    (branch,) = classifier.branches.values()
-    return branch
+def only_branch(classifier: SurfaceClassifier) -> Sense:
+    """The sense of a unimodal classifier."""
+    (sense,) = classifier.senses.values()
+    return sense
 
 
 def like_weights(network: nn.Module, x: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import soundfile
 
+from tex_lightning.core.files import write_atomically
 from tex_lightning.data.readers.folder import read_folder, suffixes_of
 from tex_lightning.data.recordings import (
     KNOWN,
@@ -21,7 +22,6 @@ from tex_lightning.data.recordings import (
     write_manifest,
 )
 from tex_lightning.errors import UserError
-from tex_lightning.files import write_atomically
 from tex_lightning.recording.sources import Chunk
 
 Pixels = npt.NDArray[np.uint8]  # (height, width, 3), colours as OpenCV has them: BGR

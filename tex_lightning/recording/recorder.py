@@ -16,15 +16,14 @@ from rich.table import Table
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.check_tasks import RECORDED
+from tex_lightning.core.console import console, print_line, say
+from tex_lightning.core.progress import NARROW, Cell, one_line
 from tex_lightning.data.quality import Ranges, photo_quality
 from tex_lightning.errors import UserError
-from tex_lightning.lines import print_line
-from tex_lightning.predictor import Predictor
-from tex_lightning.progress_line import NARROW, Cell, one_line
+from tex_lightning.inference.predictor import Predictor
 from tex_lightning.recording.class_folder import Camera, ClassFolder
 from tex_lightning.recording.session import Contact, Feed, Session, Track
 from tex_lightning.recording.sources import Chunk, open_source
-from tex_lightning.screen import console, say
 
 KEYS = ("label", "rejected", "probability", "fragments", "latency_ms")  # of a prediction
 NAME, BAR, LEVEL, TIME = 20, 10, 9, 11  # columns of their cells

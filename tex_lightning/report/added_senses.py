@@ -7,8 +7,8 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
-from tex_lightning.files import write_lines
-from tex_lightning.screen import say
+from tex_lightning.core.console import say
+from tex_lightning.core.files import write_lines
 
 ROW = 0.06  # height of a label, as a share of the axes
 COLOUR = "#cc3311"

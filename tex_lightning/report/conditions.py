@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.conditions import KEY, pool_conditions
-from tex_lightning.files import write_rows
 
 FILE = "conditions.csv"
 COLUMNS = (

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.files import read_record, write_text
 from tex_lightning.data.conditions import describe
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
-from tex_lightning.files import read_record, write_text
 from tex_lightning.report.confused_pairs import pairs_figure
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
 from tex_lightning.report.figures import picture, save_figure
@@ -194,7 +194,7 @@ def _pairs(directory: Path, systems: Sequence[System], formats: Sequence[str]) -
     fusion = by_kind[FUSION]
     title = "### Pairs that one sense confuses and another separates"
     try:
-        branches = SurfaceClassifier.from_checkpoint(fusion.entries[0]["checkpoint"]).branches
+        branches = SurfaceClassifier.from_checkpoint(fusion.entries[0]["checkpoint"]).senses
     except UserError as error:  # of a class that only the jobs' own processes trust
         return "\n".join([title, "", f"Not drawn: {error}"])
     senses = {name: by_kind[name] for name in branches if name in by_kind}

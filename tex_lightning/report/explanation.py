@@ -12,7 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 
 from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvidence
-from tex_lightning.prediction import Prediction
+from tex_lightning.inference.prediction import Prediction
 from tex_lightning.report.evidence_panels import OTHERS, SMALL, Key, draw_photo, draw_signal
 from tex_lightning.report.figures import write_figure
 from tex_lightning.report.labels import brief

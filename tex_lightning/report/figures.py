@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 from torch import Tensor, nn
 
+from tex_lightning.core.files import write_atomically
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.files import write_atomically
 from tex_lightning.report.style import styled
 from tex_lightning.text import printable, to_markdown
 

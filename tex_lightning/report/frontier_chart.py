@@ -12,13 +12,13 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogFormatter
 from matplotlib.transforms import Bbox
 
+from tex_lightning.core.console import say
+from tex_lightning.core.files import write_lines
 from tex_lightning.evaluation.choice import MIN_SAMPLES
-from tex_lightning.files import write_lines
 from tex_lightning.report.added_senses import AddedSense, mark_added_senses
 from tex_lightning.report.paper import paper_table
 from tex_lightning.report.style import GUIDE, looks, styled
 from tex_lightning.report.table import make_table, print_table, print_tables
-from tex_lightning.screen import say
 from tex_lightning.text import printable
 
 PROCEDURE = "procedure"  # kind of the point that measures the choice

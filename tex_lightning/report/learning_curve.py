@@ -7,8 +7,8 @@ from typing import NamedTuple
 import matplotlib.ticker
 from matplotlib.figure import Figure
 
+from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.outcomes import wilson_interval
-from tex_lightning.files import write_rows
 from tex_lightning.report.labels import name_lines
 from tex_lightning.report.numbers import spread
 from tex_lightning.report.style import looks, styled

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.outcomes import wilson_interval
-from tex_lightning.files import write_rows
 from tex_lightning.perturbations.table import Perturbation
 from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.stability.system import System

@@ -18,11 +18,13 @@ from tex_lightning.config import SILENT
 from tex_lightning.config.job import Job
 from tex_lightning.config.tasks import FiguresConfig
 from tex_lightning.config.trust import named_classes, trust
+from tex_lightning.core.console import NORMAL, Screen, console, say
+from tex_lightning.core.files import read_record, write_rows, write_text
+from tex_lightning.core.progress import Stage, begin
+from tex_lightning.core.run_folder import locked_folder
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value, wilson_interval
-from tex_lightning.files import read_record, write_rows, write_text
-from tex_lightning.progress import Stage, begin
 from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import (
     TINY,
@@ -35,8 +37,6 @@ from tex_lightning.report.table import (
     seconds,
     written,
 )
-from tex_lightning.runfolder import locked_folder
-from tex_lightning.screen import NORMAL, Screen, console, say
 
 OBJECTIVE = ("objective", "best_trial")  # columns of a search
 

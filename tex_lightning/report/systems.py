@@ -8,9 +8,9 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from tex_lightning.card import SUFFIX
+from tex_lightning.classifier.card import SUFFIX
+from tex_lightning.core.files import read_record
 from tex_lightning.evaluation.outcomes import RANDOM, Outcome, read_outcomes
-from tex_lightning.files import read_record
 from tex_lightning.report.table import run_overrides
 
 FOLD_KEYS = ("data.test_fold", "crossval.only")

@@ -9,8 +9,8 @@ from rich import box
 from rich.measure import Measurement
 from rich.table import Table
 
+from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.report.conditions import condition_rows
-from tex_lightning.screen import DEBUG, Screen, console
 
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
 

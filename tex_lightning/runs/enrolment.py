@@ -6,16 +6,16 @@ from pathlib import Path
 
 import torch
 
-from tex_lightning.card import Card, read_checkpoint
-from tex_lightning.classifier import SurfaceClassifier, Trained, lightning_state
+from tex_lightning.classifier.card import Card, read_checkpoint
+from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, lightning_state
 from tex_lightning.config import DataConfig
 from tex_lightning.config.check_ranges import nearest
+from tex_lightning.core.files import write_atomically
 from tex_lightning.data.folds import next_of_each, split
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, listed
-from tex_lightning.files import write_atomically
 from tex_lightning.learning.enrolment import add_classes, keep_classes
 from tex_lightning.learning.new_rows import Fragments
 from tex_lightning.learning.statistics import position_features
@@ -109,8 +109,8 @@ def enroll(classifier: SurfaceClassifier, rows: Recordings, store: Store) -> Sur
     """
     names = rows.classes
     features: dict[str, Fragments] = {}
-    for name, branch in classifier.branches.items():
-        own = rows.of(branch.modality).rows
+    for name, sense in classifier.senses.items():
+        own = rows.of(sense.modality).rows
         found = position_features(classifier, name, own, store)
         labelled = list(zip((row.label for row in own), found, strict=True))
         features[name] = [[each for label, each in labelled if label == one] for one in names]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.loading import load_sample
@@ -16,7 +16,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.evaluation.outcomes import Outcome, worst_first
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.evidence import gather
-from tex_lightning.prediction import describe
+from tex_lightning.inference.prediction import describe
 from tex_lightning.report.explanation import Explanation
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.page.label_maps import map_folder, write_map
@@ -112,5 +112,5 @@ def _write_maps(
     classifier: SurfaceClassifier, found: Explanation, outcome: Outcome, folder: Path
 ) -> None:
     for name, evidence in found.senses.items():
-        path = folder / classifier.branches[name].modality / f"{name}.png"
+        path = folder / classifier.senses[name].modality / f"{name}.png"
         write_map(path, evidence, found.classes, outcome.label, outcome.predicted)

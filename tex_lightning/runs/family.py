@@ -13,6 +13,8 @@ from tex_lightning.config.instantiation import INSTALL, missing_library
 from tex_lightning.config.job import Job
 from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.config.weights import read_config
+from tex_lightning.core.files import read_record
+from tex_lightning.core.progress import stage
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.unusable import skipped_entry
@@ -20,9 +22,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.choice import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
-from tex_lightning.files import read_record
 from tex_lightning.inference.early_stopping import prepare
-from tex_lightning.progress import stage
 from tex_lightning.runs.fold import fit_fold
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.remaining import Remaining

@@ -1,30 +1,36 @@
 """Train and test all networks of a model on one fold."""
 
 import logging
+import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.baselines.training import fit_baseline
-from tex_lightning.card import Card
-from tex_lightning.classifier import Trained
+import numpy as np
+
+from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, load_trained
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.model import FUSION
 from tex_lightning.config.trust import named_classes, trust
+from tex_lightning.core.console import log_once
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import quiet_threads
+from tex_lightning.core.progress import steps
+from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
+from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.unusable import skipped_entry
-from tex_lightning.devices import pick_device
+from tex_lightning.evaluation.calibrate import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, environment
-from tex_lightning.files import quiet_threads
 from tex_lightning.learning.inputs import InputData
+from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.share import train_once
 from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import input_data, train_network
 from tex_lightning.learning.training import Training
-from tex_lightning.loggers import log_test
-from tex_lightning.progress import steps
-from tex_lightning.ranks import is_rank_zero
 from tex_lightning.runs.explained import draw_telling
 from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.testing import draw_figures, report_network
@@ -37,6 +43,32 @@ from tex_lightning.runs.workspace import (
 )
 
 log = logging.getLogger(__name__)
+
+
+def fit_baseline(training: Training) -> Trained:
+    """Fit, calibrate and write the checkpoint, unless it is there already.
+
+    Raises:
+        UserError: If a recording is too short, or weights do not fit.
+    """
+    if training.final.is_file():
+        log.info("%s is fitted already.", training.final)
+        return load_trained(training.final)
+    card = training.card
+    rows = training.parts.train.of(card.modalities[0]).rows
+    labels = np.array(class_indices([row.label for row in rows], card.classes))
+    classifier = BaselineClassifier(card)
+    if training.weights is not None:
+        log_once(log, classifier.baseline.load_weights(training.weights))
+    log.info("Fitting %s to %d recordings.", card.title, len(rows))
+    begin = time.perf_counter()
+    recordings = Loaded(rows, training.store, classifier.sense(card.kind))
+    classifier.baseline.fit(recordings, labels, training.config.seed)
+    seconds = time.perf_counter() - begin
+    validation = make_samples(training.parts.val, card.modalities)
+    classifier.card = calibrated_card(classifier, validation, training.store, training.config)
+    classifier.save(training.final, seconds)
+    return Trained(classifier, training.final, seconds)
 
 
 def results_frame(

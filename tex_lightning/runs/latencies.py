@@ -12,12 +12,12 @@ from typing import NamedTuple
 from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.core.devices import pick_device
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.loading import load_sample
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.devices import pick_device
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.runs.family import Measured
@@ -66,7 +66,7 @@ def measure_latencies(measured: Sequence[Measured], rounds: int, opening: Openin
         device = pick_device(config.trainer.accelerator)
         trained = load_classifier(system.entry["checkpoint"]).to(device)
         classifier = prepare(trained, config.engine, config.decision)
-        decoded = tuple((each.modality, each.decoder) for each in trained.branches.values())
+        decoded = tuple((each.modality, each.decoder) for each in trained.senses.values())
         if decoded not in recordings:  # such systems classify the same samples
             home = Path(system.entry["checkpoint"]).parent
             workspace = open_workspace(config, home, opening)

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from tex_lightning.card import Card
+from tex_lightning.classifier.card import Card
 from tex_lightning.config import DataConfig, Folding
 from tex_lightning.data.conditions import as_override
 from tex_lightning.data.folds import Split

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.console import console, tell_once
 from tex_lightning.data.conditions import describe, is_tested
 from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings, plural
@@ -18,7 +19,6 @@ from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.report.durations import describe_rates, mixed_rates, unlike_the_others
 from tex_lightning.report.numbers import spread
 from tex_lightning.runs.leaks import repeated_content
-from tex_lightning.screen import console, tell_once
 
 WIDTH, NARROWEST, INDENT = 80, 40, 10
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from statistics import fmean
 
-from tex_lightning.progress_line import format_seconds
+from tex_lightning.core.progress import format_seconds
 
 log = logging.getLogger(__name__)
 

@@ -69,7 +69,7 @@ def pool_sequential(
 
 def _knobs(classifier: SequentialClassifier) -> tuple[str, ...]:
     """The thresholds that matter: of photos alpha, of a single signal the probability."""
-    windowed = any(branch.windowed for branch in classifier.full.branches.values())
+    windowed = any(sense.windowed for sense in classifier.full.senses.values())
     by_probability = (THRESHOLD,) if needs_threshold(classifier.full) else ()
     return (*((ALPHA,) if windowed else ()), *by_probability)
 

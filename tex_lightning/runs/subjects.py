@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from tex_lightning.branches import Branch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, ProfileConfig
 from tex_lightning.data.decode import Array, SignalDecoder, to_rate
 from tex_lightning.errors import UserError
 from tex_lightning.profiling.timing import Subject, only_branch
 from tex_lightning.runs.workspace import configured_card
+from tex_lightning.senses import Sense
 from tex_lightning.synthetic import make_materials
 from tex_lightning.synthetic.camera import render_photo
 from tex_lightning.synthetic.specimen import Specimen
@@ -25,7 +25,7 @@ LEAST_RATE = 2000  # Hz, of a rendered trace: the tool rings at 430 Hz
 def load_networks(checkpoint: str) -> list[SurfaceClassifier]:
     """The unimodal networks of a checkpoint."""
     whole = SurfaceClassifier.from_checkpoint(checkpoint)
-    return [whole.part([name]) for name in whole.card.senses]
+    return [whole.part([name]) for name in whole.card.sense_names]
 
 
 def random_networks(config: Config, classes: int) -> list[SurfaceClassifier]:
@@ -56,12 +56,12 @@ def make_subject(classifier: SurfaceClassifier, recording: Array) -> Subject:
     Raises:
         UserError: If the recording is too small for a window.
     """
-    branch, tensor = only_branch(classifier), torch.from_numpy(recording.copy())
-    least, given = branch.window_size, branch.input_size(tensor)
+    sense, tensor = only_branch(classifier), torch.from_numpy(recording.copy())
+    least, given = sense.window_size, sense.input_size(tensor)
     if given[0] < least[0] or given[1] < least[1]:
         raise UserError(
-            f"The {branch.what} gives an input of {given[0]}x{given[1]}, height first, and one "
-            f"window of the {branch.name} network takes {least[0]}x{least[1]}; give a larger "
+            f"The {sense.what} gives an input of {given[0]}x{given[1]}, height first, and one "
+            f"window of the {sense.name} network takes {least[0]}x{least[1]}; give a larger "
             "recording."
         )
     return Subject(classifier, tensor)
@@ -69,24 +69,24 @@ def make_subject(classifier: SurfaceClassifier, recording: Array) -> Subject:
 
 def learn_statistics(subject: Subject) -> None:
     """Let untrained features take their statistics from the recording."""
-    branch = only_branch(subject.classifier)
-    features: Any = branch.features
+    sense = only_branch(subject.classifier)
+    features: Any = sense.features
     if hasattr(features, "fit"):
-        features.fit([features.magnitudes(subject.recording.to(branch.device))])
+        features.fit([features.magnitudes(subject.recording.to(sense.device))])
 
 
-def read_recording(branch: Branch, file: str, data: DataConfig) -> Array:
+def read_recording(sense: Sense, file: str, data: DataConfig) -> Array:
     """Decode the file that was given."""
-    decoder = branch.decoder.assuming(data.file_rate)
+    decoder = sense.decoder.assuming(data.file_rate)
     return decoder.decode(Path(file).expanduser())[0]
 
 
-def render_recording(branch: Branch, profile: ProfileConfig, seed: int) -> Array:
+def render_recording(sense: Sense, profile: ProfileConfig, seed: int) -> Array:
     """Render a recording of the synthetic tool or camera."""
     rng = np.random.default_rng(seed)
     specimen = Specimen(make_materials(2, seed)[0])
-    if isinstance(branch.decoder, SignalDecoder):
-        rate = round(branch.decoder.sampling_rate)
+    if isinstance(sense.decoder, SignalDecoder):
+        rate = round(sense.decoder.sampling_rate)
         rendered = max(rate, LEAST_RATE)
         trace = slide_tool(specimen, rng, profile.seconds, rendered)
         return to_rate(trace, rendered, rate, "The rendered trace")

@@ -51,14 +51,14 @@ def _model(job: Job) -> str:
 def _senses_of_data(config: Config) -> list[str]:
     """Known senses that the data has recordings of."""
     model = config.model
-    modalities = {name: model.branch(name).modality for name in model.known}
+    modalities = {name: model.sense(name).modality for name in model.known}
     table = read_recordings(config.data, list(dict.fromkeys(modalities.values())))
     present = {row.modality for row in table}
     found = [name for name, modality in modalities.items() if modality in present]
     if not found:
         raise UserError(
             f"The data has recordings of {', '.join(sorted(present))}, and no sense reads these: "
-            f"known are {', '.join(modalities)}; write conf/branch/NAME.yaml for another."
+            f"known are {', '.join(modalities)}; write conf/sense/NAME.yaml for another."
         )
     return found
 

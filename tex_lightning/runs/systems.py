@@ -5,21 +5,21 @@ from dataclasses import replace
 from pathlib import Path
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.card import SUFFIX
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import SUFFIX
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DataConfig, StabilityConfig
 from tex_lightning.config.model import FUSION, kind_of
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import read_record
+from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.conditions import tested_part
 from tex_lightning.data.folds import Sample, make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import Unusable
-from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
-from tex_lightning.files import read_record
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.runfolder import SETTINGS
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import open_store, recordings_to_test
 from tex_lightning.runs.usable import find_unusable
@@ -100,8 +100,8 @@ def _member(
     limit: int | None,
 ) -> Member:
     rows = recordings_to_test(data, classifier, f"Checkpoint {path}")
-    branches = classifier.branches.values()
-    skipped = find_unusable(rows, dataset.store, branches, skip_bad=data.skip_bad)
+    senses = classifier.senses.values()
+    skipped = find_unusable(rows, dataset.store, senses, skip_bad=data.skip_bad)
     rows = rows.without(each.recording for each in skipped)
     samples = _limited(make_samples(rows, classifier.card.modalities), limit)
     if not samples:

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from tex_lightning.card import Card
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig
 from tex_lightning.data.folds import split
 from tex_lightning.data.readers import read_recordings
@@ -42,8 +42,8 @@ def open_store(data: DataConfig, classifier: SurfaceClassifier) -> Store:
     Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
     """
     decoders = {
-        branch.modality: branch.decoder.assuming(data.file_rate)
-        for branch in classifier.branches.values()
+        sense.modality: sense.decoder.assuming(data.file_rate)
+        for sense in classifier.senses.values()
     }
     return Store(cache_root(data.cache_dir), decoders)
 

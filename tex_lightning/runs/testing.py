@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier import SurfaceClassifier, Trained
+from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.loading import load_sample

@@ -2,18 +2,18 @@
 
 from collections.abc import Iterable, Sequence
 
-from tex_lightning.branches import Branch
+from tex_lightning.core.progress import track
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
 from tex_lightning.errors import UserError
-from tex_lightning.progress import track
+from tex_lightning.senses import Sense
 
 
 def find_unusable(
     recordings: Recordings,
     store: Store,
-    branches: Iterable[Branch],
+    senses: Iterable[Sense],
     damaged: Sequence[Unusable] | None = None,
     *,
     skip_bad: bool,
@@ -24,7 +24,7 @@ def find_unusable(
         recordings: All that a task will need.
         store: Filled with them.
         damaged: Those that it could not be filled with; None fills it.
-        branches: Branches that look at them.
+        senses: Branches that look at them.
         skip_bad: Whether the task goes on without them (``data.skip_bad``).
 
     Raises:
@@ -32,11 +32,11 @@ def find_unusable(
     """
     damaged = store.fill(recordings) if damaged is None else damaged
     readable = recordings.without(each.recording for each in damaged)
-    seen = [(row, branch) for branch in branches for row in readable.of(branch.modality)]
+    seen = [(row, sense) for sense in senses for row in readable.of(sense.modality)]
     small = [
         found
-        for row, branch in track(seen, "Checking")
-        if (found := _too_small(row, store, branch)) is not None
+        for row, sense in track(seen, "Checking")
+        if (found := _too_small(row, store, sense)) is not None
     ]
     unusable = list({each.recording: each for each in (*damaged, *small)}.values())
     if unusable and not skip_bad:
@@ -57,19 +57,19 @@ def refuse(unusable: list[Unusable], count: int) -> None:
     )
 
 
-def _too_small(row: Recording, store: Store, branch: Branch) -> Unusable | None:
+def _too_small(row: Recording, store: Store, sense: Sense) -> Unusable | None:
     """A recording that is too short or too small for a single fragment."""
     try:
-        branch.check(store.load(row))
+        sense.check(store.load(row))
     except UserError as error:
-        said = f"{str(error).rstrip('.')}{_doubt(row, store, branch)}."
+        said = f"{str(error).rstrip('.')}{_doubt(row, store, sense)}."
         return Unusable(row, f"{row.source}: {said}")
     return None
 
 
-def _doubt(row: Recording, store: Store, branch: Branch) -> str:
+def _doubt(row: Recording, store: Store, sense: Sense) -> str:
     """Hint that a rate that no file states may be the reason."""
-    if branch.medium != "signal" or (rate := store.rate(row)).source != "assumed":
+    if sense.medium != "signal" or (rate := store.rate(row)).source != "assumed":
         return ""
     return (
         f", or correct the rate: {rate.hz:,.6g} Hz are assumed (data.file_rate, or give the rate "

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from tex_lightning.baselines.classifier import new_classifier
 from tex_lightning.baselines.making import make_baseline
-from tex_lightning.branches import Branch
-from tex_lightning.card import DECISION, Card
-from tex_lightning.classifier import SurfaceClassifier, Trained, read_trained
+from tex_lightning.classifier.card import DECISION, Card
+from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.config import Config, DataConfig
 from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
 from tex_lightning.data.quality import training_ranges
@@ -16,7 +15,7 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.data.unusable import Unusable
-from tex_lightning.decision.unknown import LABEL
+from tex_lightning.decision.calibration import LABEL
 from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.unknown import taken
 from tex_lightning.learning.start import start_trunk
@@ -26,6 +25,7 @@ from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.runs.leaks import refuse_leak, trained_on, trained_on_parts
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.usable import find_unusable
+from tex_lightning.senses import Sense
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,11 @@ def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspa
     """
     try_parts_of_training(config, directory)
     data, modalities = config.data, config.model.modalities
-    branches = check_networks(config)
+    senses = check_networks(config)
     rows = read_recordings(data, modalities)
     needed = rows.without(row for row in rows if row.modality not in modalities)
     recordings, unknown = hold_out(needed, data.hold_out)
-    decoders = {branch.modality: branch.decoder for branch in branches}
+    decoders = {sense.modality: sense.decoder for sense in senses}
     store = Store(cache_root(data.cache_dir), decoders)
     if len(recordings.classes) < 2:
         raise UserError(
@@ -104,10 +104,10 @@ def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspa
     if config.decision.unknown and LABEL in recordings.classes:
         raise taken("The data has")
     damaged = store.fill(needed)
-    for branch in branches:
-        if _is_new(config, branch):
-            _try_new(config, branch, recordings.without(each.recording for each in damaged), store)
-    skipped = find_unusable(needed, store, branches, damaged, skip_bad=data.skip_bad)
+    for sense in senses:
+        if _is_new(config, sense):
+            _try_new(config, sense, recordings.without(each.recording for each in damaged), store)
+    skipped = find_unusable(needed, store, senses, damaged, skip_bad=data.skip_bad)
     bad = [each.recording for each in skipped]
     opening.announce(needed.without(bad), store, skipped)
     return Workspace(
@@ -142,11 +142,11 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     return recordings.in_classes(known), recordings.in_classes(classes or [])
 
 
-def check_networks(config: Config) -> list[Branch]:
+def check_networks(config: Config) -> list[Sense]:
     """Build the networks, so that settings and weights that do not fit are refused at once.
 
     Returns:
-        The branches, with weights of no meaning.
+        The senses, with weights of no meaning.
 
     Raises:
         UserError: Naming the key that does not fit.
@@ -158,38 +158,38 @@ def check_networks(config: Config) -> list[Branch]:
     if config.baseline_weights is not None:
         baseline.load_weights(config.baseline_weights)
     card = configured_card(config, model.senses, ["one", "other"])
-    return list(new_classifier(card).branches.values())
+    return list(new_classifier(card).senses.values())
 
 
-def _checked_branch(config: Config, name: str) -> Branch:
+def _checked_branch(config: Config, name: str) -> Sense:
     given, source = config.model.checkpoints.get(name), config.weights_of(name)
     if given is not None:
-        return SurfaceClassifier.from_checkpoint(given, name).branch(name)
+        return SurfaceClassifier.from_checkpoint(given, name).sense(name)
     start = SurfaceClassifier(configured_card(config, [name], ["one", "other"]))
     if source is not None:
         start_trunk(start, source)
-    branch, fit = start.eval().branch(name), config.model.branch(name).fit
-    least = branch.known_min_size if is_builtin(branch.features) else None
+    sense, fit = start.eval().sense(name), config.model.sense(name).fit
+    least = sense.known_min_size if is_builtin(sense.features) else None
     if least is not None and fit.piece < least[1]:
         raise UserError(
             f"model.{name}.fit.{fit.piece_key} is {fit.piece}, and this network needs {least[1]} "
             f"for a prediction; choose {least[1]} or more."
         )
-    return branch
+    return sense
 
 
-def _is_new(config: Config, branch: Branch) -> bool:
-    """Whether a branch that is to be trained has parts of the user's."""
-    given = config.model.checkpoints.get(branch.name) is not None
-    augmented = config.model.fit_values(branch.name).get("augmentation") is not None
-    return config.model.baseline is None and not given and (augmented or not branch.is_builtin)
+def _is_new(config: Config, sense: Sense) -> bool:
+    """Whether a sense that is to be trained has parts of the user's."""
+    given = config.model.checkpoints.get(sense.name) is not None
+    augmented = config.model.fit_values(sense.name).get("augmentation") is not None
+    return config.model.baseline is None and not given and (augmented or not sense.is_builtin)
 
 
-def _try_new(config: Config, branch: Branch, recordings: Recordings, store: Store) -> None:
-    """Try a branch as it will be trained, for the classes of the data."""
-    card, model = configured_card(config, [branch.name], recordings.classes), config.model
-    piece = model.branch(branch.name).fit.piece
-    try_branch(card, model.fit_values(branch.name), piece, recordings, store)
+def _try_new(config: Config, sense: Sense, recordings: Recordings, store: Store) -> None:
+    """Try a sense as it will be trained, for the classes of the data."""
+    card, model = configured_card(config, [sense.name], recordings.classes), config.model
+    piece = model.sense(sense.name).fit.piece
+    try_branch(card, model.fit_values(sense.name), piece, recordings, store)
 
 
 def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Trained]) -> Card:
@@ -208,7 +208,7 @@ def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, T
     return replace(
         card,
         trained_on=trained_on_parts(card, parts, data, *starts.values()),
-        branches={name: starts[name].branches[name] for name in senses},
+        senses={name: starts[name].senses[name] for name in senses},
     )
 
 
@@ -223,7 +223,7 @@ def configured_card(config: Config, senses: Sequence[str], classes: list[str]) -
     }
     return Card(
         classes=classes,
-        branches={name: model.branch(name).node for name in senses},
+        senses={name: model.sense(name).node for name in senses},
         decision={key: getattr(config.decision, key) for key in DECISION},
         fusion={"level": model.fusion.level} if len(senses) > 1 else {},
         baseline={} if model.baseline is None else baseline,
@@ -244,7 +244,7 @@ def given_start(workspace: Workspace, name: str, path: Path) -> Trained:
             f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
             f"{len(workspace.classes)} of this data; train it on the same data."
         )
-    theirs, ours = card.branches[name]["decode"], workspace.config.model.branch(name).decode
+    theirs, ours = card.senses[name]["decode"], workspace.config.model.sense(name).decode
     for key in theirs:
         if key != "file_rate" and theirs[key] != ours.get(key):
             raise UserError(

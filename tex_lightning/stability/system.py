@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.parts import write_part
 from tex_lightning.data.recordings import Recording
@@ -81,8 +81,8 @@ class Evaluator:
     def __init__(self, classifier: SurfaceClassifier) -> None:
         self.classifier = classifier
         self.classes = classifier.card.classes
-        branches = classifier.card.branches
-        self.modalities: dict[str, str] = {name: branches[name]["modality"] for name in branches}
+        senses = classifier.card.senses
+        self.modalities: dict[str, str] = {name: senses[name]["modality"] for name in senses}
 
     @torch.inference_mode()
     def score(self, recording: Array, sense: str) -> Scores | None:
@@ -122,7 +122,7 @@ class Evaluator:
     def _decide(self, scores: Tensor, senses: int, agreement: float | None = None) -> Decision:
         card = self.classifier.card
         # some of the senses have no temperature of their own: `Card.of`
-        temperature = card.temperature if senses == len(card.senses) else 1.0
+        temperature = card.temperature if senses == len(card.sense_names) else 1.0
         vote = self.classifier.decide(scores, temperature)
         return Decision(vote.label, float(vote.shares[vote.label]), vote.probability, agreement)
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from tex_lightning.core.files import write_text
+from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import auroc
 from tex_lightning.evaluation.outcomes import wilson_interval
-from tex_lightning.files import write_text
 from tex_lightning.perturbations.table import BOTH, SEVERITIES, SWAPPED, Perturbation, perturbations
-from tex_lightning.progress import track
 from tex_lightning.stability.system import Decision, System
 
 Key = tuple[str, str, float]  # system, perturbation, severity

@@ -16,6 +16,9 @@ from matplotlib.figure import Figure
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.job import Job
+from tex_lightning.core.files import read_record
+from tex_lightning.core.progress import steps
+from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.conditions import pool_conditions
@@ -27,10 +30,7 @@ from tex_lightning.evaluation.outcomes import (
     write_outcomes,
     write_results,
 )
-from tex_lightning.files import read_record
-from tex_lightning.loggers import log_test
-from tex_lightning.progress import steps
-from tex_lightning.ranks import is_rank_zero
+from tex_lightning.learning.loggers import log_test
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.document import write_report
 from tex_lightning.report.table import print_results, python_command, run_flags, run_overrides

@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier import SurfaceClassifier, Trained
+from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.core.console import say
+from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.unusable import Unusable, skipped_entry
-from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import counted
 from tex_lightning.evaluation.outcomes import environment, write_results
@@ -33,7 +34,6 @@ from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import open_store, recordings_to_test
 from tex_lightning.runs.testing import draw_figures, report_network
 from tex_lightning.runs.usable import find_unusable
-from tex_lightning.screen import say
 
 DATA = ("data=", "data.root=", "data.manifest=")  # whoever gives one adds classes
 
@@ -110,8 +110,8 @@ def _added(
     found = read_recordings(data, card.modalities, least=1)
     needed = found.without(row for row in found if row.modality not in card.modalities)
     rows = recordings_to_add(needed, data, card, config.enroll.only)
-    store, branches = open_store(data, classifier), classifier.branches.values()
-    skipped = find_unusable(rows, store, branches, skip_bad=data.skip_bad)
+    store, senses = open_store(data, classifier), classifier.senses.values()
+    skipped = find_unusable(rows, store, senses, skip_bad=data.skip_bad)
     usable = replace(rows, rows=rows.without(each.recording for each in skipped).rows)
     usable = recordings_to_add(usable, replace(data, test_fold=None, per_class=None), card, None)
     Opening(data, str(config.checkpoint), adds=True).announce(usable, store, skipped)
@@ -131,8 +131,8 @@ def _test(
     present = read_recordings(data, card.modalities, least=1).classes
     data = replace(data, hold_out=[name for name in present if name not in card.classes])
     rows = recordings_to_test(data, classifier, "The checkpoint")
-    store, branches = open_store(data, classifier), classifier.branches.values()
-    skipped = find_unusable(rows, store, branches, skip_bad=data.skip_bad)
+    store, senses = open_store(data, classifier), classifier.senses.values()
+    skipped = find_unusable(rows, store, senses, skip_bad=data.skip_bad)
     usable = rows.without(each.recording for each in skipped)
     samples = make_samples(usable, card.modalities)
     if not samples:

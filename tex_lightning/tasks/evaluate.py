@@ -8,14 +8,14 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.job import Job
+from tex_lightning.core.devices import pick_device
 from tex_lightning.data.conditions import tested_part
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.unusable import skipped_entry
-from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.inference.unknown import check_unknown
-from tex_lightning.loggers import log_test
+from tex_lightning.learning.loggers import log_test
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.explained import draw_telling
@@ -43,8 +43,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     unknown = held_out_to_test(config.data, classifier)
     store = open_store(config.data, classifier)
     both = replace(test, rows=test.rows + unknown.rows)
-    branches = classifier.branches.values()
-    skipped = find_unusable(both, store, branches, skip_bad=config.data.skip_bad)
+    senses = classifier.senses.values()
+    skipped = find_unusable(both, store, senses, skip_bad=config.data.skip_bad)
     bad = [each.recording for each in skipped]
     Opening(config.data, str(config.checkpoint)).announce(both.without(bad), store, skipped)
     modalities = classifier.card.modalities

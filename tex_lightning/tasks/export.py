@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.core.console import say
+from tex_lightning.core.files import is_file, read_record, write_atomically, write_bytes, write_text
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.export.check import Agreement, Runner, compare, recordings, refuse, tolerance
@@ -21,9 +23,7 @@ from tex_lightning.export.model_card import model_card
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
 from tex_lightning.export.tracing import trace
 from tex_lightning.export.web_page import page_files, runtime_files
-from tex_lightning.files import is_file, read_record, write_atomically, write_bytes, write_text
 from tex_lightning.inference.unknown import check_unknown
-from tex_lightning.screen import say
 
 RECORD = "export.json"
 

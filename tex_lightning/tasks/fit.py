@@ -7,9 +7,9 @@ from typing import Any
 
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.core.files import read_record
+from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.outcomes import write_results
-from tex_lightning.files import read_record
-from tex_lightning.ranks import is_rank_zero
 from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.table import print_results
 from tex_lightning.runs.fold import fit_fold, results_frame

@@ -15,7 +15,9 @@ from typing import Any
 from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.job import Job
 from tex_lightning.config.search import repeated_arguments
-from tex_lightning.devices import pick_device
+from tex_lightning.core.console import say
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import read_record
 from tex_lightning.evaluation.choice import (
     Candidate,
     one_standard_error,
@@ -25,7 +27,6 @@ from tex_lightning.evaluation.choice import (
 )
 from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
 from tex_lightning.evaluation.pairing import correct_shares
-from tex_lightning.files import read_record
 from tex_lightning.report.added_senses import print_added_senses, write_added_senses
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import (
@@ -48,7 +49,6 @@ from tex_lightning.runs.family import (
 from tex_lightning.runs.latencies import Timings, measure_latencies
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.subsets import added_senses, chain, with_subsets
-from tex_lightning.screen import say
 from tex_lightning.tasks.crossval import chosen_folds
 
 RULE = "one_standard_error_rule"

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.core.console import say
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import spec_of, with_conditions
 from tex_lightning.data.readers.tum import read_tum
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
-from tex_lightning.screen import say
 from tex_lightning.synthetic import write_folder, write_tum
 
 

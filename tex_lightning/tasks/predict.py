@@ -8,11 +8,11 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.core.console import print_line
 from tex_lightning.errors import UserError
 from tex_lightning.inference.evidence import refuse_baseline
 from tex_lightning.inference.inputs import find_files, match_files
-from tex_lightning.lines import print_line
-from tex_lightning.predictor import Predictor
+from tex_lightning.inference.predictor import Predictor
 
 MAX_FAILURES = 20  # that are printed
 

@@ -9,12 +9,12 @@ import torch
 
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
-from tex_lightning.devices import pick_device
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.progress import steps
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
-from tex_lightning.loggers import log_profile
+from tex_lightning.learning.loggers import log_profile
 from tex_lightning.profiling.comparison import compare
 from tex_lightning.profiling.timing import Subject, only_branch
-from tex_lightning.progress import steps
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.profile_table import print_profile, ways_figure
 from tex_lightning.runs.subjects import (
@@ -72,11 +72,11 @@ def _subjects(config: Config, device: torch.device) -> list[Subject]:
     refuse_unused(config.files, networks)
     subjects = []
     for network in networks:
-        branch = only_branch(network.eval().to(device))
-        if (file := config.files.get(branch.modality)) is None:
-            recording = render_recording(branch, config.profile, config.seed)
+        sense = only_branch(network.eval().to(device))
+        if (file := config.files.get(sense.modality)) is None:
+            recording = render_recording(sense, config.profile, config.seed)
         else:
-            recording = read_recording(branch, str(file), config.data)
+            recording = read_recording(sense, str(file), config.data)
         subjects.append(make_subject(network, recording))
         if fresh:
             learn_statistics(subjects[-1])

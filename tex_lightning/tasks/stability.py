@@ -12,11 +12,12 @@ from tex_lightning.config import Config
 from tex_lightning.config.check_ranges import choice
 from tex_lightning.config.job import Job
 from tex_lightning.config.model import FUSION
+from tex_lightning.core.devices import pick_device
+from tex_lightning.core.progress import stage
 from tex_lightning.data.unusable import skipped_entry
-from tex_lightning.devices import pick_device
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
-from tex_lightning.loggers import log_stability
+from tex_lightning.learning.loggers import log_stability
 from tex_lightning.perturbations.table import (
     BOTH,
     SEVERITIES,
@@ -25,7 +26,6 @@ from tex_lightning.perturbations.table import (
     read_severities,
     signal_perturbations,
 )
-from tex_lightning.progress import stage
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.stability_figures import stability_figures
 from tex_lightning.report.stability_tables import Break, print_stability, write_breaks, write_trials
@@ -86,7 +86,7 @@ def _chosen(config: Config, systems: Sequence[System]) -> list[Perturbation]:
     """Those asked for that some system meets; what is left out is said."""
     known, only = dict(perturbations()), config.stability.only
     for system in systems:
-        for branch in system.members[0].evaluator.classifier.branches.values():
+        for branch in system.members[0].evaluator.classifier.senses.values():
             if branch.medium == "signal":
                 known |= signal_perturbations(branch.modality)
     for path in config.stability.severities:

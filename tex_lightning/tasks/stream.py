@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.branches.signal import SignalBranch
 from tex_lightning.config import Config
 from tex_lightning.config.job import Job
+from tex_lightning.core.console import print_line
 from tex_lightning.data.decode import read_trace, usable_samples
 from tex_lightning.errors import UserError
-from tex_lightning.lines import print_line
-from tex_lightning.prediction import Prediction
-from tex_lightning.predictor import Predictor
+from tex_lightning.inference.prediction import Prediction
+from tex_lightning.inference.predictor import Predictor
+from tex_lightning.senses.signal import SignalSense
 
 SAMPLE = np.dtype("<f4")  # of standard input
 KEYS = (
@@ -41,15 +41,15 @@ def run(config: Config, job: Job) -> None:
     """
     predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     predictor.check_senses(config.files)
-    branches = {each.modality: each for each in predictor.classifier.branches.values()}
+    senses = {each.modality: each for each in predictor.classifier.senses.values()}
     signals: dict[str, Signal] = {}
     photos = {}
     for name, given in config.files.items():
-        branch = branches[name]
+        sense = senses[name]
         if isinstance(given, list | dict):
             raise UserError(f"{name}={given} is several; give one file, or - for a pipe.")
-        if isinstance(branch, SignalBranch):
-            signals[name] = _open(config, branch, str(given))
+        if isinstance(sense, SignalSense):
+            signals[name] = _open(config, sense, str(given))
         else:
             photos[name] = str(given)
     if not signals:
@@ -96,12 +96,12 @@ class Signal:
                 yield self.trace[:, start : start + size]
 
 
-def _open(config: Config, branch: SignalBranch, given: str) -> Signal:
+def _open(config: Config, sense: SignalSense, given: str) -> Signal:
     """A file, or standard input at ``data.file_rate``, of itself the checkpoint's."""
     if given == PIPE:
         rate = config.data.file_rate
-        return Signal(branch.decoder.sampling_rate if rate is None else rate, None)
-    decoder = branch.decoder.assuming(config.data.file_rate)
+        return Signal(sense.decoder.sampling_rate if rate is None else rate, None)
+    decoder = sense.decoder.assuming(config.data.file_rate)
     trace, source = read_trace(Path(given).expanduser(), decoder)
     return Signal(source.hz, trace)
 

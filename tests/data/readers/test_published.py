@@ -172,9 +172,9 @@ def test_lmt108_has_sounds_and_further_senses_beside_the_traces(copy):
 def test_taps_of_lmt108_end_to_end(cli, tmp_path):
     root = write_lmt108(tmp_path / "data", 5, 8, 8)
     write_more_of_lmt108(root, 8000)
-    (tmp_path / "branch").mkdir()
+    (tmp_path / "sense").mkdir()
     own = "defaults: [signal, bands, _self_]\nmodality: tapping\n"
-    (tmp_path / "branch" / "tapping.yaml").write_text(own)
+    (tmp_path / "sense" / "tapping.yaml").write_text(own)
     given = ["experiment=few/haptic", "model.senses=[tapping]", "data=lmt108", f"data.root={root}"]
     networks = run(cli, tmp_path / "run", "--config-dir", str(tmp_path), *given, TAPPING)
     assert networks["tapping"]["correct"] == networks["tapping"]["test_samples"] == 2

@@ -7,7 +7,7 @@ from conftest import make_card, trunk_node
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tex_lightning as tl
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import StreamConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.streaming.window import WindowVote
@@ -55,7 +55,7 @@ def test_the_last_seconds_vote_as_if_there_were_no_others(axes):
 def test_half_a_second_is_repeated_until_it_fills_a_fragment():
     stream, trace = make_stream(), noise(0.5)
     vote = stream.push({"haptic": trace})
-    frames = stream.classifier.branch("haptic").dense_input(trace)  # 46 of 192
+    frames = stream.classifier.sense("haptic").dense_input(trace)  # 46 of 192
     scores = stream.classifier.network(torch.cat([frames] * 5, dim=-1)[..., :192])
     assert scores.shape[-1] == len(vote.fragments) == 1
     torch.testing.assert_close(vote.probabilities, scores[0, :, 0].double().softmax(0))

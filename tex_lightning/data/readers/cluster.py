@@ -23,6 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from tex_lightning.core.files import is_file, require_file
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.parts import equal_parts
 from tex_lightning.data.readers.classes import GroupedReader, check_same_classes
@@ -35,7 +36,6 @@ from tex_lightning.data.recordings import (
 )
 from tex_lightning.data.trace_files import SOUND_SUFFIXES, TRACE_SUFFIXES
 from tex_lightning.errors import UserError, reason, shorten
-from tex_lightning.files import is_file, require_file
 
 CONDITIONS = {
     "direction": tuple(range(0, 360, 45)),

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from tex_lightning import __version__
 from tex_lightning.config.data import SyntheticConfig
+from tex_lightning.core.files import partial_path, unwritable
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import cache_root
-from tex_lightning.files import partial_path, unwritable
 from tex_lightning.synthetic import SyntheticSpec, write_folder
 from tex_lightning.synthetic.dataset import recorded_under
 from tex_lightning.synthetic.materials import make_materials

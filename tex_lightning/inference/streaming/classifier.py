@@ -5,14 +5,18 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tex_lightning.branches.signal import SignalBranch
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.decision.early_stopping import StoppingRule
 from tex_lightning.decision.voting import Vote, probabilities, winner
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures, movement_start
+from tex_lightning.features.spectrogram import (
+    KNOWN_SECONDS,
+    SpectrogramFeatures,
+    movement_start,
+)
 from tex_lightning.inference.streaming.layers import Columns, streaming_layers
 from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.senses.signal import SignalSense
 
 MIN_ROOM = 1000  # labels
 PIECE_SECONDS = 1.0  # longer chunks are taken in pieces, so that memory stays bounded
@@ -45,9 +49,9 @@ class StreamingClassifier:
     def __init__(
         self, classifier: SurfaceClassifier, *, wait: float = 0, keep_scores: bool = False
     ) -> None:
-        branch: Any = next(iter(classifier.branches.values()))
-        network, features = branch.network, branch.features
-        if len(classifier.card.senses) > 1 or not isinstance(network, HapticNet):
+        sense: Any = next(iter(classifier.senses.values()))
+        network, features = sense.network, sense.features
+        if len(classifier.card.sense_names) > 1 or not isinstance(network, HapticNet):
             raise UserError(
                 f"This checkpoint holds a {classifier.card.title}, and a live stream is "
                 "classified by HapticNet; give the checkpoint of a run with model=haptic or "
@@ -55,17 +59,17 @@ class StreamingClassifier:
             )
         if not isinstance(features, SpectrogramFeatures):
             raise UserError(
-                f"A live stream takes spectrograms, and the features of {branch.name} are "
+                f"A live stream takes spectrograms, and the features of {sense.name} are "
                 f"{type(features).__name__}; set stream.window=2 for a vote over the last seconds."
             )
-        self.branch: SignalBranch = branch
+        self.sense: SignalSense = sense
         _check_local(features, network)
         self.features = features
         self.keep_scores = keep_scores
         self.hidden = streaming_layers([network.trunk, network.head.hidden])
         self.scoring = streaming_layers([network.head.scores])
         self.layers = [*self.hidden, *self.scoring]
-        self.statistics = classifier.statistics_of(branch.name)
+        self.statistics = classifier.statistics_of(sense.name)
         self.known = int(KNOWN_SECONDS * features.sampling_rate)
         self.piece = int(PIECE_SECONDS * features.sampling_rate)
         self.wait = wait * features.sampling_rate

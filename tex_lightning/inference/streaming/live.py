@@ -15,18 +15,18 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from tex_lightning.branches.signal import SignalBranch
-from tex_lightning.classifier import Sensed, SurfaceClassifier
+from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.config import StreamConfig
+from tex_lightning.core.devices import synchronise
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, together
 from tex_lightning.data.resampling import Resampler
 from tex_lightning.decision.voting import Vote
-from tex_lightning.devices import synchronise
 from tex_lightning.errors import UserError
+from tex_lightning.inference.prediction import Prediction, describe
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.inference.streaming.window import WindowVote
-from tex_lightning.prediction import Prediction, describe
+from tex_lightning.senses.signal import SignalSense
 
 
 class WholeVote:
@@ -49,11 +49,11 @@ class WholeVote:
     changed_at: float | None = None
 
     def __init__(
-        self, classifier: SurfaceClassifier, fixed: Mapping[str, Sensed], wait: float
+        self, classifier: SurfaceClassifier, fixed: Mapping[str, SenseOutput], wait: float
     ) -> None:
         self.classifier, self.fixed = classifier, fixed
         # scores of fragments are kept where they are joined or averaged, else votes alone
-        self.counted = len(classifier.card.senses) == 1 and classifier.card.rule != "score"
+        self.counted = len(classifier.card.sense_names) == 1 and classifier.card.rule != "score"
         if wait > 0 and not self.counted:
             raise UserError(
                 "stream.wait is for a single sense that decides by decision.rule=vote or mean, and "
@@ -63,7 +63,7 @@ class WholeVote:
             name: StreamingClassifier(
                 classifier.part([name]), wait=wait, keep_scores=not self.counted
             )
-            for name in classifier.card.senses
+            for name in classifier.card.sense_names
             if name not in fixed
         }
 
@@ -75,8 +75,8 @@ class WholeVote:
     def push(self, chunks: Mapping[str, Tensor]) -> Vote | None:
         """Take samples (axes, samples) by modality and vote over all so far."""
         for stream in self.streams.values():
-            if stream.branch.modality in chunks:
-                stream.push(chunks[stream.branch.modality])
+            if stream.sense.modality in chunks:
+                stream.push(chunks[stream.sense.modality])
         return self._vote()
 
     def finish(self) -> Vote | None:
@@ -92,7 +92,7 @@ class WholeVote:
             UserError: Saying how much signal it takes.
         """
         for stream in self.streams.values():
-            stream.branch.check_frames(stream.frames)
+            stream.sense.check_frames(stream.frames)
 
     @torch.inference_mode()
     def _vote(self) -> Vote | None:
@@ -103,7 +103,7 @@ class WholeVote:
             return self._counted()
         whole = self.classifier
         streams = self.streams.items()
-        live = {name: Sensed(self._summand(name), each.novelty) for name, each in streams}
+        live = {name: SenseOutput(self._summand(name), each.novelty) for name, each in streams}
         return whole.vote({**self.fixed, **live}, whole.card.decision["seed"])
 
     def _counted(self) -> Vote | None:
@@ -123,7 +123,7 @@ class LiveSignal:
     """Check, measure and resample the incoming samples.
 
     Args:
-        branch: Branch of the sense.
+        branch: Sense of the sense.
         rate: Rate of the samples in Hz; None is the checkpoint's.
         ranges: Ranges of the training recordings, with which warnings compare.
 
@@ -135,18 +135,18 @@ class LiveSignal:
         UserError: If there is no such rate, or it is too far from the checkpoint's.
     """
 
-    def __init__(self, branch: SignalBranch, rate: float | None, ranges: Ranges) -> None:
-        target = branch.decoder.sampling_rate
-        self.modality, self.ranges = branch.modality, ranges
+    def __init__(self, sense: SignalSense, rate: float | None, ranges: Ranges) -> None:
+        target = sense.decoder.sampling_rate
+        self.modality, self.ranges = sense.modality, ranges
         self.rate = target if rate is None else rate
         if not self.rate > 0:
             raise UserError(f"rate is {self.rate:g}; give the sampling rate in Hz.")
         self.resampler: Resampler | None = None
         self.measures: dict[str, float] = {}  # beside the level
         if self.rate != target:
-            self.resampler = Resampler(self.rate, target, branch.modality)
+            self.resampler = Resampler(self.rate, target, sense.modality)
             self.measures["rate"] = min(self.rate, target)
-        self.monitor = TraceMonitor(branch.what)
+        self.monitor = TraceMonitor(sense.what)
         self.axes: int | None = None  # not known yet
         self.samples = 0
 
@@ -232,9 +232,9 @@ class LiveStream:
                     f"needs is left behind: set stream.wait=0, or decision.{key}=0."
                 )
         self.device, self.top_k = classifier.device, top_k
-        branches: dict[str, Any] = {each.modality: each for each in classifier.branches.values()}
+        senses: dict[str, Any] = {each.modality: each for each in classifier.senses.values()}
         self.signals = {
-            name: LiveSignal(branches[name], rate, self.card.input_ranges.get(name, {}))
+            name: LiveSignal(senses[name], rate, self.card.input_ranges.get(name, {}))
             for name, rate in rates.items()
         }
         self.photo_quality = [quality for _, quality in photos.values()]
@@ -316,7 +316,7 @@ class LiveStream:
         found = [signal.quality(levels.get(name)) for name, signal in self.signals.items()]
         quality = together([*found, *self.photo_quality])
         latency = time.perf_counter() - begin
-        said = self.card.modalities if len(self.card.senses) > 1 else ()
+        said = self.card.modalities if len(self.card.sense_names) > 1 else ()
         prediction = describe(vote, self.card, quality, self.top_k, latency, said)
         voter = self.classifier
         return replace(prediction, contact=voter.contact, changed_at=voter.changed_at)
@@ -330,10 +330,10 @@ class LiveStream:
 
 
 @torch.inference_mode()
-def _senses(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, Sensed]:
+def _senses(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, SenseOutput]:
     """Compute the scores of the photos, once for all."""
     return {
-        name: classifier.sense(name, photos[branch.modality])
-        for name, branch in classifier.branches.items()
-        if branch.modality in photos
+        name: classifier.sense_output(name, photos[sense.modality])
+        for name, sense in classifier.senses.items()
+        if sense.modality in photos
     }

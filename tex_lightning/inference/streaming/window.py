@@ -13,12 +13,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tex_lightning.branches.signal import SignalBranch
-from tex_lightning.classifier import Sensed, SurfaceClassifier
+from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.config import StreamConfig
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SETTLING_SECONDS
+from tex_lightning.senses.signal import SignalSense
 
 STEP_SECONDS = 0.1  # between votes
 LEAST = 3  # steps that vote
@@ -48,18 +48,18 @@ class WindowVote:
     waiting = False  # what is no whole step yet is not worth a vote
 
     def __init__(
-        self, classifier: SurfaceClassifier, fixed: Mapping[str, Sensed], config: StreamConfig
+        self, classifier: SurfaceClassifier, fixed: Mapping[str, SenseOutput], config: StreamConfig
     ) -> None:
         if config.window is None:
             raise ValueError("stream.window is None, which is for WholeVote")
         self.classifier, self.fixed, self.odds = deepcopy(classifier), fixed, config.odds
-        self.branches: dict[str, SignalBranch] = {
-            name: branch
-            for name, branch in self.classifier.branches.items()
-            if isinstance(branch, SignalBranch)
+        self.senses: dict[str, SignalSense] = {
+            name: sense
+            for name, sense in self.classifier.senses.items()
+            if isinstance(sense, SignalSense)
         }
         self.settling = SETTLING if self._stop_skipping() else 0
-        self.rates = {each.modality: each.decoder.sampling_rate for each in self.branches.values()}
+        self.rates = {each.modality: each.decoder.sampling_rate for each in self.senses.values()}
         ranges = classifier.card.input_ranges
         self.least = {
             modality: config.contact * ranges.get(modality, {}).get("level", [0.0])[0]
@@ -79,9 +79,9 @@ class WindowVote:
     def _stop_skipping(self) -> bool:
         """Let features take all samples; whether they skipped what precedes steady movement."""
         skipping: list[Any] = [
-            branch.features
-            for branch in self.branches.values()
-            if getattr(branch.features, "skip_impact", False)
+            sense.features
+            for sense in self.senses.values()
+            if getattr(sense.features, "skip_impact", False)
         ]
         for features in skipping:
             features.skip_impact = False  # the steps of a touch are left out instead
@@ -197,23 +197,23 @@ class WindowVote:
         """Vote over some steps; None if they are too little for these features."""
         whole, recordings = self.classifier, self._joined(slices)
         try:
-            live = {name: self._sense(name, recordings) for name in self.branches}
+            live = {name: self._sense(name, recordings) for name in self.senses}
         except UserError as error:
             self.failure = error
             return None
         self.voted = True
         return whole.vote({**self.fixed, **live}, whole.card.decision["seed"])
 
-    def _sense(self, name: str, recordings: Slice) -> Sensed:
+    def _sense(self, name: str, recordings: Slice) -> SenseOutput:
         """What a live sense says of an input that is repeated to the size of a fragment."""
-        branch, level = self.branches[name], self.classifier.described_level(name)
-        recording = recordings[branch.modality]
-        if branch.geometry is None:
-            return self.classifier.sense(name, recording)
-        x = branch.dense_input(recording)
-        frames = max(x.shape[-1], branch.window_size[1])
+        sense, level = self.senses[name], self.classifier.described_level(name)
+        recording = recordings[sense.modality]
+        if sense.geometry is None:
+            return self.classifier.sense_output(name, recording)
+        x = sense.dense_input(recording)
+        frames = max(x.shape[-1], sense.window_size[1])
         x = x[..., torch.arange(frames, device=x.device) % x.shape[-1]]
-        return self.classifier.sensed(name, branch.dense(x, level))
+        return self.classifier.output_of(name, sense.dense(x, level))
 
     def _joined(self, slices: Sequence[Slice]) -> dict[str, Tensor]:
         """The samples of some steps (axes, samples), by modality."""

@@ -7,10 +7,10 @@ from lightning.pytorch.callbacks import Callback
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from tex_lightning.branches import Branch
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.loggers import log_figures
+from tex_lightning.learning.loggers import log_figures
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
+from tex_lightning.senses import Sense
 
 SHOWN = 8
 
@@ -31,15 +31,15 @@ class SampleFigures(Callback):
             return
         classifier = pl_module.classifier
         titles = [classifier.card.classes[int(index)] for index in batch["label"][:SHOWN]]
-        inputs = zip(classifier.branches.items(), pl_module.inputs(batch), strict=True)
-        for (name, branch), tensor in inputs:
-            figure = _figure(branch, tensor[:SHOWN].cpu(), titles)
+        inputs = zip(classifier.senses.items(), pl_module.inputs(batch), strict=True)
+        for (name, sense), tensor in inputs:
+            figure = _figure(sense, tensor[:SHOWN].cpu(), titles)
             log_figures(trainer.loggers, {f"samples/{name}": figure})
 
 
-def _figure(branch: Branch, inputs: Tensor, titles: list[str]) -> Figure:
+def _figure(sense: Sense, inputs: Tensor, titles: list[str]) -> Figure:
     """Patches of photos, or of signals the planes of their features one above the other."""
-    if branch.medium == "photo":
+    if sense.medium == "photo":
         return patch_figure(inputs, titles)
     planes = inputs.reshape(len(inputs), -1, inputs.shape[-1])
-    return spectrogram_figure(planes, titles, branch.features)
+    return spectrogram_figure(planes, titles, sense.features)

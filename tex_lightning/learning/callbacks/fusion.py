@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 
-from tex_lightning.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.fit import MAX_FACTOR, MIN_FACTOR
 from tex_lightning.errors import UserError
 from tex_lightning.learning.fusion import FusionModule
@@ -50,7 +50,7 @@ class FusionStart(Callback):
         target, head = pl_module.classifier, pl_module.network.head
         networks = []
         for name, start in self.starts.items():
-            target.branch(name).adopt(start.cpu().branch(name))
+            target.sense(name).adopt(start.cpu().sense(name))
             networks.append(start.network)
         fused = FusionNet(*networks, classes=len(target.card.classes), **target.card.fusion)
         if self.head_start == "scores":

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 
+from tex_lightning.core.progress import Stage, begin
 from tex_lightning.learning.base import REFRESH
-from tex_lightning.progress import Stage, begin
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from tex_lightning.files import write_atomically
+from tex_lightning.core.files import write_atomically
 from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvidence, nearest
 from tex_lightning.report.evidence_panels import Key, overlaid
 from tex_lightning.report.explanation import COLOURS

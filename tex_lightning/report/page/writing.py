@@ -9,7 +9,7 @@ from urllib.parse import unquote
 from jinja2 import Environment, StrictUndefined
 from markdown_it import MarkdownIt
 
-from tex_lightning.files import read_record, read_rows, write_text
+from tex_lightning.core.files import read_record, read_rows, write_text
 from tex_lightning.report.figures import SHOWN
 from tex_lightning.report.page.curves import Curve, read_curves
 from tex_lightning.report.page.label_maps import LEGEND, map_folder

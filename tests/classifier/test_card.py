@@ -1,0 +1,124 @@
+"""Cards that were damaged, or that another version wrote."""
+
+import pytest
+import torch
+from conftest import make_card
+
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import DecisionConfig
+from tex_lightning.errors import UserError
+
+CARD = make_card("haptic", classes=["a", "b"], width=0.1)
+HAPTIC = CARD.senses["haptic"]
+FUSION = make_card("haptic", "visual", "sound", classes=["a", "b"], width=0.1)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("senses", {}),
+        ("senses", [HAPTIC]),
+        ("senses.haptic", 3),
+        ("senses.haptic.modality", None),
+        ("senses.haptic.network", {"width": 0.1}),
+        ("senses.haptic.features", "own.Features"),
+        ("decision.rule", "median"),
+        ("decision.rule", ["vote"]),
+        ("decision.pairs", "many"),
+        ("decision.seed", -1),
+        ("decision.reject_below", float("nan")),
+        ("senses.haptic.axes", "frames"),
+        ("senses.haptic.scale", "bark"),
+        ("senses.haptic.normalisation", "none"),
+        ("senses.haptic.norm", "layer"),
+        ("senses.haptic.width", 1e30),
+        ("senses.haptic.width", "wide"),
+        ("senses.haptic.decode.sampling_rate", "fast"),
+        ("classes", ["a", 5]),
+        ("classes", "ab"),
+        ("calibration", {"temperature": 0}),
+        ("input_ranges", {"haptic": {"level": ["low", 1]}}),
+        ("trained_on", {"fold": 1}),
+        ("senses.haptic.decode", {"speed": 1}),
+        ("decision", {}),
+    ],
+)
+def test_a_value_that_cannot_be_meant_is_said_when_it_is_loaded(tmp_path, key, value):
+    card = CARD.to_dict()
+    *outer, last = key.split(".")
+    place = card
+    for name in outer:
+        place = place[name]
+    place[last] = value
+    state = {f"classifier.{k}": v for k, v in SurfaceClassifier(CARD).state_dict().items()}
+    content = {"hyper_parameters": {"card": card}, "state_dict": state}
+    torch.save(content, tmp_path / "m.ckpt")
+    with pytest.raises(UserError, match="is damaged or was not written by tex_lightning") as caught:
+        SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("decision.rule", "median"),
+        ("decision.pairs", "many"),
+        ("senses.haptic.axes", "frames"),
+        ("senses.sound.width", 1e30),
+        ("senses.sound.decode.sampling_rate", "fast"),
+        ("fusion.level", "fc1"),
+    ],
+)
+def test_the_value_is_named(key, value):
+    card = FUSION.to_dict()
+    *outer, last = key.split(".")
+    place = card
+    for name in outer:
+        place = place[name]
+    place[last] = value
+    with pytest.raises(ValueError, match=f"its {key} is"):
+        Card.from_dict(card)
+
+
+def test_a_card_tells_its_senses_and_what_it_is_called():
+    assert Card.from_dict(FUSION.to_dict()) == FUSION
+    assert FUSION.sense_names == ("haptic", "visual", "sound")
+    assert FUSION.modalities == ("haptic", "image", "sound")
+    assert (CARD.kind, FUSION.kind) == ("haptic", "fusion")
+    assert FUSION.title == "fusion network"
+
+
+def test_the_card_of_some_senses_is_that_of_a_network_of_them():
+    pair = FUSION.of(["visual", "sound"])
+    assert pair == make_card("visual", "sound", classes=["a", "b"], width=0.1)
+    single = FUSION.of(["haptic"])
+    assert (single.kind, single.fusion) == ("haptic", {})
+
+
+def test_two_senses_of_one_modality_look_at_it_once():
+    senses = {"coarse": {**HAPTIC, "width": 0.05}, "fine": HAPTIC}
+    assert Card(**{**FUSION.to_dict(), "senses": senses}).modalities == ("haptic",)
+
+
+def test_a_decision_given_goes_before_the_cards():
+    given = DecisionConfig(pairs=None, rule=None, seed=None, reject_below=None)
+    assert CARD.deciding(given) == CARD
+    given = DecisionConfig(pairs=None, rule="mean", seed=None, reject_below=0)
+    changed = CARD.deciding(given)
+    assert changed.decision == {**CARD.decision, "rule": "mean", "reject_below": 0}
+
+
+def test_a_network_larger_than_its_file_and_weights_of_nan_are_refused(tmp_path):
+    state = {f"classifier.{k}": v for k, v in SurfaceClassifier(CARD).state_dict().items()}
+    card = CARD.to_dict()
+    card["senses"]["haptic"]["width"] = 99.0
+    torch.save({"hyper_parameters": {"card": card}, "state_dict": state}, tmp_path / "m.ckpt")
+    with pytest.raises(UserError, match=r"m.ckpt cannot be used: .*more weights than the file"):
+        SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
+    first = next(key for key, value in state.items() if value.is_floating_point())
+    state[first] = torch.full_like(state[first], torch.nan)
+    content = {"hyper_parameters": {"card": CARD.to_dict()}, "state_dict": state}
+    torch.save(content, tmp_path / "m.ckpt")
+    with pytest.raises(UserError, match="is damaged or was not written"):
+        SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")

@@ -1,0 +1,177 @@
+import numpy as np
+import pytest
+import torch
+from conftest import make_card
+
+from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.decision.voting import random_tuples
+from tex_lightning.errors import UserError
+
+SENSES = {
+    "haptic": ["haptic"],
+    "visual": ["visual"],
+    "fusion": ["haptic", "visual"],
+    "three": ["haptic", "visual", "sound"],
+}
+
+
+def classifier(kind: str, level: str = "fc2") -> SurfaceClassifier:
+    torch.manual_seed(0)
+    card = make_card(*SENSES[kind], level=level, pairs=200, width=0.1)
+    return SurfaceClassifier(card).eval()
+
+
+def trace(seconds: float = 2.4, seed: int = 0) -> torch.Tensor:
+    rng = np.random.default_rng(seed)
+    return torch.from_numpy(rng.standard_normal((1, int(seconds * 10_000))).astype(np.float32))
+
+
+def photo(side: int = 260, seed: int = 0) -> torch.Tensor:
+    rng = np.random.default_rng(seed)
+    return torch.from_numpy(rng.integers(0, 256, (side, side, 3)).astype(np.uint8))
+
+
+def sound(seconds: float = 2.4, seed: int = 0) -> torch.Tensor:
+    rng = np.random.default_rng([seed, 1])
+    return torch.from_numpy(rng.standard_normal((1, int(seconds * 44_100))).astype(np.float32))
+
+
+def sample(seed: int = 0) -> dict[str, torch.Tensor]:
+    return {"haptic": trace(seed=seed), "image": photo(seed=seed), "sound": sound(seed=seed)}
+
+
+def test_fragments_are_the_networks_positions():
+    assert classifier("haptic").logits(haptic=trace(20.0)).shape == (3, 114)
+    assert classifier("visual").logits(image=photo(384)).shape == (3, 36)
+    assert classifier("fusion").logits(haptic=trace(), image=photo()).shape == (3, 200)
+    assert classifier("three").logits(**sample()).shape == (3, 200)
+
+
+@pytest.mark.parametrize("kind", ["fusion", "three"])
+def test_fusions_logits_are_those_of_the_stated_tuples(kind):
+    model = classifier(kind)
+    given = {name: sample()[name] for name in model.card.modalities}
+    seed = content_seed(0, *(each.numpy() for each in given.values()))
+    with torch.no_grad():
+        features = [
+            network.features(sense(recording), "fc2")[0].flatten(1)
+            for network, sense, recording in zip(
+                model.network.networks, model.senses.values(), given.values(), strict=True
+            )
+        ]
+        tuples = random_tuples([each.shape[1] for each in features], 200, seed)
+        chosen = [each[:, tuples[:, place]] for place, each in enumerate(features)]
+        expected = model.network.head(torch.cat(chosen).T).T
+        torch.testing.assert_close(model.logits(**given), expected)
+
+
+def test_the_label_depends_on_the_sample_alone():
+    model = classifier("three")
+    forwards = [model.classify(**sample(seed)) for seed in range(4)]
+    backwards = [model.classify(**sample(seed)) for seed in reversed(range(4))][::-1]
+    for left, right in zip(forwards, backwards, strict=True):
+        assert left.label == right.label
+        assert torch.equal(left.fragments, right.fragments)
+
+
+def save(model: SurfaceClassifier, path, **changes) -> None:
+    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
+    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
+    torch.save({**content, **changes}, path)
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+@pytest.mark.parametrize("kind", SENSES)
+def test_a_checkpoint_rebuilds_it(tmp_path, kind, level):
+    model = classifier(kind, level)
+    for name, features in model.features.items():
+        if hasattr(features, "fit"):
+            features.fit([features.magnitudes(sample()[name])])
+    save(model, tmp_path / "m.ckpt")
+    again = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt", model.card.kind)
+    torch.testing.assert_close(model.logits(**sample()), again.logits(**sample()), rtol=0, atol=0)
+    assert again.card == model.card
+    assert not again.training
+
+
+@pytest.fixture
+def three(request) -> SurfaceClassifier:
+    """A FusionNet of three senses with a bias that is not 0."""
+    model = classifier("three", request.param)
+    torch.nn.init.normal_(model.network.head.bias)
+    return model.requires_grad_(False)
+
+
+def own(model: SurfaceClassifier) -> dict[str, torch.Tensor]:
+    """Of the sample, what the model looks at."""
+    return {modality: sample()[modality] for modality in model.card.modalities}
+
+
+@pytest.mark.parametrize("three", ["fc2"], indirect=True)
+@pytest.mark.parametrize(
+    "senses",
+    [["haptic", "visual"], ["haptic", "sound"], ["visual", "sound"], ["haptic", "visual", "sound"]],
+)
+def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
+    parts = [three.part([name]) for name in senses]
+    scores = [part.logits(**own(part)) for part in parts]
+    several = three.part(senses)
+    assert several.card.sense_names == tuple(senses)
+    counts = [each.shape[1] for each in scores]
+    tuples = random_tuples(counts, 200, several.seed(**own(several)))
+    expected = sum(each[:, tuples[:, place]] for place, each in enumerate(scores))
+    torch.testing.assert_close(several.logits(**own(several)), expected)
+
+
+@pytest.mark.parametrize("three", ["fc3"], indirect=True)
+def test_parts_of_a_fusion_of_fc3_have_the_scores_of_their_networks(three):
+    scores = {}
+    for network, (name, sense) in zip(three.network.networks, three.senses.items(), strict=True):
+        part = three.part([name])
+        scores[name] = network(sense(sample()[sense.modality]))[0].flatten(1)
+        torch.testing.assert_close(part.logits(**own(part)), scores[name])
+    pair = three.part(["haptic", "sound"])
+    counts = [scores[name].shape[1] for name in pair.card.sense_names]
+    tuples = random_tuples(counts, 200, pair.seed(**own(pair)))
+    joined = [scores[name][:, tuples[:, i]] for i, name in enumerate(pair.card.sense_names)]
+    weight = three.network.head.weight[:, [0, 1, 2, 6, 7, 8]]  # of three classes each
+    expected = weight @ torch.cat(joined) + three.network.head.bias[:, None]
+    torch.testing.assert_close(pair.logits(**own(pair)), expected)
+
+
+@pytest.mark.parametrize("three", ["fc2", "fc3"], indirect=True)
+def test_a_part_is_a_copy_and_is_saved_as_any_other(three, tmp_path):
+    part = three.part(["haptic", "visual"])
+    expected = part.logits(**own(part))
+    save(part, tmp_path / "m.ckpt")
+    for parameter in three.parameters():
+        parameter.zero_()
+    assert torch.equal(part.logits(**own(part)), expected)
+    again = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt")
+    assert torch.equal(again.logits(**own(part)), expected)
+
+
+def test_foreign_damaged_and_mistaken_checkpoints_are_refused(tmp_path):
+    path = tmp_path / "m.ckpt"
+    model = classifier("haptic")
+    for changes in ({"state_dict": {}}, {"hyper_parameters": {"lr": 1}}, {"hyper_parameters": 3}):
+        save(model, path, **changes)
+        with pytest.raises(
+            UserError, match=r"damaged or was not written|more weights than the file"
+        ):
+            SurfaceClassifier.from_checkpoint(path)
+    save(model, path)
+    with pytest.raises(UserError, match="holds a haptic network where a visual network"):
+        SurfaceClassifier.from_checkpoint(path, "visual")
+    with pytest.raises(UserError, match="does not exist"):
+        SurfaceClassifier.from_checkpoint(tmp_path / "none.ckpt")
+
+
+def test_too_short_too_small_and_missing_are_said():
+    with pytest.raises(UserError, match=r"2\.26 s|1\.81 s for one fragment"):
+        classifier("haptic").logits(haptic=trace(1.8))
+    assert classifier("haptic").logits(haptic=trace(1.81)).shape == (3, 1)
+    with pytest.raises(UserError, match=r"198x198 pixels .* needs 199 on each side"):
+        classifier("visual").logits(image=photo(198))
+    with pytest.raises(UserError, match="give image=FILE too"):
+        classifier("fusion").logits(haptic=trace())

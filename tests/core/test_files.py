@@ -1,0 +1,184 @@
+"""Files that are whole or not there: full disks and exceptions."""
+
+import errno
+import logging
+import os
+import resource
+import signal
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import torch
+
+from tex_lightning.auto import _read
+from tex_lightning.config import CONF
+from tex_lightning.config.search import use_config_dir
+from tex_lightning.core.files import (
+    LARGEST,
+    check_yaml,
+    partial_path,
+    quiet_threads,
+    read_record,
+    write_atomically,
+    write_rows,
+    write_text,
+)
+from tex_lightning.core.log_file import LogFile
+from tex_lightning.data.store import fingerprint
+from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import read_outcomes
+from tex_lightning.perturbations.table import SCALES, read_severities
+
+
+@contextmanager
+def full_disk(limit: int):
+    """Every file ends after so many bytes, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+WRITERS = {
+    "text": lambda path: write_text(path, "x" * 10_000),
+    "table": lambda path: write_rows(path, ["a"], [["x" * 10_000]]),
+    "checkpoint": lambda path: write_atomically(
+        path, lambda partial: torch.save(torch.zeros(10_000), partial)
+    ),
+}
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_a_full_disk_is_one_sentence_and_leaves_what_was_there(tmp_path, writer):
+    target = tmp_path / "file"
+    target.write_text("before")
+    with full_disk(1000), pytest.raises(UserError, match=r"Cannot write .*file .*free some space"):
+        WRITERS[writer](target)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert target.read_text() == "before"
+    WRITERS[writer](target)
+    assert target.stat().st_size > 1000
+
+
+def test_other_errors_pass_and_leave_nothing(tmp_path):
+    def fail(path: Path) -> None:
+        path.write_text("half")
+        raise RuntimeError("a fault of the program")
+
+    with pytest.raises(RuntimeError, match="fault of the program"):
+        write_atomically(tmp_path / "file", fail)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_two_processes_fill_paths_of_their_own_that_go(tmp_path, folder):
+    target = tmp_path / "file"
+    with partial_path(target, folder=folder) as one, partial_path(target, folder=folder) as other:
+        assert one != other
+        for path in (one, other):
+            assert path.name.startswith(".file.")
+            (path / "a" if folder else path).write_text("half")
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_have_the_rights_that_the_user_gives_new_ones(tmp_path):
+    before = os.umask(0o027)
+    try:
+        write_text(tmp_path / "file", "a")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):
+    handler = LogFile(tmp_path / "log")
+    with full_disk(100):
+        for message in ("a" * 90, "b" * 90):
+            handler.emit(logging.makeLogRecord({"msg": message}))
+    assert (tmp_path / "log").read_text().startswith("a" * 90)
+    assert capsys.readouterr().err == ""
+    handler.emit(logging.makeLogRecord({"msg": "%d", "args": ("a fault of the program",)}))
+    assert "Logging error" in capsys.readouterr().err
+    handler.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
+    said = []
+    monkeypatch.setattr(threading, "excepthook", lambda given: said.append(given.exc_value))
+
+    def fail(error: Exception) -> None:
+        raise error
+
+    with quiet_threads():
+        for error in (OSError(errno.ENOSPC, "full"), OSError(errno.EIO, "broken"), ValueError()):
+            thread = threading.Thread(target=fail, args=(error,))
+            thread.start()
+            thread.join()
+    assert [type(error) for error in said] == [OSError, ValueError]
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("results.json", read_record),
+        ("results.json", lambda path: _read(path.parent)),
+        ("haptic.csv", read_outcomes),
+        ("a.wav", fingerprint),
+    ],
+)
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path, name, read):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(UserError, match=r"is no file|a pipe or|holds no finished frontier"):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize("content", ['{"networks": ', "[1, 2]", "\0", "\u00e9"])
+def test_a_damaged_record_is_one_sentence(tmp_path, content):
+    path = tmp_path / "results.json"
+    path.write_text(content, encoding="latin-1")
+    with pytest.raises(
+        UserError, match=rf"^Record {path} is [^\n]*; delete it and run its command again\.$"
+    ):
+        read_record(path)
+
+
+ALIASES = "a0: &a0 [x, x]\n" + "".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 10)
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (ALIASES.encode(), "its aliases stand for too much"),
+        (b"a: &a [*a]", "its aliases stand for too much"),
+        (b"[" * 50_000, "too many brackets"),
+        (b"[" * 2000, "recursion"),
+        (b"a: \xff", "can't decode"),
+        (b"#" * (LARGEST + 1), "larger than 1 MiB"),
+    ],
+    ids=["aliases", "itself", "brackets", "depth", "bytes", "size"],
+)
+def test_it_is_refused_before_it_is_read(tmp_path, content, message):
+    (tmp_path / "data").mkdir()
+    path = tmp_path / "data" / "own.yaml"
+    path.write_bytes(content)
+    said = rf"{path} cannot be read as YAML \(.*{message}"
+    with pytest.raises(UserError, match=said):
+        use_config_dir([f"--config-dir={tmp_path}"])
+    with pytest.raises(UserError, match=r"own\.yaml cannot be"):
+        read_severities(path)
+
+
+def test_our_own_files_and_mistakes_of_other_kinds_pass(tmp_path):
+    for path in [SCALES, *CONF.rglob("*.yaml")]:
+        check_yaml(path)
+    (tmp_path / "a.yaml").write_text("a: [")
+    check_yaml(tmp_path / "a.yaml")

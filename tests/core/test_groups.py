@@ -1,0 +1,60 @@
+"""Division by group against scikit-learn: no group on two sides, no class missing on one."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sklearn.model_selection import StratifiedGroupKFold
+
+from tex_lightning.core.groups import PARTS, divide, leave_out
+
+ROWS = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 12)), min_size=1, max_size=60)
+
+
+@given(rows=ROWS, parts=st.integers(1, 8))
+def test_a_group_is_in_one_part_and_no_part_is_empty(rows, parts):
+    kinds, groups = zip(*rows, strict=True)
+    found = divide(kinds, groups, parts)
+    assert len(set(zip(groups, found, strict=True))) == len(set(groups))
+    assert len(set(found)) == min(parts, len(set(groups)))
+    turned = divide(kinds[::-1], groups[::-1], parts)
+    assert turned[::-1] == found
+
+
+@given(rows=ROWS)
+def test_what_is_left_out_leaves_every_class_some_rows(rows):
+    labels, groups = zip(*rows, strict=True)
+    parts = leave_out(labels, groups)
+    of_class = Counter(label for label, _ in set(rows))
+    if min(of_class.values()) < 2:
+        assert parts == []
+        return
+    assert len(set(zip(groups, parts, strict=True))) == len(set(groups))
+    seen = Counter(label for label, _ in set(zip(labels, parts, strict=True)))
+    assert min(seen.values()) > 1
+
+
+@pytest.mark.parametrize("parts", [2, 5, 10])
+def test_classes_are_spread_as_evenly_as_scikit_learn_spreads_them(parts):
+    rng = np.random.default_rng(parts)
+    groups = rng.integers(0, 60, 800)
+    labels = (groups + rng.integers(0, 2, 800)) % 5
+    ours = np.array(divide(labels.tolist(), groups.tolist(), parts))
+    theirs = np.empty(800, int)
+    splitter = StratifiedGroupKFold(parts, shuffle=True, random_state=0)
+    for part, (_, out) in enumerate(splitter.split(labels, labels, groups)):
+        theirs[out] = part
+
+    def unevenness(found: np.ndarray) -> float:
+        counts = [[np.sum(found[labels == kind] == part) for part in range(parts)]
+                  for kind in range(5)]  # fmt: skip
+        return float(np.std(counts, axis=1).mean())
+
+    assert unevenness(ours) < unevenness(theirs) + 1  # row of about 160
+
+
+def test_recordings_of_their_own_are_left_out_in_ten_parts():
+    parts = leave_out([0] * 40 + [1] * 20, range(60))
+    assert sorted(Counter(parts).values()) == [6] * PARTS

@@ -1,0 +1,234 @@
+"""The Python door: files and arrays in, predictions out."""
+
+import numpy as np
+import pytest
+import soundfile
+import torch
+from conftest import RATE, make_card, make_photo, make_trace
+from PIL import Image
+
+import tex_lightning as tl
+from tex_lightning.classifier.classifier import SurfaceClassifier
+
+TRACE, PHOTO = make_trace(0, 0), make_photo(1, 0)
+PHOTO[..., 0] //= 2  # so that the order of colours matters
+
+
+@pytest.fixture(scope="module")
+def haptic(untrained):
+    return tl.load(untrained / "checkpoints" / "haptic.ckpt")
+
+
+@pytest.fixture(scope="module")
+def fusion(untrained):
+    return tl.load(untrained, "top_k=2")
+
+
+def essence(prediction):
+    return prediction.label, prediction.probability, prediction.confidence, prediction.fragments
+
+
+def test_a_trace_is_the_same_in_every_form(haptic, tmp_path):
+    np.save(tmp_path / "a.npy", TRACE)
+    from_file = haptic.predict(haptic=tmp_path / "a.npy")
+    assert from_file.fragments == 4
+    for form in (
+        str(tmp_path / "a.npy"), TRACE, TRACE.astype(np.float64), torch.from_numpy(TRACE),
+        TRACE.tolist(), TRACE[None], TRACE[:, None],
+    ):  # fmt: skip
+        assert essence(haptic.predict(haptic=form)) == essence(from_file)
+    three = np.stack([TRACE, TRACE[::-1], TRACE * 0.5])
+    assert essence(haptic.predict(haptic=three)) == essence(haptic.predict(haptic=three.T))
+
+
+def test_the_rate_of_an_array_is_that_of_a_file(haptic, tmp_path):
+    fast = np.interp(np.arange(48_000) / 2, np.arange(24_000), TRACE).astype(np.float32)
+    soundfile.write(tmp_path / "fast.wav", fast, 2 * RATE, subtype="FLOAT")
+    from_file = haptic.predict(haptic=tmp_path / "fast.wav")
+    assert from_file.fragments == 4
+    from_array = haptic.predict(haptic=fast, rate=2 * RATE)
+    assert (from_array.label, from_array.fragments) == (from_file.label, 4)
+    assert from_array.probability == pytest.approx(from_file.probability, abs=1e-6)
+    assert haptic.predict(haptic=fast).fragments > 4
+
+
+def test_a_photo_is_the_same_in_every_form(fusion, tmp_path):
+    Image.fromarray(PHOTO).save(tmp_path / "a.png")
+    from_file = fusion.predict(haptic=TRACE, image=tmp_path / "a.png")
+    assert from_file.modalities == ("haptic", "image")
+    assert len(from_file.top_k) == 2
+    for form, colour in (
+        (PHOTO, "rgb"),
+        (torch.from_numpy(PHOTO), "rgb"),
+        (PHOTO[..., ::-1], "bgr"),
+    ):
+        found = fusion.predict(haptic=TRACE, image=form, colour=colour)
+        assert essence(found) == essence(from_file)
+    alone = fusion.predict(image=PHOTO)
+    assert alone.modalities == ("image",)
+    grey = np.ascontiguousarray(PHOTO[..., 1])
+    as_colours = np.repeat(grey[..., None], 3, axis=2)
+    assert essence(fusion.predict(image=grey)) == essence(fusion.predict(image=as_colours))
+
+
+@pytest.mark.parametrize("rule", ["vote", "mean", "score"])
+def test_a_stream_ends_with_the_prediction_of_the_whole(untrained, rule):
+    haptic = tl.load(untrained / "checkpoints" / "haptic.ckpt", f"decision.rule={rule}")
+    stream = haptic.stream()
+    first, *_, last = (stream.push(TRACE[start : start + 2500]) for start in range(0, 24_000, 2500))
+    assert (first.label, first.probability, first.fragments) == (None, None, 0)
+    whole = haptic.predict(haptic=TRACE)
+    assert last.label == whole.label
+    assert last.probability == pytest.approx(whole.probability)
+    assert last.fragments == whole.fragments
+
+
+def test_a_chunk_with_other_axes_is_refused(haptic):
+    stream = haptic.stream()
+    three = np.ones((3, 500))
+    with pytest.raises(tl.UserError, match=r"shape \(500, 3\); give \(axes, samples\)"):
+        stream.push(three.T)
+    stream.push(three)
+    stream.push(three[:, :1])
+    for chunk in (TRACE, TRACE[None], three[:, :1].T):
+        with pytest.raises(tl.UserError, match="as many axes as before, 3"):
+            stream.push(chunk)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, "nothing to classify"),
+        ({"haptic": np.zeros((2, 5, 3))}, r"shape \(2, 5, 3\)"),
+        ({"haptic": np.zeros((5, 2))}, r"shape \(5, 2\)"),
+        ({"haptic": []}, "at least one sample"),
+        ({"haptic": TRACE * np.nan}, "NaN, infinity or a number beyond 1e.09 at sample 0"),
+        ({"haptic": np.ones(9, complex)}, "complex128; give numbers"),
+        ({"haptic": ["a.wav", "b.wav"]}, "give numbers"),
+        ({"haptic": [[1, 2], [3]]}, "cannot be read as an array"),
+        ({"haptic": TRACE[:100]}, r"0\.00 s of movement, and HapticNet needs 1\.81 s"),
+        ({"haptic": TRACE, "rate": 0}, "rate is 0; give the sampling rate in Hz"),
+        ({"haptic": "gone.wav"}, "gone.wav does not exist"),
+        ({"image": PHOTO / 255.0}, "float64; give uint8"),
+        ({"image": PHOTO.transpose(2, 0, 1)}, "colours last"),
+        ({"image": PHOTO[:0]}, "image has the shape"),
+        ({"image": PHOTO, "colour": "hsv"}, "choose rgb or bgr"),
+        ({"image": PHOTO[:50]}, "pixels after decoding"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_sentence(fusion, given, said):
+    with pytest.raises(tl.UserError, match=said):
+        fusion.predict(**given)
+
+
+@pytest.mark.parametrize("allocate", [torch.empty, np.empty])
+def test_too_little_memory_is_said_in_one_sentence(haptic, tmp_path, monkeypatch, allocate):
+    path = tmp_path / "a.npy"
+    np.save(path, make_trace(0, 0))
+    monkeypatch.setattr(haptic, "_decoded", lambda *given: allocate(1 << 50))
+    with pytest.raises(tl.UserError, match=r"a\.npy: The recordings take more memory"):
+        haptic.predict(haptic=path)
+
+
+def test_what_this_network_does_not_look_at_is_said(haptic):
+    with pytest.raises(tl.UserError, match="does not look at image"):
+        haptic.predict(haptic=TRACE, image=PHOTO)
+
+
+@pytest.mark.parametrize("override", ["tpo_k=3", "top_k=0", "engine=fast", "task=fit"])
+def test_overrides_that_cannot_be_meant_are_said(untrained, override):
+    with pytest.raises(tl.UserError, match=override.partition("=")[0]):
+        tl.load(untrained, override)
+
+
+def test_overrides_are_those_of_the_command_line(untrained):
+    path = untrained / "checkpoints" / "haptic.ckpt"
+    strict = tl.load(path, "decision.reject_below=1").predict(haptic=TRACE)
+    assert (strict.label, strict.rejected) == (None, True)
+    assert strict.top_k[0]["label"] in ("a", "b", "c")
+
+
+def test_some_of_three_senses_are_enough(tmp_path):
+    torch.manual_seed(0)
+    model = SurfaceClassifier(make_card("haptic", "visual", "sound", width=0.1))
+    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
+    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
+    torch.save(content, tmp_path / "fusion.ckpt")
+    predictor = tl.load(tmp_path / "fusion.ckpt")
+    sound = np.random.default_rng(0).standard_normal(105_840).astype(np.float32)
+    given = {"haptic": TRACE, "image": PHOTO, "sound": sound}
+    for names in (["sound"], ["haptic", "sound"], ["haptic", "image"], list(given)):
+        some = {name: given[name] for name in names}
+        found = predictor.predict(**some, rate=None)
+        assert found.modalities == tuple(names)
+        assert found.fragments == (4 if len(names) == 1 else 50)
+        others = dict.fromkeys(set(given) - set(names))  # None is as if it was not given
+        assert essence(predictor.predict(**some, **others)) == essence(found)
+    with pytest.raises(tl.UserError, match="nothing to classify; give some of haptic, image, so"):
+        predictor.predict()
+
+
+def test_a_stream_adds_what_a_photo_says_once(fusion):
+    stream = fusion.stream("haptic", image=PHOTO)
+    *_, last = (stream.push(part) for part in np.split(TRACE, 8))
+    assert (last.modalities, last.fragments) == (("haptic", "image"), 50)
+    classifier = fusion.classifier
+    trace, photo = torch.from_numpy(TRACE)[None], torch.from_numpy(PHOTO)
+    photo = photo[::2, ::2] if classifier.sense("visual").decoder.half_scale else photo
+    with torch.inference_mode():
+        summands = classifier.summand("haptic", trace), classifier.summand("visual", photo)
+        vote = classifier.decide(classifier.join(summands, classifier.card.decision["seed"]), 1.0)
+    assert last.label == fusion.card.classes[vote.label]
+    assert last.probability == pytest.approx(vote.probability, abs=1e-5)
+    alone, expected = fusion.stream("haptic").push(TRACE), fusion.predict(haptic=TRACE)
+    assert (alone.label, alone.fragments) == (expected.label, expected.fragments)
+    assert alone.probability == pytest.approx(expected.probability)
+
+
+@pytest.mark.parametrize(
+    ("live", "photos", "said"),
+    [
+        ((), {"sound": None, "image": None, "depth": 1}, "does not look at depth"),
+        (("image",), {}, "image is given as the other"),
+        ((), {"image": "gone.png"}, "gone.png does not exist"),
+    ],
+)
+def test_what_no_stream_takes_is_said(fusion, live, photos, said):
+    with pytest.raises(tl.UserError, match=said):
+        fusion.stream(*live, **photos)
+
+
+def test_a_stream_of_another_rate_is_resampled(haptic):
+    fast = np.interp(np.arange(48_000) / 2, np.arange(24_000), TRACE)
+    stream = haptic.stream(rate=2 * RATE)
+    for part in np.split(fast, 30):
+        stream.push(part)
+    assert stream.waiting
+    found, whole = stream.finish(), haptic.predict(haptic=fast, rate=2 * RATE)
+    assert (found.label, found.fragments) == (whole.label, whole.fragments)
+    assert found.probability == pytest.approx(whole.probability, abs=1e-6)
+    with pytest.raises(tl.UserError, match="rate is -1; give"):
+        haptic.stream(rate=-1)
+    with pytest.raises(tl.UserError, match="haptic has a sampling rate of 1 Hz, too far"):
+        haptic.stream(rate=1)
+
+
+def test_signals_of_a_stream_come_together(tmp_path):
+    torch.manual_seed(0)
+    model = SurfaceClassifier(make_card("haptic", "sound", width=0.1))
+    state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
+    content = {"hyper_parameters": {"card": model.card.to_dict()}, "state_dict": state}
+    torch.save(content, tmp_path / "fusion.ckpt")
+    sound = np.random.default_rng(0).standard_normal(105_840).astype(np.float32)
+    for window, fragments in (("null", 50), ("1", 50)):
+        stream = tl.load(tmp_path / "fusion.ckpt", f"stream.window={window}").stream()
+        for trace, heard in zip(np.split(TRACE, 24), np.split(sound, 24), strict=True):
+            found = stream.push(haptic=trace, sound=heard)
+        assert (found.modalities, found.fragments) == (("haptic", "sound"), fragments)
+        assert found.contact is (None if window == "null" else True)
+        with pytest.raises(tl.UserError, match="takes haptic and sound with every push"):
+            stream.push(TRACE)
+    with pytest.raises(tl.UserError, match="more than a second of haptic that the other"):
+        stream.push(haptic=TRACE, sound=sound[:10])
+    with pytest.raises(tl.UserError, match=r"set stream\.wait=0"):
+        tl.load(tmp_path / "fusion.ckpt", "stream.wait=1").stream()

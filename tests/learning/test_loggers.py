@@ -1,0 +1,132 @@
+"""Loggers and callbacks named by ``_target_``: what reaches them."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from own_parts import EpochCounter, MemoryLogger
+
+from tex_lightning.errors import UserError
+from tex_lightning.learning.loggers import open_loggers
+
+VOTES = ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
+
+
+def arguments(surfaces: Path) -> list[str]:
+    return [
+        "model=haptic", "data=folder", f"data.root={surfaces}", "debug=tiny", "trainer.threads=1",
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run(run_once, surfaces) -> Path:
+    return run_once(
+        *arguments(surfaces),
+        "+logger.mine._target_=own_parts.MemoryLogger",
+        "+callbacks.mine._target_=own_parts.EpochCounter",
+        "decision.unknown=0.05",  # without classes held out, on which a figure could be had
+    )
+
+
+def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
+    logger = MemoryLogger.kept["haptic"]
+    assert logger.metrics.keys() >= {
+        "train/loss", "train/fragment_accuracy", "lr/head", *(f"val/{name}" for name in VOTES),
+        "test/fragment_accuracy", "test/latency_ms", "test/fit_seconds",
+    }  # fmt: skip
+    assert len(logger.metrics["val/loss"]) == 2  # one each epoch
+    entry = json.loads((run / "results.json").read_text())["networks"]["haptic"]
+    assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
+    for name, value in entry["calibration"].items():
+        assert logger.metrics[f"test/{name}"] == [value]
+    assert entry["unknown"]["rate"] == 0.05
+    assert "test/unknown_auroc" not in logger.metrics
+    assert logger.params["haptic.fit.epochs"] == 2
+    assert logger.params["seed"] == 0
+    assert logger.images.keys() == {
+        "samples/haptic", "test/confusion", "test/class_accuracy", "test/calibration",
+    }  # fmt: skip
+    (pixels,) = logger.images["test/confusion"]
+    assert pixels.dtype == np.uint8
+    assert pixels.ndim == 3
+    assert pixels.std() > 10  # something is drawn
+
+
+@pytest.mark.parametrize(
+    ("key", "base"),
+    [("logger.mine", "logger.Logger"), ("callbacks.mine", "callback.Callback")],
+)
+def test_what_does_not_derive_from_lightnings_class_is_refused(cli, surfaces, tmp_path, key, base):
+    wrong = f"+{key}._target_=own_parts.NothingOfLightning"
+    outcome = cli(*arguments(surfaces), wrong, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 2, outcome.err
+    (said,) = [line for line in outcome.err.splitlines() if line.startswith("Error: ")]
+    assert f"{key} names own_parts.NothingOfLightning, which does not derive from light" in said
+    assert f".{base};" in said
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["logger.mine", "callbacks.mine", "model.haptic.fit.schedule", "model.haptic.fit.optimizer"],
+)
+def test_what_is_not_there_is_refused_before_anything_is_read(cli, surfaces, tmp_path, key):
+    wrong = f"{'+' * key.endswith('mine')}{key}._target_=own_parts.Nothing"
+    outcome = cli(*arguments(surfaces), wrong, f"hydra.run.dir={tmp_path}/r")
+    assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome.err
+    assert f"Error: {key} cannot be made: " in outcome.err
+
+
+def test_a_users_callback_is_called(run):
+    assert EpochCounter.epochs == 2
+
+
+def test_the_csv_has_the_same_metrics(run):
+    with (run / "metrics" / "haptic" / "metrics.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    for name in ("train/loss", "val/auroc", "test/ece"):
+        written = [float(row[name]) for row in rows if row[name]]
+        assert written == pytest.approx(MemoryLogger.kept["haptic"].metrics[name], rel=1e-4)
+
+
+@pytest.mark.parametrize("node", [False, 1, "text", {}])
+def test_a_logger_that_is_none_is_named(node, tmp_path):
+    with pytest.raises(UserError, match=r"logger\.mine has no _target_; name the class there"):
+        open_loggers({"mine": node}, tmp_path, "haptic")
+
+
+@pytest.mark.slow
+def test_mlflow_gets_metrics_figures_and_hyper_parameters(cli, surfaces, tmp_path):
+    pytest.importorskip("mlflow")
+    from mlflow import MlflowClient
+
+    outcome = cli(*arguments(surfaces), "logger=mlflow", f"hydra.run.dir={tmp_path}")
+    assert outcome.status == 0, outcome.err
+    client = MlflowClient(f"sqlite:///{tmp_path}/mlflow.db")
+    (experiment,) = client.search_experiments(filter_string="name = 'tex_lightning'")
+    (logged,) = client.search_runs([experiment.experiment_id])
+    assert logged.info.run_name == "haptic"
+    assert logged.data.metrics.keys() >= {"train/loss", "val/auroc", "test/vote_accuracy"}
+    assert logged.data.params["seed"] == "0"
+    figures = {Path(each.path).stem for each in client.list_artifacts(logged.info.run_id, "test")}
+    assert figures == {"confusion", "class_accuracy", "calibration"}
+
+
+def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
+    outcome = cli(
+        "task=evaluate", f"checkpoint={run}/checkpoints/haptic.ckpt", "data=folder",
+        f"data.root={surfaces}", "+logger.mine._target_=own_parts.MemoryLogger",
+        f"hydra.run.dir={tmp_path}",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    logger = MemoryLogger.kept["haptic"]
+    entry = json.loads((tmp_path / "results.json").read_text())["networks"]["haptic"]
+    assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
+    assert logger.params["data.root"] == str(surfaces)
+    assert not [name for name in logger.params if name.startswith("haptic")]
+    assert logger.images.keys() >= {"test/confusion", "test/class_accuracy"}
+    assert [*tmp_path.glob("tensorboard/haptic/events*")]
+    with (tmp_path / "metrics/haptic/metrics.csv").open() as stream:
+        (line,) = csv.DictReader(stream)
+    assert float(line["test/vote_accuracy"]) == entry["vote_accuracy"]

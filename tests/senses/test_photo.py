@@ -1,0 +1,144 @@
+"""Photos: single windows, pieces of large ones, files and pixels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from conftest import make_card, make_photo
+from PIL import Image
+from torch import nn
+
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.data.decode import PhotoDecoder
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
+from tex_lightning.features.image import MEAN, STD
+
+FIT = {"perturb": [], "perturbed_share": 0.5, "rotation": 180.0}
+
+
+@pytest.fixture(scope="module")
+def sense():
+    torch.manual_seed(0)
+    return SurfaceClassifier(make_card("visual", width=0.1)).eval().sense("visual")
+
+
+def photo(height: int = 330, width: int = 300) -> torch.Tensor:
+    rng = np.random.default_rng(0)
+    return torch.from_numpy(rng.integers(0, 256, (height, width, 3)).astype(np.uint8))
+
+
+def pixels(part: torch.Tensor) -> torch.Tensor:
+    """Normalised by hand."""
+    return ((part / 255 - torch.tensor(MEAN)) / torch.tensor(STD)).permute(2, 0, 1)[None]
+
+
+@pytest.mark.parametrize("level", ["fc2", "fc3"])
+@torch.no_grad()
+def test_windows_are_crops_through_the_network(sense, level):
+    corners = torch.tensor([[0, 0], [106, 76], [33, 5]])
+    found = sense.windows(photo(), corners, level)
+    for column, (top, left) in zip(found.T, corners.tolist(), strict=True):
+        crop = pixels(photo()[top : top + 224, left : left + 224])
+        expected = sense.network.features(crop, level).flatten()
+        torch.testing.assert_close(column, expected, atol=1e-5, rtol=1e-4)
+
+
+@torch.no_grad()
+def test_positions_are_those_of_the_network_row_by_row(sense):
+    expected = sense.network.features(pixels(photo()), "fc3")[0]
+    assert sense.grid(photo()) == (*expected.shape[1:],)
+    torch.testing.assert_close(sense.positions(photo(), "fc3"), expected.flatten(1))
+
+
+@pytest.mark.parametrize("tile", [224 * 224, 90_000, 10**9])
+@torch.no_grad()
+def test_positions_in_pieces_are_those_of_the_whole(sense, tile):
+    large = photo(610, 540)
+    whole = sense.positions(large, "fc3")
+    found = replace(sense, tile=tile).positions(large, "fc3")
+    torch.testing.assert_close(found, whole, atol=1e-5, rtol=0)
+
+
+def test_too_small_a_photo_is_refused(sense):
+    with pytest.raises(UserError, match=r"The photo has 300x198 pixels .* needs 199 on each side"):
+        sense.check(photo(198))
+    sense.check(photo(199, 199))
+
+
+@pytest.mark.parametrize(
+    ("decoder", "remedy"),
+    [
+        (PhotoDecoder(half_scale=True), "use a larger one or train with data.half_scale=false."),
+        (PhotoDecoder(half_scale=False), "use a larger one."),
+        (PhotoDecoder(half_scale=False, resize=64), "or train with a larger data.resize."),
+    ],
+)
+def test_the_remedy_for_a_small_photo_is_none_that_was_taken(sense, decoder, remedy):
+    with pytest.raises(UserError) as caught:
+        replace(sense, decoder=decoder).check(photo(64, 64))
+    assert str(caught.value).endswith(remedy)
+
+
+def test_a_bank_is_cut_into_turned_crops(sense, tmp_path):
+    Image.fromarray(photo(400, 400).numpy()).save(tmp_path / "p.png")
+    row = Recording("a", "image", tmp_path / "p.png", 0)
+    store = Store(tmp_path, {"image": sense.decoder})
+    bank = sense.bank([row], store, FIT, size=224, seed=0, learn=True)
+    pieces = bank.cut(np.zeros(2, int), np.random.default_rng(0))
+    assert sense.training_input(pieces, 224).shape == (2, 3, 224, 224)
+    still = sense.bank([row], store, {**FIT, "rotation": 0.0}, size=224, seed=0, learn=True)
+    pieces = still.cut(np.zeros(2, int), np.random.default_rng(0))
+    expected = torch.cat([pixels(crop.permute(1, 2, 0)) for crop in pieces["crop"]])
+    found = sense.training_input(pieces, 224)
+    torch.testing.assert_close(found, expected, atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_files_and_pixels_are_received_alike(sense, tmp_path, half):
+    sense = replace(sense, decoder=PhotoDecoder(half_scale=half))
+    rgb = make_photo(1, 0) // np.array([1, 2, 3], np.uint8)
+    Image.fromarray(rgb).save(tmp_path / "p.png")
+    side = 120 if half else 240
+    given = [
+        (tmp_path / "p.png", {}),
+        (str(tmp_path / "p.png"), {"fast": True}),
+        (rgb, {}),
+        (torch.from_numpy(rgb), {"rate": 5.0}),  # which photos do not have
+        (rgb[..., ::-1], {"colour": "bgr"}),
+    ]
+    first = sense.decode_input(*given[0][:1], {})[0]
+    assert first.shape == (side, side, 3)
+    for what, how in given:
+        found, quality = sense.decode_input(what, {}, **how)
+        assert torch.equal(found, first)
+        assert quality.warnings == ()
+    _, quality = sense.decode_input(rgb * 0, {})
+    assert quality.empty
+    with pytest.raises(UserError, match="give uint8 pixels"):
+        sense.decode_input(rgb / 255, {})
+
+
+class Stripes(nn.Module):
+    """A user's network, which says nothing of its geometry."""
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.convolution = nn.Conv2d(3, classes, 40, stride=20)
+
+    def features(self, x: torch.Tensor, level: str) -> torch.Tensor:
+        return self.convolution(x)
+
+
+@torch.no_grad()
+def test_the_geometry_of_a_users_network_is_found_by_trying(sense):
+    own = replace(sense, network=Stripes(3), tile=100)
+    assert own.positions(photo(80, 60), "fc3").shape == (3, 3 * 2)
+    own.check(photo(40, 40))
+    with pytest.raises(
+        UserError, match="has 200x39 pixels after decoding, and this network needs 40"
+    ):
+        own.check(np.zeros((39, 200, 3), np.uint8))
+    assert own.piece_size(100) == 40

@@ -1,0 +1,153 @@
+"""A sense of the user's own: features and a network that nothing is known of."""
+
+import numpy as np
+import pytest
+import soundfile
+import torch
+from conftest import make_card, make_trace
+from torch import nn
+
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config.trust import trust
+from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
+from tex_lightning.senses.signal import SignalSense
+
+RATE = 1000.0
+FIT = {"perturb": [], "perturbed_copies": 0}
+
+
+class Energy(nn.Module):
+    """Loudness of frames of 100 samples."""
+
+    def forward(self, signal):
+        frames = signal.unfold(-1, 100, 100)
+        return frames.square().mean(dim=(0, 2)).sqrt()[None, None]
+
+
+class Loudness(nn.Module):
+    """Loud, medium or quiet, of four frames at a time; it tells nothing of its geometry."""
+
+    def __init__(self):
+        super().__init__()
+        self.weights = nn.Parameter(torch.tensor([[1.0], [0.0], [-1.0]]))
+
+    def features(self, x, level):
+        means = x.unfold(-1, 4, 4).mean(dim=-1)  # (batch, 1, positions)
+        return self.weights @ means + torch.tensor([[-0.5], [0.0], [0.5]])
+
+
+def own() -> SignalSense:
+    return SignalSense("touch", "force", SignalDecoder(RATE, RATE), Energy(), Loudness())
+
+
+def signal(level: float, samples: int = 1200) -> torch.Tensor:
+    return level * torch.ones(1, samples)
+
+
+@pytest.mark.parametrize(("level", "label"), [(3.0, 0), (0.5, 0), (0.1, 2)])
+def test_own_parts_classify(level, label):
+    sense = own()
+    scores = sense.positions(signal(level), "fc3")
+    assert scores.shape == (3, 3)
+    torch.testing.assert_close(scores[0], torch.full((3,), level - 0.5))
+    if level != 0.5:
+        assert scores.argmax(dim=0).tolist() == [label] * 3
+
+
+def test_it_tells_no_geometry_and_what_needs_one_says_so():
+    sense = own()
+    assert sense.geometry is None
+    assert sense.piece_size(7) == 7
+    assert sense.input_size(signal(1.0)) == (1, 12)
+    with pytest.raises(UserError, match=r"each see a window .* and Loudness of touch is none"):
+        sense.grid(signal(1.0))
+
+
+@pytest.mark.parametrize("samples", [399, 60])
+def test_too_short_a_signal_is_refused_in_one_sentence(samples):
+    with pytest.raises(UserError) as caught:
+        own().positions(signal(1.0, samples), "fc3")
+    said = str(caught.value)
+    expected = f"Loudness makes nothing of {samples / RATE:.3g} s of a force recording"
+    assert said.startswith(expected)
+    assert said.endswith(".")
+    assert "\n" not in said
+
+
+def test_the_shortest_signal_gives_a_fragment():
+    assert own().positions(signal(1.0, 400), "fc3").shape == (3, 1)
+
+
+def test_what_is_not_finite_is_refused():
+    broken = signal(1.0)
+    broken[0, 5] = torch.nan
+    with pytest.raises(UserError, match="The force recording holds NaN"):
+        own().positions(broken, "fc3")
+
+
+def test_a_bank_is_cut_into_training_inputs(tmp_path):
+    rows = []
+    for number, samples in enumerate((1200, 700)):
+        np.save(tmp_path / f"{number}.npy", np.full(samples, 1.0 + number))
+        rows.append(Recording("a", "force", tmp_path / f"{number}.npy", number))
+    sense = own()
+    store = Store(tmp_path, {"force": sense.decoder})
+    bank = sense.bank(rows, store, FIT, size=6, seed=0, learn=True)
+    pieces = bank.cut(np.array([1, 0, 1]), np.random.default_rng(0))
+    x = sense.training_input(pieces, 6)
+    assert x.shape == (3, 1, 6)
+    assert x[:, 0, 0].tolist() == [2.0, 1.0, 2.0]
+    assert sense.network.features(x, "fc3").shape == (3, 3, 1)
+
+
+def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
+    sense = SurfaceClassifier(make_card("haptic", width=0.1)).sense("haptic")
+    files = sorted((surfaces / "alpha" / "haptic").iterdir())[:3]
+    rows = [Recording("alpha", "haptic", path, place) for place, path in enumerate(files)]
+    store = Store(tmp_path, {"haptic": sense.decoder})
+    bank = sense.bank(rows, store, FIT, size=192, seed=0, learn=True)
+    frames = torch.cat(bank.inputs, dim=-1)[0]
+    torch.testing.assert_close(frames.mean(dim=1), torch.zeros(50), atol=1e-3, rtol=0)
+    whole = sense(torch.from_numpy(np.array(store.load(rows[2]))))[0]
+    torch.testing.assert_close(bank.inputs[2], whole)
+
+
+def test_files_and_arrays_are_received_alike(tmp_path):
+    sense, trace = own(), make_trace(0, 0)[:4000]
+    soundfile.write(tmp_path / "t.wav", trace, 2000, subtype="FLOAT")
+    np.save(tmp_path / "t.npy", trace)
+    found = [
+        sense.decode_input(given, {}, rate=2000.0)[0]
+        for given in (tmp_path / "t.wav", str(tmp_path / "t.npy"), trace, torch.from_numpy(trace))
+    ]
+    for each in found:
+        assert each.shape == (1, 2000)
+        torch.testing.assert_close(each, found[0])
+    assert sense.decode_input(trace, {})[0].shape == (1, 4000)  # at the rate of the sense
+    _, quality = sense.decode_input(np.zeros(900), {})
+    assert quality.empty
+    assert quality.warnings[0].startswith("The force recording is silent")
+    with pytest.raises(UserError, match="rate is -1"):
+        sense.decode_input(trace, {}, rate=-1.0)
+
+
+def test_a_card_makes_it_and_a_classifier_votes():
+    trust(f"{__name__}.Energy", f"{__name__}.Loudness")
+    node = {
+        "_target_": "tex_lightning.senses.signal.SignalSense",
+        "modality": "force",
+        "decode": {"sampling_rate": RATE, "file_rate": None},
+        "features": {"_target_": f"{__name__}.Energy"},
+        "network": {"_target_": f"{__name__}.Loudness"},
+    }
+    decision = {"pairs": 20, "seed": 0, "rule": "vote", "reject_below": None}
+    model = SurfaceClassifier(Card(["loud", "medium", "quiet"], {"touch": node}, decision)).eval()
+    assert model.card.kind == "touch"
+    assert model.classify(force=signal(3.0)).label == 0
+    assert model.classify(force=signal(0.01)).label == 2
+    with pytest.raises(UserError, match="give force=FILE too"):
+        model.classify(haptic=signal(3.0))

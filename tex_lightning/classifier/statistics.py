@@ -1,0 +1,173 @@
+"""Statistics of a network's features: the mean of every class, and one shared covariance.
+
+A checkpoint keeps those of its training recordings, one feature vector for each. So classes can be
+added without the old recordings, and recordings unlike every class can be detected.
+"""
+
+from typing import Self
+
+import torch
+from torch import Tensor, nn
+
+MAX_RANK = 128  # directions of the covariance that are kept; the others share one variance
+LEAST_VARIANCE = 1e-8  # of features that never vary
+
+
+class FeatureStatistics(nn.Module):
+    """Means of all classes and one covariance within them, as of a linear discriminant analysis.
+
+    The covariance is that of the recordings' mean features about the mean of their class, shrunk
+    towards a multiple of the identity: sum_i v_i d_i d_i^T + rest (1 - sum_i d_i d_i^T), with
+    orthonormal directions d_i. It needs little memory for thousands of features, and is never
+    singular.
+
+    Args:
+        classes: Number of classes.
+        features: Length of a feature vector, D.
+        rank: Number of directions.
+
+    Attributes:
+        means: (classes, D), the mean features of each class.
+        counts: (classes,) int64, recordings behind each mean.
+        directions: (rank, D), orthonormal.
+        variances: (rank,) along the directions, above 0.
+        rest: () variance along every other direction, above 0.
+
+    Example:
+        >>> import torch
+        >>> from tex_lightning.classifier.statistics import FeatureStatistics
+        >>> rows = torch.tensor([[0.0, 0.0], [0.0, 2.0], [9.0, 0.0], [9.0, 2.0]])
+        >>> statistics = FeatureStatistics.of(rows, torch.tensor([0, 0, 1, 1]), classes=2)
+        >>> statistics.means
+        tensor([[0., 1.],
+                [9., 1.]])
+        >>> statistics.distances(torch.tensor([[8.0], [1.0]])).argmin()
+        tensor(1)
+    """
+
+    means: Tensor
+    counts: Tensor
+    directions: Tensor
+    variances: Tensor
+    rest: Tensor
+
+    def __init__(self, classes: int, features: int, rank: int) -> None:
+        super().__init__()
+        self.register_buffer("means", torch.zeros(classes, features))
+        self.register_buffer("counts", torch.zeros(classes, dtype=torch.long))
+        self.register_buffer("directions", torch.zeros(rank, features))
+        self.register_buffer("variances", torch.ones(rank))
+        self.register_buffer("rest", torch.ones(()))
+
+    @classmethod
+    def of(cls, features: Tensor, labels: Tensor, classes: int) -> Self:
+        """Compute them from features (recordings, D) and class indices (recordings,) for training.
+
+        Every class occurs. Where none has two recordings, the spread is that of the class means.
+        """
+        rows, labels = features.cpu().double(), labels.cpu()
+        counts = labels.bincount(minlength=classes)
+        means = torch.zeros(classes, rows.shape[1], dtype=rows.dtype)
+        means = means.index_add(0, labels, rows) / counts[:, None]
+        centred, freedom = rows - means[labels], len(rows) - classes
+        if freedom < 1:
+            centred, freedom = means - means.mean(dim=0), max(1, classes - 1)
+        _, scales, directions = torch.linalg.svd(centred, full_matrices=False)
+        variances, rest = _shrunk(scales.square() / freedom, freedom, rows.shape[1])
+        found = cls(classes, rows.shape[1], len(variances))
+        for name, value in (
+            ("means", means), ("counts", counts), ("directions", directions[: len(variances)]),
+            ("variances", variances), ("rest", rest),
+        ):  # fmt: skip
+            found.get_buffer(name).copy_(value)
+        return found
+
+    @classmethod
+    def from_state(cls, state: dict[str, Tensor]) -> Self:
+        """Make statistics of the sizes of a stored state, and load it.
+
+        Raises:
+            KeyError: If a tensor is missing.
+            RuntimeError: If their sizes do not fit.
+            ValueError: If a tensor has another number of axes.
+        """
+        classes, features = state["means"].shape
+        found = cls(classes, features, len(state["directions"]))
+        found.load_state_dict(state)
+        return found
+
+    def with_classes(self, means: Tensor, counts: Tensor) -> Self:
+        """Return statistics with more classes: means (added, D) of so many recordings each."""
+        return self._changed(torch.cat([self.means, means]), torch.cat([self.counts, counts]))
+
+    def only(self, kept: Tensor) -> Self:
+        """Return the statistics of some of the classes, by their indices."""
+        return self._changed(self.means[kept], self.counts[kept])
+
+    def _changed(self, means: Tensor, counts: Tensor) -> Self:
+        return self.from_state({**self.state_dict(), "means": means, "counts": counts})
+
+    def draw(self, count: int, generator: torch.Generator) -> Tensor:
+        """Draw features (classes, count, D) that recordings of each class may have.
+
+        They come from a Gaussian wider than the covariance, since the mean of n recordings has an
+        error itself, of 1/n of the covariance.
+        """
+        shape = (len(self.means), count, self.means.shape[1])
+        noise = torch.randn(shape, generator=generator).to(self.means)
+        along, least = noise @ self.directions.T, self.rest.sqrt()
+        noise = least * noise + (along * (self.variances.sqrt() - least)) @ self.directions
+        wider = (1 + 1 / self.counts).sqrt()[:, None, None]
+        return self.means[:, None] + wider * noise
+
+    def whiten(self, features: Tensor) -> Tensor:
+        """Whiten features (..., D) by a symmetric matrix: their covariance becomes the identity."""
+        along = features @ self.directions.T
+        scale, least = self.variances.rsqrt(), self.rest.rsqrt()
+        return least * features + (along * (scale - least)) @ self.directions
+
+    def distances(self, features: Tensor) -> Tensor:
+        """Squared Mahalanobis distances (classes, P) of features (D, P) to the class means.
+
+        Features of a whole recording are the mean over its positions, so P is 1 for one recording:
+        the covariance is that of such means, and single positions vary more. The distance of
+        features distributed like those of the training to their own mean is D on average.
+        """
+        apart = self.whiten(features.T)[None] - self.whiten(self.means)[:, None]
+        return apart.square().sum(dim=-1)
+
+    def novelty(self, features: Tensor) -> Tensor:
+        """How unlike every class features (..., D) of whole recordings are: (...), 0 to 2.
+
+        It is one minus the cosine to the closest class, after whitening by the covariance and
+        centring on the mean of all classes: 0 in the direction of a class, 1 at a right angle to
+        it. It detects recordings of unknown classes better than the distance does, whose scale
+        varies between recordings (docs/unknown.md).
+        """
+        centre = self.means.mean(dim=0)
+        point, means = self.whiten(features - centre), self.whiten(self.means - centre)
+        lengths = point.norm(dim=-1, keepdim=True) * means.norm(dim=-1)
+        cosines: Tensor = (point @ means.T) / lengths.clamp(min=LEAST_VARIANCE)
+        return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
+
+
+def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
+    """Variances along the kept directions, and that along all others.
+
+    Oracle approximating shrinkage (Chen et al. 2010) of a sample covariance towards its mean
+    variance.
+
+    Args:
+        spread: Eigenvalues of the sample covariance, largest first; all others are 0.
+        freedom: Degrees of freedom of the sample covariance.
+        size: Number of features.
+    """
+    mean = spread.sum() / size
+    squares = spread.square().sum() / size**2
+    excess = (freedom + 1) * (squares - mean**2 / size)
+    share = (squares + mean**2) / excess if excess > 0 else torch.ones_like(mean)
+    share = share.clamp(max=1)
+    rank = min(MAX_RANK, len(spread), freedom)
+    left = spread[rank:].sum() / max(1, size - rank)
+    shrunk = [(1 - share) * each + share * mean for each in (spread[:rank], left)]
+    return shrunk[0].clamp(min=LEAST_VARIANCE), shrunk[1].clamp(min=LEAST_VARIANCE)

@@ -1,0 +1,1 @@
+"""The run around the work: files, devices, console, progress, the run folder."""

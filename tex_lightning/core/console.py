@@ -1,0 +1,205 @@
+"""What a person reads on standard error, and how much of it; standard output belongs to results."""
+
+import io
+import logging
+import os
+import re
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, ClassVar
+
+from rich.console import Console
+from rich.text import Text
+
+from tex_lightning.core.ranks import is_rank_zero
+from tex_lightning.text import printable_lines, to_json
+
+QUIET, NORMAL, DEBUG = 0, 1, 2  # values of the key ``verbose``
+# Whose messages concern the user; others' only from warnings on.
+OWN = ("tex_lightning", "hydra", "hydra_plugins")
+STYLES = {logging.WARNING: "yellow", logging.ERROR: "red", logging.CRITICAL: "red"}
+VARYING = re.compile(r"\(.*?\)|\d+")  # of warnings that are alike otherwise, as of many letters
+log = logging.getLogger(__name__)
+
+
+class PlainConsole(Console):
+    """Show every string as it is written: no markup, no names of emoji, no control characters."""
+
+    def __init__(self, **options: Any) -> None:  # noqa: ANN401  (Rich's)
+        super().__init__(stderr=True, markup=False, emoji=False, highlight=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401  (Rich's)
+        """Make of a string, also of a cell or title of a table, what can be shown."""
+        return super().render_str(printable_lines(text), **options)
+
+
+console = PlainConsole(quiet=not is_rank_zero())
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    # a log file has room for long names
+    console = PlainConsole(width=120, quiet=console.quiet)
+
+
+class Screen:
+    """What this process shows at present.
+
+    Attributes:
+        verbose: ``QUIET``, ``NORMAL`` or ``DEBUG``.
+        job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
+        sweep: Whether a table of all jobs follows.
+        told: The block that was printed last.
+        warned: What is not logged again: of warnings of libraries what does not vary.
+    """
+
+    verbose: ClassVar[int] = NORMAL
+    job: ClassVar[str] = ""
+    sweep: ClassVar[bool] = False
+    told: ClassVar[str] = ""
+    warned: ClassVar[set[str]] = set()
+
+
+@contextmanager
+def fresh_screen() -> Iterator[None]:
+    """Begin as a new process does, and leave it so."""
+    _reset()
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            yield
+    finally:
+        _reset()
+
+
+def _reset() -> None:
+    Screen.verbose, Screen.job, Screen.sweep, Screen.told = NORMAL, "", False, ""
+    Screen.warned = set()
+
+
+@contextmanager
+def verbosity(verbose: int) -> Iterator[None]:
+    """Show that much, as long as this lasts."""
+    logger, before = logging.getLogger("tex_lightning"), Screen.verbose
+    level = logger.level
+    Screen.verbose = verbose
+    if verbose >= DEBUG:
+        logger.setLevel(logging.DEBUG)
+    try:
+        with warnings.catch_warnings():
+            if verbose == QUIET:
+                warnings.simplefilter("ignore")
+            warnings.showwarning = _warn
+            yield
+    finally:
+        Screen.verbose = before
+        logger.setLevel(level)
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    *_: object,
+    **__: object,
+) -> None:
+    """Log what libraries warn of in one line, and of warnings that are alike the first."""
+    said = " ".join(str(message).split())
+    kind = VARYING.sub("", said)
+    if kind not in Screen.warned:
+        Screen.warned.add(kind)
+        log.warning("%s (%s:%d)", said, Path(filename).name, lineno)
+
+
+def is_interactive() -> bool:
+    """Whether a line can be drawn again: on a terminal that this process has for itself.
+
+    ``FORCE_COLOR`` makes a file look like a terminal to Rich, and ``TERM=dumb`` is one without
+    the control characters that it takes.
+    """
+    alone = not (console.quiet or Screen.job) and Screen.verbose > QUIET
+    return alone and console.is_interactive and console.file.isatty()
+
+
+def tell(text: str) -> None:
+    """Print what is no result, word for word, unless the user wants results only."""
+    if Screen.verbose > QUIET:
+        _write(text, wraps=False)
+
+
+def tell_once(text: str) -> None:
+    """Print a block unless it is the one that was printed last, as by every job of a sweep."""
+    if text != Screen.told:
+        Screen.told = text
+        tell(text)
+
+
+def log_once(logger: logging.Logger, text: str) -> None:
+    """Log what is the same for every fold, such as where weights are from, at the first of them."""
+    if text not in Screen.warned:
+        Screen.warned.add(text)
+        logger.info("%s", text)
+
+
+def say(text: str, *, wraps: bool = True) -> None:
+    """Print a sentence that is read whatever ``verbose`` is; a command to copy does not wrap."""
+    _write(text, wraps=wraps)
+
+
+def _write(text: str, style: str = "", *, wraps: bool, crops: bool = False) -> None:
+    text = printable_lines(text)
+    if crops and console.is_terminal:
+        console.print(Text(text, style), no_wrap=True, overflow="ellipsis")
+        return
+    console.print(Text(text, style), soft_wrap=not (wraps and console.is_terminal))
+
+
+class ConsoleHandler(logging.Handler):
+    """Messages above the progress bar, in whole words on a terminal, as many as ``verbose`` lets.
+
+    The configuration of logging names this class; its formats may have ``%(severity)s``, which is
+    empty up to warnings, and says which job it is where several run.
+    """
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one message."""
+        if record.levelno < _least(record):
+            return
+        grave = record.levelno >= logging.WARNING
+        severity = f"{record.levelname.capitalize()}: " if grave else ""
+        record.severity = Screen.job + severity
+        text, own = self.format(record), _is_own(record)
+        if not own:
+            text = f"{text} ({record.name})"
+        # several lines of others are a table, as Lightning's of the layers
+        crops = not (own or grave) and "\n" in text
+        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info, crops=crops)
+
+
+def _is_own(record: logging.LogRecord) -> bool:
+    return record.name.partition(".")[0] in OWN
+
+
+def _least(record: logging.LogRecord) -> int:
+    """The least level of a message that is shown."""
+    if Screen.verbose == QUIET:
+        return logging.ERROR
+    if Screen.verbose == NORMAL:
+        return logging.INFO if _is_own(record) else logging.WARNING
+    return logging.DEBUG
+
+
+CLOSED_PIPE = 141  # what a shell reports of a program that SIGPIPE ended
+
+
+def print_line(line: dict[str, Any]) -> None:
+    """Print one JSON object at once, in UTF-8; end quietly if nobody reads it, as ``| head``."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # none in a notebook
+        sys.stdout.reconfigure(encoding="utf-8")
+    try:
+        print(to_json(line), flush=True)
+    except BrokenPipeError as error:
+        # Python writes out what is left when it ends, and would complain again
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(CLOSED_PIPE) from error

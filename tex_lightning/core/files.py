@@ -1,0 +1,261 @@
+"""Files that are whole or not there."""
+
+import csv
+import errno
+import json
+import os
+import shutil
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from glob import glob
+from pathlib import Path
+from secrets import token_hex
+from typing import TYPE_CHECKING, Any
+
+from tex_lightning.errors import UserError, reason
+from tex_lightning.text import from_cell, to_cell
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+import yaml
+
+# A folder or disk that cannot be written; anything else is a fault of the program.
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
+LONGEST_LINE = 1 << 20  # bytes; what goes on without a line's end is no table
+MAX_FIELD = 1 << 30  # characters; votes for very many classes take more than csv's own limit
+LARGEST_JSON = 64 << 20  # bytes; in memory it is many times as large
+
+
+def require_file(path: Path) -> None:
+    """Refuse a file that is missing or empty, and what is no file."""
+    if not is_file(path):
+        if os.path.lexists(path):
+            raise UserError(
+                f"File {path} is a folder, a device, a pipe or a broken link; give a file."
+            )
+        raise UserError(f"File {path} does not exist; check the path.")
+    if path.stat().st_size == 0:
+        raise UserError(f"File {path} is empty; record or copy it again.")
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file; there is none of a name that is too long, or out of reach."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder; see :func:`is_file`."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
+
+
+def resolved(path: Path) -> Path:
+    """The path without links; as it stands if links go round in a circle or it is no path."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):
+        return path.absolute()
+
+
+def check_lines(path: Path) -> None:
+    """Refuse what has no lines before it is taken into memory as text.
+
+    Raises:
+        ValueError: If a line is longer than :data:`LONGEST_LINE`.
+    """
+    with path.open("rb") as stream:
+        while len(content := stream.read(LONGEST_LINE)) == LONGEST_LINE:
+            if b"\n" not in content and b"\r" not in content:
+                raise ValueError("it has a line of more than 1 MiB")
+
+
+def read_json(path: Path, what: str, remedy: str = "correct it") -> Any:  # noqa: ANN401
+    """The content of a JSON file, which is called ``what`` in messages.
+
+    Raises:
+        UserError: If it is none, with the remedy.
+    """
+    try:
+        if not is_file(path):
+            raise ValueError("it is no file")
+        if path.stat().st_size > LARGEST_JSON:
+            raise ValueError("it is larger than 64 MiB")
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise UserError(f"{what} {path} is no JSON ({reason(error)}); {remedy}.") from error
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Read a record of a run, such as ``results.json``.
+
+    Raises:
+        UserError: If it is damaged.
+    """
+    remedy = "delete it and run its command again"
+    content = read_json(path, "Record", remedy)
+    if not isinstance(content, dict):
+        raise UserError(f"Record {path} is damaged; {remedy}.")
+    return content
+
+
+def matches(pattern: str) -> list[Path]:
+    """Paths that match a pattern such as ``DIR/*.wav``; ``**`` stands for any folders."""
+    return [Path(name) for name in glob(pattern, recursive=True)]  # noqa: PTH207  (may be absolute)
+
+
+def write_lines(target: Path, kind: "type[DataclassInstance]", lines: Iterable[Any]) -> None:
+    """Write a CSV that is whole or not there: a line for each dataclass of ``kind``."""
+    names = [entry.name for entry in fields(kind)]
+    write_rows(target, names, (asdict(line).values() for line in lines))
+
+
+def write_rows(target: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a CSV that is whole or not there."""
+
+    def write(path: Path) -> None:
+        with path.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(map(to_cell, columns))
+            writer.writerows(map(to_cell, row) for row in rows)
+
+    write_atomically(target, write)
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Read what :func:`write_rows` wrote, a dictionary for each row."""
+    if not is_file(path):  # a pipe would be waited for
+        require_file(path)
+    csv.field_size_limit(MAX_FIELD)
+    with path.open(newline="", encoding="utf-8") as stream:
+        columns, *rows = [list(map(from_cell, row)) for row in csv.reader(stream)] or [[]]
+    return [dict(zip(columns, row, strict=False)) for row in rows]
+
+
+def write_text(target: Path, text: str) -> None:
+    """Write a text file that is whole or not there."""
+    write_atomically(target, lambda path: _write(path, text))
+
+
+def write_bytes(target: Path, content: bytes) -> None:
+    """Write a file that is whole or not there."""
+    write_atomically(target, lambda path: _write_bytes(path, content))
+
+
+def _write_bytes(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def write_atomically(target: Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a file beside ``target`` and move it there when it is whole.
+
+    Raises:
+        UserError: If it cannot be written.
+    """
+    try:
+        with partial_path(target) as partial:
+            write(partial)
+            partial.replace(target)
+    except OSError as error:
+        raise unwritable(target, error) from error
+    except RuntimeError as error:
+        if "PytorchStreamWriter" in str(error) or "inline_container" in str(error):  # a full disk
+            raise unwritable(target, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))) from error
+        raise
+
+
+def unwritable(path: str | Path, error: OSError) -> UserError:
+    """The error for a file that cannot be written."""
+    return UserError(
+        f"Cannot write {path} ({error.strerror}); free some space or choose another folder."
+    )
+
+
+@contextmanager
+def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
+    """A hidden path beside ``target``, to fill and move there; what is left of it is deleted.
+
+    A process that is killed leaves it, and nothing reads it.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f".{target.name}.{token_hex(4)}")
+    if folder:
+        partial.mkdir()
+    try:
+        yield partial
+    finally:
+        if folder:
+            shutil.rmtree(partial, ignore_errors=True)
+        else:
+            partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def quiet_threads() -> Iterator[None]:
+    """Keep threads from printing that the disk is full, which the main one says.
+
+    TensorBoard writes in a thread of its own and raises what happened there when it is used next.
+    """
+    before = threading.excepthook
+
+    def report(arguments: threading.ExceptHookArgs) -> None:
+        error = arguments.exc_value
+        if not isinstance(error, OSError) or error.errno not in UNWRITABLE:
+            before(arguments)
+
+    threading.excepthook = report
+    try:
+        yield
+    finally:
+        threading.excepthook = before
+
+
+MOST_NODES = 100_000  # that a file may stand for with its aliases; ours have some hundreds
+MOST_BRACKETS = 5000
+LARGEST = 1 << 20  # bytes
+
+
+def check_yaml(path: Path) -> None:
+    """Refuse a file that would take up all memory; other mistakes are told when it is read.
+
+    Raises:
+        UserError: If it is too large or stands for too much, or is no text.
+    """
+    try:
+        if not is_file(path):
+            raise ValueError("it is no file")
+        if path.stat().st_size > LARGEST:
+            raise ValueError("it is larger than 1 MiB")
+        text = path.read_text(encoding="utf-8")
+        if text.count("[") + text.count("{") > MOST_BRACKETS:  # within each other they take hours
+            raise ValueError("it has too many brackets")
+        # nodes are shared where aliases are, so that this stays as small as the file
+        if _size(yaml.compose(text, yaml.SafeLoader), {}) > MOST_NODES:
+            raise ValueError("its aliases stand for too much")
+    except (OSError, ValueError, RecursionError) as error:
+        raise UserError(f"File {path} cannot be read as YAML ({reason(error)}).") from error
+    except yaml.YAMLError:
+        return
+
+
+def _size(node: yaml.Node | None, known: dict[int, int]) -> int:
+    """How many nodes there are with every alias written out."""
+    if not isinstance(node, yaml.CollectionNode):
+        return 1
+    if id(node) not in known:
+        known[id(node)] = MOST_NODES  # as long as it is counted: it holds itself
+        inner = [
+            part for item in node.value for part in (item if isinstance(item, tuple) else [item])
+        ]
+        known[id(node)] = 1 + sum(_size(part, known) for part in inner)
+    return known[id(node)]

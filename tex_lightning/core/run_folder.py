@@ -1,0 +1,132 @@
+"""The run folder: its owner, settings and overrides."""
+
+import json
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from filelock import FileLock, Timeout
+from omegaconf import DictConfig, OmegaConf
+
+from tex_lightning.core.files import read_record, unwritable, write_text
+from tex_lightning.errors import UserError
+
+if TYPE_CHECKING:
+    from tex_lightning.config.job import Job
+
+log = logging.getLogger(__name__)
+
+SETTINGS = "settings.json"
+LOCK = ".lock"  # held by the process that runs there; one that is killed lets go of it
+WORK = ("checkpoints", "folds", "systems", "predictions", "results.json", "trials.jsonl")
+
+# Settings that change neither weights nor figures; a run may be continued with others.
+FREE_KEYS = (
+    "crossval.", "frontier.only", "frontier.max", "frontier.min", "logger.", "data.cache_dir",
+    "data.num_workers", "explained_samples", "figures.", "optimized_metric", "trainer.accelerator",
+    "trainer.devices", "trainer.num_nodes", "trainer.strategy", "trainer.threads", "callbacks.",
+    "trusted", "data.reader.cache_dir", "verbose",
+)  # fmt: skip
+
+
+def holds_work(directory: Path) -> bool:
+    """Whether a run has left something there that a later one goes on from, or could spoil."""
+    return any((directory / name).exists() for name in WORK)
+
+
+@contextmanager
+def locked_folder(directory: Path, key: str = "hydra.run.dir") -> Iterator[None]:
+    """Keep other processes out of a run folder.
+
+    Args:
+        directory: The folder; made if it does not exist.
+        key: Key of the configuration that names it.
+
+    Raises:
+        UserError: If another process runs in it, or it cannot be written to.
+    """
+    lock = FileLock(directory / LOCK, timeout=0)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout as error:
+        raise UserError(
+            f"Another process runs in {directory}; wait for its end or choose another {key}."
+        ) from error
+    except OSError as error:
+        raise unwritable(directory, error) from error
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def claim_folder(composed: DictConfig, values: dict[str, Any], job: "Job") -> None:
+    """Note settings and overrides in the run folder, unless the work of another run lies there.
+
+    Hydra would write its own record before anything could be refused, so it is told not to and
+    ``.hydra`` is written here.
+
+    Args:
+        composed: As Hydra composed it.
+        values: Dotted keys and values of the configuration.
+        job: Has the run folder and the overrides.
+
+    Raises:
+        UserError: If another run lives there; nothing of it is changed.
+    """
+    directory = job.directory
+    note = directory / SETTINGS
+    wanted = {key: value for key, value in values.items() if not key.startswith(FREE_KEYS)}
+    if note.is_file() and holds_work(directory):
+        found = read_record(note)
+        differing = sorted(key for key in {*wanted, *found} if wanted.get(key) != found.get(key))
+        if differing:
+            raise UserError(
+                f"Run folder {directory} holds a run with another {', '.join(differing)}; "
+                "choose another hydra.run.dir."
+            )
+        log.info("Going on with the run in %s.", directory)
+    write_text(note, json.dumps(wanted, indent=1, sort_keys=True))
+    for name, content in (
+        ("config", composed),
+        ("hydra", job.hydra),
+        ("overrides", OmegaConf.create(list(job.overrides))),
+    ):
+        write_text(directory / ".hydra" / f"{name}.yaml", OmegaConf.to_yaml(content))
+
+
+def find_checkpoint(given: str | Path) -> Path:
+    """The checkpoint file that is meant: the file itself, or a run folder's own network.
+
+    Raises:
+        UserError: If the folder holds none, or several of which none is the model's.
+    """
+    path = Path(given).expanduser()
+    if not path.is_dir():
+        return path
+    found = {file.stem: file for file in sorted(path.glob("checkpoints/*.ckpt"))}
+    if len(folds := sorted(path.glob("folds/*/checkpoints/*.ckpt"))) and not found:
+        raise UserError(
+            f"{path} holds the networks of a cross-validation, one for each fold; give the file of "
+            f"one, such as {folds[0]}."
+        )
+    if not found:
+        raise UserError(
+            f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt); give a checkpoint or "
+            "the folder of a finished run."
+        )
+    note = path / SETTINGS
+    settings = read_record(note) if note.is_file() else {}
+    # task=enroll has another model's senses among its settings, and a single network
+    senses = None if settings.get("task") == "enroll" else settings.get("model.senses")
+    own = None if not senses else senses[0] if len(senses) == 1 else "fusion"
+    if own is None and len(found) == 1:
+        own = next(iter(found))
+    if own not in found:
+        files = " or ".join(map(str, found.values()))
+        why = f"no finished {own}.ckpt" if own else "several checkpoints and no settings.json"
+        raise UserError(f"{path} holds {why}; give {files}.")
+    return found[own]

@@ -1,0 +1,122 @@
+"""The printed result of a classified sample."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tex_lightning.classifier.card import Card
+from tex_lightning.data.quality import Quality
+from tex_lightning.decision.calibration import LABEL
+from tex_lightning.decision.voting import Vote
+
+UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The prediction for a sample, or for a recording so far.
+
+    If an input has a warning, half of the votes and probabilities is spread evenly over the
+    classes, or all of them if nothing was measured: the training has no such inputs.
+
+    Attributes:
+        label: Name of the class, or ``unknown``; None if the probability is below the threshold, or
+            there is no fragment yet.
+        rejected: Whether the novelty is above its threshold (``decision.unknown``) or the
+            probability below its own (``decision.reject_below``); None if there is no threshold.
+        probability: Mean class probability of the winner over all fragments, 0 to 1.
+        confidence: The winner's share of the votes, 0 to 1.
+        top_k: ``label`` and ``share`` of the votes of the best classes, the winner first.
+        fragments: Number of fragments that voted.
+        relative_macs: Arithmetic that was done, as a share of that of the full decision.
+        warnings: What is wrong with the input, one sentence each.
+        modalities: Modalities that a FusionNet used; empty for other networks.
+        latency_ms: Time from file or array to label in milliseconds.
+        contact: Whether the tool touches a surface at the end of a stream with
+            ``stream.window``; None without a window.
+        changed_at: Time in seconds, in such a stream, of the last touch after a pause or of the
+            last change to another surface.
+        novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
+            None without ``decision.unknown``.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> found = tl.load("RUN").predict(haptic="A.wav", image="B.jpg")
+        >>> found.label in ("a", "b", "c"), found.fragments, found.modalities
+        (True, 50, ('haptic', 'image'))
+    """
+
+    label: str | None
+    rejected: bool | None
+    probability: float | None
+    confidence: float | None
+    top_k: tuple[dict[str, Any], ...]
+    fragments: int
+    relative_macs: float
+    warnings: tuple[str, ...]
+    modalities: tuple[str, ...]
+    latency_ms: float
+    contact: bool | None = None
+    changed_at: float | None = None
+    novelty: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON; leave out those that say nothing about this sample."""
+        values = asdict(self)
+        if self.rejected is None:
+            del values["rejected"]
+        if not self.modalities:
+            del values["modalities"]
+        if self.novelty is None:
+            del values["novelty"]
+        if self.contact is None:
+            del values["contact"], values["changed_at"]
+        return values
+
+
+def describe(
+    vote: Vote | None,
+    card: Card,
+    quality: Quality,
+    top_k: int,
+    latency: float,
+    modalities: Sequence[str] = (),
+) -> Prediction:
+    """Make a prediction from a vote.
+
+    Args:
+        vote: None where there is no fragment yet.
+        card: Gives class names and the threshold of rejection.
+        quality: Warnings about the input.
+        top_k: How many classes to list.
+        latency: Time from input to label in seconds.
+        modalities: Modalities that a FusionNet used.
+    """
+    least, most, milliseconds = card.reject_below, card.unknown_above, round(latency * 1000, 3)
+    warnings, judged = tuple(quality.warnings), least is not None or most is not None
+    if vote is None:
+        rejected = False if judged else None
+        return Prediction(
+            None, rejected, None, None, (), 0, 1.0, warnings, tuple(modalities), milliseconds
+        )
+    relative_macs = round(vote.relative_macs, 6)
+    vote = vote.doubted(1.0 if quality.empty else UNLIKE if quality.warnings else 0.0)
+    shares, classes = vote.shares.tolist(), card.classes
+    # the label first whatever the tie, then the others by votes, then by their place
+    ranked = sorted(range(len(classes)), key=lambda i: (i != vote.label, -shares[i], i))
+    novelty = None if most is None else vote.novelty
+    unknown = most is not None and (quality.empty or (novelty is not None and novelty > most))
+    doubtful = least is not None and (vote.probability < least or (quality.empty and least > 0))
+    return Prediction(
+        label=LABEL if unknown else None if doubtful else classes[vote.label],
+        rejected=(unknown or doubtful) if judged else None,
+        probability=vote.probability,
+        confidence=shares[vote.label],
+        top_k=tuple({"label": classes[i], "share": shares[i]} for i in ranked[:top_k]),
+        fragments=len(vote.fragments),
+        relative_macs=relative_macs,
+        warnings=warnings,
+        modalities=tuple(modalities),
+        latency_ms=milliseconds,
+        novelty=novelty,
+    )

@@ -1,0 +1,270 @@
+"""A trained system that classifies files and arrays, as the command line and Python use it."""
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from torch import Tensor
+
+from tex_lightning.baselines.classifier import load_classifier
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import CONF, Config
+from tex_lightning.config.check import check_config
+from tex_lightning.config.composition import compose_config
+from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.trust import trust
+from tex_lightning.config.weights import read_config
+from tex_lightning.core.devices import is_out_of_memory, pick_device, synchronise, use_tf32
+from tex_lightning.core.run_folder import find_checkpoint
+from tex_lightning.data.quality import Quality, together
+from tex_lightning.decision.voting import Vote
+from tex_lightning.errors import UserError
+from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
+from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.evidence import Evidence, gather, refuse_baseline
+from tex_lightning.inference.prediction import Prediction, describe
+from tex_lightning.inference.streaming.live import LiveStream
+from tex_lightning.inference.unknown import check_unknown
+
+if TYPE_CHECKING:
+    from tex_lightning.report.explanation import Explanation
+
+Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
+TASK = "predict"
+TOO_LARGE = "The recordings take more memory than there is; give smaller ones."
+
+
+def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Predictor":
+    """Load a trained network or baseline.
+
+    Args:
+        path: A checkpoint or the run folder that holds it.
+        *overrides: Arguments of ``task=predict`` on the command line, such as ``"top_k=5"``,
+            ``"decision.reject_below=0.7"``, ``"engine=reference"``, ``"trainer.accelerator=cpu"``.
+        trusted: Packages, beside installed plugins, whose classes a checkpoint may name, in
+            this process from now on; their code runs.
+
+    Raises:
+        UserError: If there is no such checkpoint, or an override is invalid.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> model = tl.load("RUN", "top_k=2")
+        >>> model.card.classes
+        ['a', 'b', 'c']
+    """
+    config = _compose(path, overrides)
+    trust(*config.trusted, *trusted)
+    return Predictor(load_classifier(find_checkpoint(path)), config)
+
+
+def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
+    """Compose the configuration as the command line does."""
+    try:
+        composed = compose_config(CONF, [f"task={TASK}", *overrides])
+    except MISTAKES as error:
+        raise explain(error, overrides, CONF) from error
+    composed.checkpoint = str(path)
+    config = read_config(composed)
+    check_config(config)
+    return config
+
+
+class Predictor:
+    """Classify files and arrays with a trained network or baseline.
+
+    Args:
+        classifier: The loaded network or baseline.
+        config: The settings of ``task=predict`` and ``task=stream``.
+
+    Attributes:
+        card: The checkpoint's metadata, such as ``card.classes``.
+
+    Example:
+        >>> import numpy as np, tex_lightning as tl
+        >>> model = tl.load("RUN/checkpoints/haptic.ckpt")
+        >>> samples = np.random.default_rng(0).standard_normal(24_000)
+        >>> model.predict(haptic=samples, rate=10_000).fragments
+        4
+        >>> stream = model.stream()
+        >>> [stream.push(chunk).fragments for chunk in np.split(samples, 4)][-1]
+        4
+    """
+
+    def __init__(self, classifier: SurfaceClassifier, config: Config) -> None:
+        self.config = config
+        use_tf32(config.trainer.tf32)
+        self.classifier = classifier.to(pick_device(config.trainer.accelerator))
+        self.card: Card = classifier.card.deciding(config.decision)
+        check_unknown(self.card, bool(classifier.statistics))
+        self._deciders: dict[tuple[str, ...], SurfaceClassifier] = {}
+
+    def predict(
+        self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
+    ) -> Prediction:
+        """Classify one sample; a FusionNet works with some of its senses.
+
+        Args:
+            rate: Sampling rate in Hz of arrays, and of files without one; None is the checkpoint's.
+            colour: Order of the colours of an array, ``rgb`` or, as in OpenCV, ``bgr``.
+            **recordings: Recordings by modality: ``haptic``, ``image``, ``sound`` or a user's own.
+                A signal is a file, or its samples: (samples,), (axes, samples) or (samples, axes)
+                with one or three axes, in the unit of the training recordings. A photo is a file,
+                or its pixels: (height, width, 3), or (height, width) in grey, uint8. They are
+                resampled and resized for the checkpoint. None counts as absent.
+
+        Raises:
+            UserError: If the input is unusable, or of a modality that the checkpoint does not use.
+        """
+        return self._classified(recordings, rate, colour, _classify)[0]
+
+    def explain(
+        self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
+    ) -> "Explanation":
+        """Classify one sample, and keep the scores and extent of every position.
+
+        It takes the arguments of :meth:`predict` and gives the same prediction, except that
+        ``decision=sequential`` is replaced by the full decision. Draw it by
+        ``explain(...).figure()`` or ``.save("WHY.png")``.
+
+        Raises:
+            UserError: As :meth:`predict`, and if this is a baseline, which has no positions.
+        """
+        from tex_lightning.report.explanation import Explanation  # slow: it imports Matplotlib
+
+        refuse_baseline(self.classifier)
+        found: dict[str, Evidence] = {}
+
+        def classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
+            whole = decider.full if isinstance(decider, SequentialClassifier) else decider
+            vote, senses = gather(whole, decoded)
+            found.update(senses)
+            return vote
+
+        prediction, vote = self._classified(recordings, rate, colour, classify)
+        return Explanation.of(prediction, self.card.classes, vote.label, found)
+
+    def _classified(
+        self,
+        recordings: Mapping[str, Input],
+        rate: float | None,
+        colour: str,
+        classify: Callable[[SurfaceClassifier, dict[str, Tensor]], Vote],
+    ) -> tuple[Prediction, Vote]:
+        """Classify one sample: ``classify`` gets the deciding classifier and the recordings."""
+        given = {name: each for name, each in recordings.items() if each is not None}
+        self.check_senses(given)
+        senses = self._senses(given)
+        decider = self._decider(senses)
+        begin = time.perf_counter()
+        try:
+            decoded, quality = self._decoded(given, senses, rate, colour)
+            vote = classify(decider, decoded)
+        except (UserError, MemoryError, RuntimeError) as error:
+            if not isinstance(error, UserError) and not is_out_of_memory(error):
+                raise
+            files = [str(each) for each in given.values() if isinstance(each, str | Path)]
+            named = not files or any(file in str(error) for file in files)
+            text = str(error) if isinstance(error, UserError) else TOO_LARGE
+            raise UserError(text if named else f"{' and '.join(files)}: {text}") from error
+        synchronise(decider.device)
+        latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
+        said = decider.card.modalities if fused else ()
+        return describe(vote, decider.card, quality, self.config.top_k, latency, said), vote
+
+    def stream(
+        self,
+        *live: str,
+        rate: float | Mapping[str, float] | None = None,
+        colour: str = "rgb",
+        **photos: Input,
+    ) -> LiveStream:
+        """Start classifying a recording that is still going on.
+
+        The keys of the vote are given on loading, as in ``tl.load("RUN", "stream.window=2")``.
+
+        Args:
+            *live: Modalities of the signals that will come; none given are all of the checkpoint.
+            rate: Their sampling rate in Hz, one for all or by modality; None is the checkpoint's.
+            colour: As for :meth:`predict`.
+            **photos: As for :meth:`predict`; they hold for the whole recording.
+
+        Raises:
+            UserError: If there is no signal, the network cannot classify a whole recording in a
+                stream, or a photo is unusable.
+        """
+        senses = {each.modality: each for each in self.classifier.senses.values()}
+        signals = live or [name for name, each in senses.items() if each.medium == "signal"]
+        fixed = {name: photo for name, photo in photos.items() if photo is not None}
+        given = [*signals, *fixed]
+        self.check_senses(given)
+        unfit = [name for name in given if (senses[name].medium == "signal") != (name in signals)]
+        if unfit or not signals:
+            raise UserError(
+                "A live stream takes signals as they come and photos as they are; "
+                + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
+            )
+        engine = accelerate(self.classifier.part(self._senses(given)), self.config.engine)
+        engine.card = engine.card.deciding(self.config.decision)
+        decoded = {
+            name: senses[name].decode_input(
+                photo, self.card.input_ranges.get(name, {}),
+                colour=colour, fast=self.config.predict.fast_decode,
+            )
+            for name, photo in fixed.items()
+        }  # fmt: skip
+        rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
+        return LiveStream(engine, rates, decoded, self.config.stream, self.config.top_k)
+
+    def check_senses(self, given: Collection[str]) -> None:
+        """Refuse to be given nothing, or what this checkpoint does not look at.
+
+        Raises:
+            UserError: Naming it.
+        """
+        known = self.card.modalities
+        unused = [name for name in given if name not in known]
+        if unused:
+            raise UserError(
+                f"This {self.card.title} does not look at {unused[0]}; leave {unused[0]}= "
+                "out or give another checkpoint."
+            )
+        if not given:
+            some = f"{known[0]}=FILE" if len(known) == 1 else f"some of {', '.join(known)}"
+            raise UserError(f"There is nothing to classify; give {some}.")
+
+    def _senses(self, given: Collection[str]) -> tuple[str, ...]:
+        """Those whose recordings are there."""
+        senses = self.classifier.senses.items()
+        return tuple(name for name, sense in senses if sense.modality in given)
+
+    def _decider(self, senses: tuple[str, ...]) -> SurfaceClassifier:
+        """What decides by these senses: of a FusionNet perhaps a part."""
+        if senses not in self._deciders:
+            part = self.classifier.part(senses)
+            self._deciders[senses] = prepare(part, self.config.engine, self.config.decision)
+        return self._deciders[senses]
+
+    def _decoded(
+        self, given: Mapping[str, Input], senses: Sequence[str], rate: float | None, colour: str
+    ) -> tuple[dict[str, Tensor], Quality]:
+        """Decoded recordings by modality, and what is wrong with them."""
+        decoded: dict[str, Tensor] = {}
+        found: list[Quality] = []
+        rate = self.config.data.file_rate if rate is None else rate
+        how = {"rate": rate, "colour": colour, "fast": self.config.predict.fast_decode}
+        for name in senses:
+            sense = self.classifier.sense(name)
+            ranges = self.card.input_ranges.get(sense.modality, {})
+            if sense.modality not in decoded:
+                recording, quality = sense.decode_input(given[sense.modality], ranges, **how)
+                decoded[sense.modality] = recording
+                found.append(quality)
+        return decoded, together(found)
+
+
+def _classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
+    return decider.classify(**decoded)

@@ -1,0 +1,345 @@
+"""The base class of branches, for any sensor."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.core.contract import calling, check_batch
+from tex_lightning.data.banks import Bank
+from tex_lightning.data.decode import Array, Decoder
+from tex_lightning.data.quality import Quality, Ranges
+from tex_lightning.data.recordings import Recording, name_one
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning.networks.blocks import Level, is_builtin
+from tex_lightning.networks.geometry import Geometry, geometry_of, min_size_of
+from tex_lightning.networks.tiles import affordable, in_tiles
+from tex_lightning.networks.visualnet import VisualNet
+
+Change = Callable[[Tensor], Tensor]
+
+
+@dataclass
+class Sense(ABC):
+    """One sense: how its files are decoded, its features, its network.
+
+    Features are an ``nn.Module`` that maps a decoded recording to the network's input (1, ...).
+    The network is an ``nn.Module`` whose ``features(x, level)`` maps inputs to (batch, D,
+    *positions): class scores before softmax at level "fc3", the last hidden layer at level "fc2".
+    A network that also has a ``score_layer``, its last layer, can be fused on FC2. Large recordings
+    are taken through a network in pieces where its geometry is known.
+
+    Attributes:
+        name: Name of the sense.
+        modality: Modality of its recordings in the table.
+        decoder: Decoder of its files.
+        features: See above.
+        network: See above.
+        tile: Most elements of an input that go through the network at once, or twice its receptive
+            field each way if that is more; None never divides.
+        medium: What its recordings are: ``signal`` or ``photo``.
+        windowed: Whether single windows of a recording can be classified.
+    """
+
+    name: str
+    modality: str
+    decoder: Decoder
+    features: nn.Module
+    network: nn.Module
+    tile: int | None = None
+
+    medium: ClassVar[str]
+    windowed: ClassVar[bool] = False
+
+    @classmethod
+    @abstractmethod
+    def make_decoder(cls, decode: Mapping[str, Any]) -> Decoder:
+        """Make the decoder from its settings."""
+
+    @property
+    @abstractmethod
+    def knows_min_size(self) -> bool:
+        """Whether it can be told without computing if a recording is large enough."""
+
+    @abstractmethod
+    def check_size(self, recording: Tensor | Array) -> None:
+        """Refuse a decoded recording that is too small for one fragment, where that is known.
+
+        Raises:
+            UserError: Saying what it takes.
+        """
+
+    @abstractmethod
+    def dense_input(self, recording: Tensor) -> Tensor:
+        """Input of :meth:`dense` for a decoded recording."""
+
+    @abstractmethod
+    def input_size(self, recording: Tensor) -> tuple[int, int]:
+        """Height and width of the network input of a decoded recording."""
+
+    @abstractmethod
+    def blank(self, height: int, width: int) -> Tensor:
+        """A network input (1, C, height, width) of zeros."""
+
+    @abstractmethod
+    def bank(
+        self,
+        rows: Sequence[Recording],
+        store: Store,
+        fit: Mapping[str, Any],
+        *,
+        size: int,
+        seed: int,
+        learn: bool,
+    ) -> Bank:
+        """Make the bank from which training batches are cut.
+
+        Args:
+            rows: The training recordings.
+            store: Where they are decoded.
+            fit: The recipe.
+            size: Length or side of a piece.
+            seed: Seed of everything random.
+            learn: Whether the features learn from the recordings what they have to, such as their
+                normalisation; else they have.
+        """
+
+    @abstractmethod
+    def training_input(
+        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+    ) -> Tensor:
+        """Network input (batch, ...) of what the bank has cut.
+
+        Args:
+            pieces: What the bank has cut.
+            size: Length or side of a piece.
+            change: What photos (batch, 3, side, side) in [0, 1] become before they are normalised;
+                None leaves them, and of signals there is none.
+        """
+
+    @abstractmethod
+    def decode_input(
+        self,
+        given: Any,  # noqa: ANN401
+        ranges: Ranges,
+        **how: Any,  # noqa: ANN401
+    ) -> tuple[Tensor, Quality]:
+        """Decode a file, or bring an array to what decoding gives; say what is wrong with it.
+
+        Args:
+            given: A path, or samples or pixels.
+            ranges: Ranges of the measures of the training recordings.
+            **how: ``rate`` in Hz, ``colour`` order, ``fast`` decoding, as far as they apply.
+
+        Raises:
+            UserError: If it cannot be used.
+        """
+
+    def piece_size(self, size: int) -> int:
+        """Length or side of a piece that gives a single position; ``size`` if nothing tells."""
+        return size if self.geometry is None else self.window_size[1]
+
+    def adopt(self, other: "Sense") -> None:
+        """Take over what the features of another sense of this kind have learnt."""
+        self.features.load_state_dict(other.features.state_dict())
+
+    def __call__(self, recording: Tensor) -> Tensor:
+        """Network input of a decoded recording, on the device of the sense."""
+        return self.read(recording.to(self.device))
+
+    def read(self, x: Tensor, batch: int = 1) -> Tensor:
+        """What the features give for ``batch`` recordings on their device.
+
+        Raises:
+            UserError: If that is no network input.
+        """
+        with self._calling_features():
+            found = self.features(x)
+        least = 2 if self.medium == "signal" else 4
+        return check_batch(found, *self.features_part, batch, least)
+
+    @property
+    def features_part(self) -> tuple[str, str, nn.Module]:
+        """Key, kind and object of the features, as a contract names them."""
+        return f"model.{self.name}.features", "features", self.features
+
+    @property
+    def network_part(self) -> tuple[str, str, nn.Module]:
+        """The same of the network, or of the trunk in it that alone is a user's."""
+        if isinstance(self.network, VisualNet) and not is_builtin(self.network.trunk):
+            return f"model.{self.name}.trunk", "trunk", self.network.trunk
+        return f"model.{self.name}.network", "network", self.network
+
+    def _calling_features(self) -> AbstractContextManager[None]:
+        return calling(*self.features_part)
+
+    def as_weights(self, x: Tensor) -> Tensor:
+        """A network input in the precision of the network's weights."""
+        return x.to(next(self.network.parameters(), x).dtype)
+
+    def check(self, recording: Tensor | Array) -> None:
+        """Refuse a decoded recording that is too small for one fragment.
+
+        Raises:
+            UserError: Saying what it takes, as far as that is known.
+        """
+        if self.knows_min_size:
+            self.check_size(recording)
+        else:
+            with torch.inference_mode():
+                self._tried(as_tensor(recording), "fc3")
+
+    def positions(self, recording: Tensor, level: Level) -> Tensor:
+        """Features (D, positions), float32, of a decoded recording; an image's row by row.
+
+        Raises:
+            UserError: If the recording is too small, or not finite.
+        """
+        return self.position_grid(recording, level).flatten(1)
+
+    def position_grid(self, recording: Tensor, level: Level) -> Tensor:
+        """Features on their grid (D, rows, columns); a signal's have one row.
+
+        Raises:
+            UserError: As :meth:`positions`.
+        """
+        if not self.knows_min_size:
+            return self._tried(recording, level)
+        self.check_size(recording)
+        return self._dense_grid(self.dense_input(recording), level)
+
+    def _tried(self, recording: Tensor, level: Level) -> Tensor:
+        """Features by a network of which it is not known how much it needs."""
+        try:
+            found = self._dense_grid(self.dense_input(recording), level)
+        except RuntimeError as error:  # of a kernel that is larger than its input
+            raise self._unusable(recording, reason(error)) from error
+        if not found[0].numel():
+            raise self._unusable(recording, "it gives no position")
+        return found
+
+    def _unusable(self, recording: Tensor, why: str) -> UserError:
+        extent = f"{self.decoder.extent(content(recording)):.3g} {self.decoder.unit}"
+        return UserError(
+            f"{type(self.network).__name__} makes nothing of {extent} of a {self.what} "
+            f"({shorten(why)}); give a larger one, or correct the network."
+        )
+
+    def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
+        """Features (D, windows), float32, of single windows of a decoded recording.
+
+        Args:
+            recording: As for :meth:`positions`.
+            corners: (windows, 2) row and column where each begins in the network's input.
+            level: As for :meth:`positions`.
+        """
+        raise NotImplementedError(f"{self.medium}s are not classified window by window")
+
+    def grid(self, recording: Tensor) -> tuple[int, int]:
+        """Rows and columns of positions that a decoded recording gives."""
+        return self._known_geometry.output_size(*self.input_size(recording))
+
+    @property
+    def is_builtin(self) -> bool:
+        """Whether the classes of its features and network are this package's."""
+        return is_builtin(self.features) and is_builtin(self.network)
+
+    @abstractmethod
+    def example(self) -> Tensor:
+        """Make an input of the network, of any content and size."""
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """Geometry of the network, or None where it is not known."""
+        return geometry_of(self.network, self.example, rows_vary=self.medium == "photo")
+
+    @property
+    def window_size(self) -> tuple[int, int]:
+        """Height and width of an input that gives exactly one position."""
+        return self._known_geometry.window_size
+
+    @property
+    def known_min_size(self) -> tuple[int, int] | None:
+        """Height and width of the smallest input that gives a position, if that can be told."""
+        return min_size_of(self.network, self.example, rows_vary=self.medium == "photo")
+
+    @property
+    def min_size(self) -> tuple[int, int]:
+        """The same, of a sense that knows it."""
+        found = self.known_min_size
+        return self._known_geometry.min_size if found is None else found
+
+    @property
+    def stride(self) -> int:
+        """Elements of the input between neighbouring positions."""
+        return self._known_geometry.stride
+
+    @property
+    def device(self) -> torch.device:
+        """Device of its parameters."""
+        return next(self._tensors()).device
+
+    @property
+    def what(self) -> str:
+        """Name of one of its recordings."""
+        return name_one(self.modality)
+
+    def _tensors(self) -> Iterator[Tensor]:
+        modules = (self.features, self.network)
+        yield from chain(*(module.buffers() for module in modules))
+        yield from chain(*(module.parameters() for module in modules))
+        yield torch.empty(0)  # of modules without any
+
+    @property
+    def _known_geometry(self) -> Geometry:
+        found = self.geometry
+        if found is None:
+            raise UserError(
+                "This needs a network whose predictions each see a window of its input, at equal "
+                f"distances along two axes, and {type(self.network).__name__} of {self.name} is "
+                "none; give another checkpoint."
+            )
+        return found
+
+    def dense(self, x: Tensor, level: Level) -> Tensor:
+        """Features (D, positions) of a network input, piece by piece if it is large."""
+        return self._dense_grid(x, level).flatten(1)
+
+    def _dense_grid(self, x: Tensor, level: Level) -> Tensor:
+        """The same (D, rows, columns)."""
+
+        def features(part: Tensor) -> Tensor:
+            found = self._features(part, level)
+            return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
+
+        large = self.tile is not None and x.dim() == 4 and x.shape[2] * x.shape[3] > self.tile
+        geometry = self.geometry if large else None
+        if geometry is None:
+            return features(x)[0]
+        return in_tiles(features, x, geometry.layers, affordable(geometry.layers, self.tile))[0]
+
+    def _features(self, x: Tensor, level: Level) -> Tensor:
+        """Features (1, D, *positions) of a network input: float32, of float64 weights float64."""
+        x = self.as_weights(x)
+        part = self.network_part
+        with calling(*part):
+            given = self.network.features(x, level)  # type: ignore[operator]
+        found = check_batch(given, *part, len(x), 3)
+        return found if found.dtype == torch.float64 else found.float()
+
+
+def as_tensor(recording: Tensor | Array) -> Tensor:
+    """A decoded recording in memory; an array may be a read-only map of a file."""
+    return recording if isinstance(recording, Tensor) else torch.from_numpy(np.array(recording))
+
+
+def content(recording: Tensor) -> Array:
+    """The array whose content seeds what is random about a recording."""
+    return np.ascontiguousarray(recording.cpu().numpy())

@@ -1,0 +1,146 @@
+"""The branch of a sense whose recordings are photos."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor
+
+from tex_lightning.data.arrays import as_photo
+from tex_lightning.data.banks import PhotoBank
+from tex_lightning.data.decode import Array, PhotoDecoder, decode_image
+from tex_lightning.data.quality import Quality, Ranges, photo_quality
+from tex_lightning.data.recordings import Recording
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
+from tex_lightning.features.image import ImageFeatures, crop_side, rotated_photos
+from tex_lightning.networks.blocks import Level, is_builtin
+from tex_lightning.perturbations.augment import Augmentation
+from tex_lightning.senses.base import Change, Sense
+
+SIDE = 64  # pixels of an example
+
+
+class PhotoSense(Sense):
+    """Photos (height, width, 3) uint8; features map (1, 3, height, width) to inputs as large.
+
+    In training they map batches of turned patches (batch, 3, side, side), uint8 as well.
+    """
+
+    medium: ClassVar[str] = "photo"
+    windowed: ClassVar[bool] = True
+    decoder: PhotoDecoder
+
+    @classmethod
+    def make_decoder(cls, decode: Mapping[str, Any]) -> PhotoDecoder:
+        """Make the decoder."""
+        return PhotoDecoder(**decode)
+
+    @property
+    def knows_min_size(self) -> bool:
+        """Whether it is known how large a photo the network takes."""
+        return is_builtin(self.features) and self.known_min_size is not None
+
+    def check_size(self, recording: Tensor | Array) -> None:
+        """Refuse a photo that is too small for one fragment; see the base class."""
+        height, width = recording.shape[:2]
+        least = max(self.min_size)
+        if min(height, width) < least:
+            if self.decoder.resize is not None:
+                more = " or train with a larger data.resize"
+            else:
+                more = " or train with data.half_scale=false" if self.decoder.half_scale else ""
+            raise UserError(
+                f"The {self.what} has {width}x{height} pixels after decoding, and this network "
+                f"needs {least} on each side; use a larger one{more}."
+            )
+
+    def __call__(self, recording: Tensor) -> Tensor:
+        """Network input (1, 3, height, width) of a decoded photo."""
+        return super().__call__(_planes(recording))
+
+    def dense_input(self, recording: Tensor) -> Tensor:
+        """Pixels (1, 3, height, width), which this package's features normalise piece by piece."""
+        return _planes(recording) if is_builtin(self.features) else self(recording)
+
+    def _features(self, x: Tensor, level: Level) -> Tensor:
+        pixels = self.read(x.to(self.device), len(x)) if x.dtype == torch.uint8 else x
+        return super()._features(pixels, level)
+
+    def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
+        """Features of single windows of a photo; see the base class."""
+        height, width = self.window_size
+        crops = torch.stack(
+            [recording[row : row + height, column : column + width] for row, column in corners]
+        )
+        return self._features(crops.permute(0, 3, 1, 2), level).flatten(1).T
+
+    def input_size(self, recording: Tensor) -> tuple[int, int]:
+        """Height and width in pixels."""
+        return recording.shape[0], recording.shape[1]
+
+    def blank(self, height: int, width: int) -> Tensor:
+        """A black photo, laid out as decoded ones are."""
+        return torch.zeros(1, 3, height, width).contiguous(memory_format=torch.channels_last)
+
+    def example(self) -> Tensor:
+        """What the features give of a black photo."""
+        photo = torch.zeros(1, 3, SIDE, SIDE, dtype=torch.uint8)
+        return self.as_weights(self.read(photo.to(self.device)))
+
+    def bank(
+        self,
+        rows: Sequence[Recording],
+        store: Store,
+        fit: Mapping[str, Any],
+        *,
+        size: int,
+        seed: int,
+        learn: bool,
+    ) -> PhotoBank:
+        """Square crops, large enough to be turned; see the base class."""
+        augmentation = Augmentation.of(fit["perturb"], fit["perturbed_share"])
+        rotation = fit["rotation"]
+        return PhotoBank(rows, store, crop_side(size, rotation), rotation, augmentation)
+
+    def training_input(
+        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+    ) -> Tensor:
+        """Features of rotated patches (batch, 3, size, size); see the base class.
+
+        Other features than this package's get photos to read, as in a prediction.
+        """
+        crops, degrees, features = pieces["crop"], pieces["degrees"], self.features
+        if (
+            isinstance(features, ImageFeatures) and type(features).forward is ImageFeatures.forward
+        ):  # which rotate and normalise in one pass
+            patches = features.rotated(crops, degrees, size)
+            if change is None:
+                return patches
+            return (change(patches * features.std + features.mean) - features.mean) / features.std
+        photos = rotated_photos(crops, degrees, size)
+        if change is not None:
+            photos = (change(photos / 255) * 255).round().clamp(0, 255).to(torch.uint8)
+        return self.read(photos, len(photos))
+
+    def decode_input(
+        self,
+        given: Any,  # noqa: ANN401
+        ranges: Ranges,
+        *,
+        colour: str = "rgb",
+        fast: bool = False,
+        **_: Any,  # noqa: ANN401
+    ) -> tuple[Tensor, Quality]:
+        """A file or pixels; ``colour`` is the order of an array's colours."""
+        if isinstance(given, str | Path):
+            photo = decode_image(Path(given).expanduser(), self.decoder, fast=fast)
+        else:
+            photo = as_photo(given, self.decoder, colour, self.modality)
+        return torch.from_numpy(photo), photo_quality(photo, ranges, self.what)
+
+
+def _planes(recording: Tensor) -> Tensor:
+    """A photo (height, width, 3) as (1, 3, height, width)."""
+    return recording.permute(2, 0, 1)[None]

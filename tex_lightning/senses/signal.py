@@ -1,0 +1,209 @@
+"""The branch of a sense whose recordings are signals: traces of acceleration, sounds, forces."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tex_lightning.core.progress import track
+from tex_lightning.data.arrays import as_trace
+from tex_lightning.data.banks import InputBank
+from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
+from tex_lightning.data.loading import load_recording
+from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_measures
+from tex_lightning.data.recordings import Recording, plural
+from tex_lightning.data.store import Store
+from tex_lightning.errors import UserError
+from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.networks.blocks import is_builtin
+from tex_lightning.perturbations.augment import Augmentation
+from tex_lightning.senses.base import Change, Sense, as_tensor
+
+SECONDS = 4  # of an example
+
+
+class SignalSense(Sense):
+    """Signals (axes, samples) float32; features map one to (1, ..., frames), time last.
+
+    Features that have ``magnitudes``, ``fit`` and ``normalise``, as spectrograms, learn their
+    normalisation from the training set; those that have ``learn`` see the training signals first.
+    """
+
+    medium: ClassVar[str] = "signal"
+    decoder: SignalDecoder
+
+    @classmethod
+    def make_decoder(cls, decode: Mapping[str, Any]) -> SignalDecoder:
+        """Make the decoder; files without a rate have the one that all are brought to."""
+        rate = decode["sampling_rate"]
+        return SignalDecoder(rate, decode.get("file_rate") or rate, decode.get("channel"))
+
+    @property
+    def spectrogram(self) -> SpectrogramFeatures | None:
+        """The features, if they are this package's."""
+        return self.features if isinstance(self.features, SpectrogramFeatures) else None
+
+    @property
+    def knows_min_size(self) -> bool:
+        """Whether the spectrogram's frames can be counted, and the network says how many."""
+        return self.spectrogram is not None and self.known_min_size is not None
+
+    def check_size(self, recording: Tensor | Array) -> None:
+        """Refuse a signal that is too short for one fragment; see the base class."""
+        self.check_frames(self.input_size(as_tensor(recording))[1])
+
+    def dense_input(self, recording: Tensor) -> Tensor:
+        """Network input of the whole signal."""
+        return self(recording)
+
+    def check_frames(self, frames: int) -> None:
+        """Refuse a spectrogram of so many frames if it is too short for one fragment.
+
+        Raises:
+            UserError: Saying how much movement it takes.
+        """
+        features, least = self.spectrogram, self.min_size[1]
+        if features is not None and frames < least:
+            rate = features.sampling_rate
+            have = max(0, features.samples(frames)) / rate if frames else 0.0
+            raise UserError(
+                f"The {self.what} has {have:.2f} s of movement, and {type(self.network).__name__} "
+                f"needs {features.samples(least) / rate:.2f} s for one fragment; record a longer "
+                "stroke."
+            )
+
+    def __call__(self, recording: Tensor) -> Tensor:
+        """Network input (1, ..., frames) of a decoded signal.
+
+        Raises:
+            UserError: If it is not finite: NaN would win every vote.
+        """
+        found = super().__call__(recording)
+        if not bool(found.isfinite().all()):
+            own = "" if is_builtin(self.features) else type(self.features).__name__
+            raise UserError(
+                f"The {self.what} holds NaN, infinity or numbers too large to square"
+                f"{own and f', or {own} makes them'}; repair the recording"
+                f"{own and ' or that class'}."
+            )
+        return found
+
+    def input_size(self, recording: Tensor) -> tuple[int, int]:
+        """Bands and frames of the spectrogram, which is not computed for that."""
+        if self.spectrogram is None:
+            height, width = self(recording).shape[-2:]
+            return height, width
+        return self.spectrogram.bands, self.spectrogram.count_frames(recording)
+
+    def blank(self, height: int, width: int) -> Tensor:
+        """A spectrogram of zeros."""
+        return torch.zeros(1, 1, height, width)
+
+    def example(self) -> Tensor:
+        """A blank spectrogram, or what other features give of some seconds of noise."""
+        if self.spectrogram is not None:
+            return self.as_weights(self.blank(self.spectrogram.bands, 1))
+        samples = SECONDS * round(self.decoder.sampling_rate)
+        return self.as_weights(self.read(torch.randn(1, samples).to(self.device)))
+
+    def bank(
+        self,
+        rows: Sequence[Recording],
+        store: Store,
+        fit: Mapping[str, Any],
+        *,
+        size: int,
+        seed: int,
+        learn: bool,
+    ) -> InputBank:
+        """Network inputs of all recordings, then those of perturbed copies; see the base class.
+
+        The normalisation is that of the clean ones.
+        """
+        if learn and hasattr(self.features, "learn"):
+            signals = (load_recording(row, store).to(self.device) for row in rows)
+            with self._calling_features():
+                self.features.learn(signals)  # type: ignore[operator]  # of features that have one
+        store.root.mkdir(parents=True, exist_ok=True)
+        clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
+        perturbed = self._perturbed(rows, store, fit, seed)
+        raw = InputBank(chain(clean, perturbed), 1, folder=store.root).inputs
+        if learn and hasattr(self.features, "fit"):
+            with self._calling_features():
+                self.features.fit(raw[: len(rows)])  # type: ignore[operator]  # of those with one
+        versions = len(raw) // len(rows)
+        return InputBank(map(self._normalised, raw), size, versions, store.root)
+
+    @torch.no_grad()
+    def _raw(self, recording: Tensor) -> Tensor:
+        """Features (..., frames), before normalisation if that is apart."""
+        measure = getattr(self.features, "magnitudes", None)
+        recording = recording.to(self.device)
+        if measure is None:
+            return self.read(recording)[0].detach()
+        with self._calling_features():
+            found: Tensor = measure(recording)
+        return found
+
+    def _normalised(self, raw: Tensor) -> Tensor:
+        """Network input (..., frames) on the CPU."""
+        if hasattr(self.features, "magnitudes"):
+            raw = raw.to(self.device)
+            with self._calling_features():
+                raw = self.features.normalise(raw)[None]  # type: ignore[operator]  # they have both
+        return raw.cpu()
+
+    def _tracked(self, rows: Sequence[Recording]) -> Iterable[Recording]:
+        return track(rows, f"Features of {plural(self.modality)}")
+
+    def _perturbed(
+        self, rows: Sequence[Recording], store: Store, fit: Mapping[str, Any], seed: int
+    ) -> Iterator[Tensor]:
+        """Of all signals perturbed, once for each copy; seeded by recording and copy."""
+        augmentation = Augmentation.of(
+            fit["perturb"], rate=self.decoder.sampling_rate, modality=self.modality
+        )
+        if augmentation is None:
+            return
+        for copy in range(fit["perturbed_copies"]):
+            for number, row in enumerate(self._tracked(rows)):
+                rng = np.random.default_rng([seed, copy, number])
+                changed = torch.from_numpy(augmentation(np.array(store.load(row)), rng))
+                try:
+                    yield self._raw(changed)
+                except UserError:  # hardly anything was left of it
+                    yield self._raw(load_recording(row, store))
+
+    def training_input(
+        self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
+    ) -> Tensor:
+        """The sub-samples as they are."""
+        return pieces["input"]
+
+    def decode_input(
+        self,
+        given: Any,  # noqa: ANN401
+        ranges: Ranges,
+        *,
+        rate: float | None = None,
+        **_: Any,  # noqa: ANN401
+    ) -> tuple[Tensor, Quality]:
+        """A file or samples; ``rate`` in Hz is that of samples and of files that carry none."""
+        target = self.decoder.sampling_rate
+        if isinstance(given, str | Path):
+            path, assumed = Path(given).expanduser(), rate or self.decoder.file_rate
+            raw, found = read_trace(path, self.decoder.assuming(assumed))
+            source, name = found.hz, f"Trace {path}"
+        else:
+            raw, name = as_trace(given, self.modality), self.modality
+            source = target if rate is None else rate
+        if not source > 0:
+            raise UserError(f"rate is {source:g}; give the sampling rate in Hz.")
+        trace, monitor = to_rate(raw, source, target, name), TraceMonitor(self.what)
+        monitor.update(raw)  # resampling would blur what is constant or clipped
+        measures = trace_measures(trace, source, target)
+        return torch.from_numpy(trace), monitor.quality(ranges, **measures)
