@@ -113,7 +113,7 @@ def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path:
 def test_weights_that_are_no_numbers_end_a_training_in_a_sentence(value: float) -> None:
     layer = torch.nn.Linear(2, 1)
     torch.nn.init.constant_(layer.bias, value)
-    layer.classifier = SimpleNamespace(card=SimpleNamespace(kind="fusion"))
+    layer.classifier = SimpleNamespace(card=SimpleNamespace(kind="fusion"), senses={})
     if value == 1e30:
         _refuse_diverged(layer)
         return

@@ -1,6 +1,7 @@
 """Which test samples are drawn."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
@@ -50,5 +51,6 @@ def test_without_samples_to_explain_nothing_is_drawn_and_what_was_goes(tmp_path)
         path.write_bytes(b"of another test")
     outcomes = [outcome("a", "b", 1.0, 0.9)]
     assert drawn_rows(outcomes, 0) == []
-    draw_explanations([], outcomes, None, None, "haptic", 0, tmp_path, ["png"])
+    config = SimpleNamespace(explained_samples=0)
+    draw_explanations([], outcomes, None, config, "haptic", tmp_path)
     assert not [*tmp_path.rglob("*.png")]

@@ -229,4 +229,3 @@ def test_a_column_of_the_manifest_that_nothing_reads_is_named_once(cli, mixed, t
     outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
     assert outcome.status == 0, outcome.err
     assert outcome.err.count("conditions: sample_rate (did you mean rate?)") == 1
-    assert entry(outcome.err, "Skipped") == "1 x column of the manifest (why: see above)"

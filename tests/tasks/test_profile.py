@@ -150,15 +150,17 @@ class Plain(nn.Module):
 """
 
 
-def test_a_network_that_does_not_tell_its_geometry_is_refused(cli, tmp_path, monkeypatch):
+def test_the_geometry_of_a_network_of_ones_own_is_found(cli, tmp_path, monkeypatch):
     (tmp_path / "plain_network.py").write_text(OWN)
     monkeypatch.syspath_prepend(tmp_path)
     own = "model.haptic.network={_target_: plain_network.Plain}"
     outcome = cli(
         "task=profile", "model=haptic", own, "debug=tiny", f"hydra.run.dir={tmp_path}/run"
     )
-    assert outcome.status == 2
-    assert "needs a network that declares its geometry" in outcome.err
+    assert outcome.status == 0, outcome.err
+    profile = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["haptic"]
+    assert profile["windows"] > 1
+    assert profile["label_agreement"] == 1
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from conftest import RATE, make_photo, make_trace
 
 import tex_lightning as tl
 from tex_lightning.classifier.classifier import SenseOutput, join_novelties
+from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
 
 STRANGE = 7  # a tone of no class
@@ -95,9 +96,7 @@ def test_a_missing_sense_leaves_the_novelty_of_the_others(untrained, tmp_path):
     model = tl.load(untrained)
     for name, size in zip(model.card.sense_names, model.classifier.fusion.sizes, strict=True):
         torch.manual_seed(0)
-        made = tl.networks.statistics.FeatureStatistics.of(
-            torch.rand(9, size), torch.arange(9) % 3, 3
-        )
+        made = FeatureStatistics.of(torch.rand(9, size), torch.arange(9) % 3, 3)
         for key, value in made.state_dict().items():
             content["state_dict"][f"classifier.statistics.{name}.{key}"] = value
     novelties = {"haptic": [0.0] * 30, "visual": [1e9] * 30}

@@ -78,7 +78,7 @@ def _signature(where: str, node: Mapping[str, Any]) -> tuple[dict[str, Any], dic
     if TARGET not in node:
         return {}, None
     called = find_callable(where, node)
-    return ({}, None) if is_dataclass(called) else (annotations(called), parameters(called))
+    return annotations(called), None if is_dataclass(called) else parameters(called)
 
 
 def _out_of_range(name: str, value: object, *, typed: bool) -> Iterator[str]:

@@ -17,6 +17,7 @@ from torch import Tensor
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
+from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.profiling.timing import like_weights, only_branch
 from tex_lightning.senses import Sense
@@ -81,6 +82,7 @@ def _resident_peak(
     card: Card, engine: EngineConfig, shape: tuple[int, ...], threads: int
 ) -> float | None:
     torch.set_num_threads(threads)
+    trust(*named_classes(card.senses))  # as in the process that has built it
     sense, x = _prepared(card, engine, shape, torch.device("cpu"))
     height, width = sense.window_size
     with torch.inference_mode():
