@@ -34,3 +34,17 @@ def test_surfaces_that_differ_in_level_alone_are_told_apart_only_where_it_is_kep
         correct[keep_level] = int(np.sum(found == LABELS))
     assert correct[True] == len(LABELS)
     assert correct[False] < len(LABELS) - 2
+
+
+def test_the_strength_is_chosen_on_groups_that_are_left_out(configured):
+    rng = np.random.default_rng(0)
+    groups = np.repeat(np.arange(12), 3)  # of noise, which tells nothing of its class
+    noises = [np.random.default_rng(group).standard_normal(900) for group in groups]
+    traces = [(noise + 0.01 * rng.standard_normal(900)).astype(np.float32) for noise in noises]
+    baseline = configured("minirocket", kernels=168)
+    baseline.fit(traces, groups % 2, seed=0, groups=groups.tolist())
+    ridge = baseline.estimator[-1]
+    assert 0 < ridge.best_score_ < 0.9  # a share of traces; pieces of one another are all right
+    again = configured("minirocket", kernels=168)
+    again.load_state(baseline.state())
+    torch.testing.assert_close(again.logits(traces[0]), baseline.logits(traces[0]))

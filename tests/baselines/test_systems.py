@@ -6,6 +6,12 @@ import numpy as np
 import pytest
 import torch
 from conftest import make_trace
+from sklearn.linear_model import RidgeClassifier
+from sklearn.naive_bayes import GaussianNB
+from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
+from sklearn.svm import LinearSVC
+
+from tex_lightning.baselines.base import class_scores
 
 # settings that make each quick; the rest is as configured
 QUICK = {
@@ -90,3 +96,21 @@ def test_command_line(name, surfaces, cli, tmp_path):
         f"haptic={surfaces}/beta/haptic/beta_3.wav",
     ).out  # fmt: skip
     assert json.loads(out)["label"] == "beta"
+
+
+@pytest.mark.parametrize("classes", [2, 3])
+@pytest.mark.parametrize(
+    "estimator",
+    [GaussianNB(), KNeighborsClassifier(1), NearestCentroid(), RidgeClassifier(), LinearSVC()],
+)
+def test_every_classifier_of_scikit_learn_gives_finite_scores_in_the_order_of_classes(
+    estimator, classes
+):
+    rows = (
+        np.random.default_rng(0).standard_normal((30, 4)) + 9 * np.eye(4)[np.arange(30) % classes]
+    )
+    labels = np.arange(30) % classes
+    scores = class_scores(estimator.fit(rows, labels), rows)
+    assert scores.shape == (classes, 30)
+    assert torch.isfinite(scores).all()
+    np.testing.assert_array_equal(scores.argmax(0), labels)

@@ -2,11 +2,13 @@
 
 import logging
 import traceback
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import make_card
 
+from tex_lightning.baselines.classifier import BaselineClassifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.config.trust import trust
 from tex_lightning.core.contract import fault_of
@@ -14,7 +16,7 @@ from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.learning.trial import try_branch
+from tex_lightning.learning.trial import try_baseline, try_branch
 
 RATE = 1000.0
 FIT = {"epochs": 1, "perturb": [], "perturbed_copies": 0, "head_factor": 1.0}
@@ -22,7 +24,7 @@ FIT = {"epochs": 1, "perturb": [], "perturbed_copies": 0, "head_factor": 1.0}
 
 @pytest.fixture(autouse=True)
 def trusted():
-    trust("own_parts")
+    trust("own_parts", "own_baselines")
 
 
 @pytest.fixture(scope="module")
@@ -112,3 +114,58 @@ def test_what_is_fitted_to_buffers_needs_no_gradient(world):
         try_branch(card(network=nearest), FIT, 20, *world)
     with pytest.raises(UserError, match="gives other scores once it is saved and loaded"):
         try_branch(card(network={**nearest, "outside": True}), {**FIT, "epochs": 0}, 20, *world)
+
+
+def try_loudness(spoil: str) -> None:
+    node = {"_target_": "own_baselines.Loudness", "spoil": spoil}
+    baseline = {"name": "mine", "node": node, "budget": 1, "weights": None}
+    classifier = BaselineClassifier(
+        replace(make_card("haptic", classes=["a", "b"]), baseline=baseline)
+    )
+    rng = np.random.default_rng(0)
+    traces = [level * rng.standard_normal(900).astype(np.float32) for level in (1, 9, 1)]
+    classifier.baseline.fit(traces, np.array([0, 1, 0]), seed=0, groups="aab")
+    try_baseline(classifier, traces)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        ("none", "returned a NoneType for a recording"),
+        ("list", "returned a list for a recording"),
+        ("array", r"returned a ndarray of float\d+ of shape \(2, 1\) for"),
+        ("flat", r"returned a Tensor of float\d+ of shape \(2,\) for"),
+        ("whole", "returned a Tensor of int64"),
+        ("nan", "gave NaN or infinity"),
+        ("more", "gave 4 scores, and there are 2 classes"),
+        ("arrays", "has a state that is a dict of other things than tensors"),
+        ("outside", "gives other scores once it is saved and loaded"),
+    ],
+)
+def test_baselines_that_break_their_contract(spoil, said):
+    with pytest.raises(UserError, match=rf"^model\.baseline \(Loudness\) {said}.*; a baseline has"):
+        try_loudness(spoil)
+
+
+def test_baselines_that_keep_their_contract_pass_and_what_they_raise_is_theirs():
+    try_loudness("")
+    with pytest.raises(KeyError) as caught:
+        try_loudness("misnamed")
+    said, where = fault_of(caught.value)
+    assert said.startswith("model.baseline (Loudness) raised KeyError: a baseline has fit(")
+    assert traceback.extract_tb(where)[-1].filename.endswith("own_baselines.py")
+
+
+def test_a_baseline_of_ones_own_is_given_groups_and_its_traceback_is_shown(cli, surfaces, tmp_path):
+    given = [
+        "model=mfcc_nb", "data=folder", f"data.root={surfaces}",
+        "model.baseline={_target_: own_baselines.Loudness}",
+    ]  # fmt: skip
+    given[-1:] = ["~model.baseline", "+model.baseline._target_=own_baselines.Loudness"]
+    outcome = cli(*given, f"hydra.run.dir={tmp_path}/sound")
+    assert outcome.status == 0, outcome.err
+    outcome = cli(*given, "+model.baseline.spoil=raise", f"hydra.run.dir={tmp_path}/raises")
+    assert outcome.status == 1
+    assert "Error: model.baseline (Loudness) raised KeyError: a baseline has" in outcome.err
+    assert 'raise KeyError("boom of a user")' in outcome.err
+    assert not (tmp_path / "raises/checkpoints/haptic.ckpt").exists()

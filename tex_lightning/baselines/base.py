@@ -41,6 +41,9 @@ class Baseline(ABC):
     def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
         """Fit to recordings with class indices (recordings,), every class present.
 
+        One that takes ``groups`` as well, the group of each recording, is given them: recordings of
+        one group are alike, and what is chosen on some of them leaves out whole groups.
+
         Args:
             recordings: Traces or photos, loaded as they are asked for.
             labels: Their class indices.
@@ -89,7 +92,7 @@ class EstimatorBaseline(Baseline):
     """A baseline whose fitted part is a scikit-learn estimator on the features of each recording.
 
     Attributes:
-        estimator: Fitted by :meth:`fit`; :meth:`logits` asks it for ``predict_log_proba``.
+        estimator: Any classifier of scikit-learn, fitted by :meth:`fit`.
         estimator_classes: Classes that it consists of, as ``module.Name``, beside
             :data:`.estimators.ESTIMATORS`.
     """
@@ -113,8 +116,8 @@ class EstimatorBaseline(Baseline):
         self.estimator = self.make_estimator(seed).fit(features, labels)
 
     def logits(self, recording: Array) -> Tensor:
-        """Logarithms of the class probabilities, one fragment."""
-        return log_probabilities(self.estimator, self.features(recording)[None])
+        """Class scores of one fragment."""
+        return class_scores(self.estimator, self.features(recording)[None])
 
     def state(self) -> State:
         """The estimator as bytes."""
@@ -129,10 +132,18 @@ class EstimatorBaseline(Baseline):
         return count_fitted(self.estimator)
 
 
-def log_probabilities(estimator: Any, features: Array) -> Tensor:  # noqa: ANN401
-    """Log-probabilities (classes, rows) of feature vectors (rows, features)."""
-    scores = np.asarray(estimator.predict_log_proba(features), dtype=np.float64)
-    return torch.from_numpy(np.maximum(scores, np.log(np.finfo(np.float64).tiny)).T.copy())
+def class_scores(estimator: Any, features: Array) -> Tensor:  # noqa: ANN401
+    """Log-probabilities (classes, rows) of feature vectors, else distances from the planes."""
+    tiny = np.finfo(np.float64).tiny
+    if hasattr(estimator, "predict_log_proba"):
+        scores = np.maximum(estimator.predict_log_proba(features), np.log(tiny))
+    elif hasattr(estimator, "predict_proba"):
+        scores = np.log(np.maximum(estimator.predict_proba(features), tiny))
+    else:
+        scores = estimator.decision_function(features)
+        if scores.ndim == 1:  # two classes share one plane
+            scores = np.stack([-scores, scores], axis=1)
+    return torch.from_numpy(np.asarray(scores, dtype=np.float64).T.copy())
 
 
 def count_fitted(estimator: Any) -> int:  # noqa: ANN401

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.baselines.making import make_baseline
+from tex_lightning.baselines.making import WHERE, make_baseline
 from tex_lightning.classifier.card import Card, damaged, named, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config.trust import make_value, trusted_class
+from tex_lightning.core.contract import breach, calling, describe, fault_of
 from tex_lightning.core.files import write_atomically
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording
@@ -80,6 +81,11 @@ class Pixels(nn.Identity):
     """Photos as they are, 8 bits each, which baselines take in place of network input."""
 
 
+def as_part(baseline: "Baseline") -> tuple[str, str, "Baseline"]:
+    """Key, kind and object of a baseline, as a contract names them."""
+    return WHERE, "baseline", baseline
+
+
 class FittedBaseline(nn.Module):
     """A baseline as a network: it scores one recording at a time, on the CPU.
 
@@ -94,7 +100,19 @@ class FittedBaseline(nn.Module):
 
     def features(self, x: Tensor, level: Level) -> Tensor:
         """Class scores (1, classes, fragments) of (1, 1, samples) or (1, 3, height, width)."""
-        return self.baseline.logits(as_baseline_takes_it(x))[None]
+        return self.scores(as_baseline_takes_it(x))[None]
+
+    def scores(self, recording: "Array") -> Tensor:
+        """Class scores (classes, fragments) of a recording as the baseline takes it.
+
+        Raises:
+            UserError: If it does not give such.
+        """
+        with calling(*(part := as_part(self.baseline))):
+            found: object = self.baseline.logits(recording)
+        if not isinstance(found, Tensor) or found.dim() != 2 or not found.is_floating_point():
+            raise breach(*part, f"returned {describe(found)} for a recording")
+        return found
 
 
 def as_baseline_takes_it(x: Tensor) -> "Array":
@@ -199,6 +217,8 @@ def load_trained(path: str | Path) -> Trained:
     except UserError as error:
         raise named(path, error) from error
     except Exception as error:  # damage shows in as many ways as there are formats
+        if fault_of(error) is not None:
+            raise
         raise damaged(path, error) from error
     return Trained.of(classifier, path, content)
 

@@ -3,7 +3,7 @@
 Dempster, Schmidt and Webb (2021), as aeon has it; the strongest quick classifier of time series.
 """
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -12,12 +12,14 @@ import numpy.typing as npt
 import torch
 from aeon.transformations.collection.convolution_based import MiniRocket as Transform
 from sklearn.linear_model import RidgeClassifierCV
+from sklearn.model_selection import PredefinedSplit
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from tex_lightning.baselines.base import Array, EstimatorBaseline, State
 from tex_lightning.core.devices import computing_threads
+from tex_lightning.core.groups import leave_out
 
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
 ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
@@ -49,24 +51,34 @@ class MiniRocket(EstimatorBaseline):
     def make_estimator(self, seed: int) -> Any:  # noqa: ANN401
         """The pipeline of aeon's ``MiniRocketClassifier``."""
         transform = Transform(n_kernels=self.kernels, n_jobs=self.threads, random_state=seed)
-        ridge = RidgeClassifierCV(alphas=ALPHAS)
+        ridge = RidgeClassifierCV(alphas=ALPHAS, cv=self.divisions)
         return make_pipeline(transform, StandardScaler(with_mean=False), ridge)
 
-    def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
-        """Draw the kernels' biases from the traces and fit the ridge classifier."""
+    def fit(
+        self,
+        recordings: Sequence[Array],
+        labels: npt.NDArray[np.int64],
+        seed: int,
+        groups: Sequence[Hashable] = (),
+    ) -> None:
+        """Draw the kernels' biases from the traces and fit the ridge classifier.
+
+        Its strength is chosen by leaving out traces, as aeon has it, or whole groups of several.
+        """
         traces = list(recordings)
+        shared = 0 < len({*groups}) < len(groups)
+        parts = leave_out(labels.tolist(), groups) if shared else []
+        self.divisions = PredefinedSplit(parts) if parts else None
         self.length = max(map(len, traces))
         self.scale = float(np.mean([np.var(trace) for trace in traces]) ** 0.5) or 1.0
         with computing_threads():  # aeon sets them, and Numba by their common OpenMP
             super().fit(traces, labels, seed)
+        self.estimator[-1].cv = None  # which a checkpoint need not hold
 
     def logits(self, recording: Array) -> Tensor:
         """Distances from the ridge classifier's planes, one fragment."""
         with computing_threads():  # aeon sets them, and Numba by their common OpenMP
-            scores = self.estimator.decision_function(self.features(recording)[None])
-        if scores.ndim == 1:  # two classes share one plane
-            scores = np.stack([-scores, scores], axis=1)
-        return torch.from_numpy(np.asarray(scores, dtype=np.float64).T.copy())
+            return super().logits(recording)
 
     def features(self, recording: Array) -> Array:
         """The trace (1, length) with mean 0, and deviation 1 of itself or of the training set."""

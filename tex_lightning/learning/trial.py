@@ -9,8 +9,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.baselines.base import Array
+from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config.instantiation import OWN
 from tex_lightning.core.contract import breach, calling, check_batch, describe
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
@@ -82,7 +85,7 @@ def _warn_of_untrained(sense: Sense) -> None:
         )  # fmt: skip
 
 
-def _check_numbers(found: Tensor, key: str, kind: str, part: nn.Module) -> None:
+def _check_numbers(found: Tensor, key: str, kind: str, part: object) -> None:
     if not found.is_floating_point():
         raise breach(key, kind, part, f"returned {describe(found)}")
     if not bool(found.isfinite().all()):
@@ -161,6 +164,53 @@ def check_rebuilt(classifier: SurfaceClassifier, recordings: Sequence[Tensor]) -
                 "gives other scores once it is saved and loaded, since it has learnt something "
                 "outside of its parameters and buffers: register_buffer keeps it",
             )
+
+
+def try_baseline(classifier: BaselineClassifier, recordings: Loaded) -> None:
+    """Check what a user's fitted baseline gives, and that its state is all that it has learnt.
+
+    Args:
+        classifier: Holds it.
+        recordings: What it was fitted to.
+
+    Raises:
+        UserError: If it does not keep its contract.
+    """
+    if type(classifier.baseline).__module__.startswith(OWN):
+        return
+    part, file = as_part(classifier.baseline), io.BytesIO()
+    with calling(*part):
+        state: object = classifier.baseline.state()
+    if not isinstance(state, dict) or not all(isinstance(x, Tensor) for x in state.values()):
+        raise breach(*part, f"has a state that is {describe(state)} of other things than tensors")
+    torch.save(state, file)
+    file.seek(0)
+    rebuilt = BaselineClassifier(Card.from_dict(classifier.card.to_dict()))
+    with calling(*part):
+        rebuilt.baseline.load_state(torch.load(file, weights_only=True))
+        counts = [each.baseline.count_parameters() for each in (classifier, rebuilt)]
+    if not all(isinstance(count, int) for count in counts) or counts[0] != counts[1]:
+        raise breach(*part, f"counts parameters as {counts[0]!r} and loaded as {counts[1]!r}")
+    for recording in recordings[:BATCH]:
+        found, again = (_scores(each, recording) for each in (classifier, rebuilt))
+        if len(found) != len(classifier.card.classes):
+            classes = len(classifier.card.classes)
+            raise breach(*part, f"gave {len(found)} scores, and there are {classes} classes")
+        _check_numbers(found, *part)
+        if not same(found, again):
+            raise breach(
+                *part,
+                "gives other scores once it is saved and loaded, since it has learnt something "
+                "that is not in its state",
+            )
+
+
+@torch.inference_mode()
+def _scores(classifier: BaselineClassifier, recording: Array) -> Tensor:
+    torch.manual_seed(0)  # of what draws
+    network: Any = classifier.sense(classifier.card.kind).network
+    scores: Tensor = network.scores(recording)
+    return scores
 
 
 @torch.inference_mode()

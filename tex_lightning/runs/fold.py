@@ -1,5 +1,6 @@
 """Train and test all networks of a model on one fold."""
 
+import inspect
 import logging
 import time
 from collections.abc import Sequence
@@ -9,13 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, load_trained
+from tex_lightning.baselines.classifier import (
+    BaselineClassifier,
+    Loaded,
+    as_part,
+    load_trained,
+)
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.model import FUSION
 from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.core.console import log_once
+from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import quiet_threads
 from tex_lightning.core.progress import steps
@@ -31,6 +38,7 @@ from tex_lightning.learning.share import train_once
 from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import input_data, train_network
 from tex_lightning.learning.training import Training
+from tex_lightning.learning.trial import try_baseline
 from tex_lightning.runs.explained import draw_telling
 from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.testing import draw_figures, report_network
@@ -49,7 +57,8 @@ def fit_baseline(training: Training) -> Trained:
     """Fit, calibrate and write the checkpoint, unless it is there already.
 
     Raises:
-        UserError: If a recording is too short, or weights do not fit.
+        UserError: If a recording is too short, weights do not fit, or a user's class does not
+            keep its contract.
     """
     if training.final.is_file():
         log.info("%s is fitted already.", training.final)
@@ -63,8 +72,13 @@ def fit_baseline(training: Training) -> Trained:
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
     recordings = Loaded(rows, training.store, classifier.sense(card.kind))
-    classifier.baseline.fit(recordings, labels, training.config.seed)
+    with calling(*as_part(classifier.baseline)):
+        fit: Any = classifier.baseline.fit
+        groups = [row.group_key for row in rows]
+        more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
+        fit(recordings, labels, training.config.seed, **more)
     seconds = time.perf_counter() - begin
+    try_baseline(classifier, recordings)
     validation = make_samples(training.parts.val, card.modalities)
     classifier.card = calibrated_card(classifier, validation, training.store, training.config)
     classifier.save(training.final, seconds)
