@@ -20,8 +20,7 @@ from tex_lightning.data.folds import next_of_each
 from tex_lightning.data.recordings import Recordings, write_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.report.figures import save_figure
-from tex_lightning.report.learning_curve import Point, learning_figure
+from tex_lightning.report.figures import LearningPoint, learning_figure, save_figure
 
 REAL = (Path(__file__).resolve().parents[2] / "shared" / "data" / "lmt16").resolve()
 RUNS = RESULTS / "enrolment"
@@ -56,7 +55,7 @@ def measure() -> dict[str, Any]:
     rows = tl.read_folder(REAL)
     figures: dict[str, Any] = {}
     for experiment, sizes in ADDED.items():
-        curves: dict[str, list[Point]] = {}
+        curves: dict[str, list[LearningPoint]] = {}
         for size in sizes:
             name = f"{experiment.replace('/', '_')}_{size}_added"
             figures[name] = _measured(experiment, size, rows, curves)
@@ -69,7 +68,7 @@ def measure() -> dict[str, Any]:
 
 
 def _measured(
-    experiment: str, size: int, rows: Recordings, curves: dict[str, list[Point]]
+    experiment: str, size: int, rows: Recordings, curves: dict[str, list[LearningPoint]]
 ) -> dict[str, Any]:
     found: dict[str, Any] = {}
     before, seconds = Votes(0, 0, 0, 0), []
@@ -98,7 +97,7 @@ def _measured(
         found[how] = {str(count): votes.figures() for count, votes in points.items()}
         title = f"{size} classes {'added' if how == 'added' else 'trained anew'}"
         curves[title] = [
-            Point(count, votes.old + votes.new, votes.olds + votes.news)
+            LearningPoint(count, votes.old + votes.new, votes.olds + votes.news)
             for count, votes in points.items()
         ]
     return found

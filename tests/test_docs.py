@@ -19,7 +19,7 @@ from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.tiles import layer_windows, receptive_field
-from tex_lightning.report.paper import paper_table
+from tex_lightning.report.table import paper_table
 
 FOUND = {
     command: block.page

@@ -5,7 +5,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, register
-from tex_lightning.report.paper import paper_table
+from tex_lightning.report.table import paper_table
 from tex_lightning.tasks.frontier import _tested_folds
 
 EXPERIMENTS = sorted(

@@ -17,7 +17,7 @@ from tex_lightning.data.decode import (
 )
 from tex_lightning.data.trace_files import axis_files
 from tex_lightning.errors import UserError
-from tex_lightning.report.page.media import _thumbnail
+from tex_lightning.report.page_media import _thumbnail
 
 SIGNAL, PHOTO = SignalDecoder(), PhotoDecoder()
 AXES = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 700)).astype(np.float32)

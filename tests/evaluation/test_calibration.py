@@ -15,8 +15,7 @@ from tex_lightning.evaluation.calibration import (
     unknown_auroc,
 )
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.report.calibration_figure import calibration_figure
-from tex_lightning.report.figures import save_figure
+from tex_lightning.report.figures import calibration_figure, save_figure
 
 CLASSES = ["a", "b", "c"]
 

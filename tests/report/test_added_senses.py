@@ -5,8 +5,7 @@ from itertools import pairwise
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from tex_lightning.report.added_senses import AddedSense
-from tex_lightning.report.frontier_chart import Point, frontier_figure
+from tex_lightning.report.frontier_chart import AddedSense, Point, frontier_figure
 
 
 def point(system: str, ms: float, accuracy: float) -> Point:

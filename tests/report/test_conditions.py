@@ -1,6 +1,6 @@
 import csv
 
-from tex_lightning.report.conditions import MANY, condition_rows, write_conditions
+from tex_lightning.report.table import MAX_LISTED, condition_rows, write_conditions
 
 
 def entry(**values: tuple[int, int]) -> dict:
@@ -41,7 +41,7 @@ def test_without_conditions_there_is_no_file(tmp_path):
 
 
 def test_a_condition_of_many_values_is_left_to_the_file():
-    values = {f"v{n}": (1, 1) for n in range(MANY + 1)}
+    values = {f"v{n}": (1, 1) for n in range(MAX_LISTED + 1)}
     (row,) = condition_rows({"haptic": entry(**values)}, str)
-    assert row == ["speed", f"{MANY + 1} values, see conditions.csv", ""]
+    assert row == ["speed", f"{MAX_LISTED + 1} values, see conditions.csv", ""]
     assert condition_rows({"haptic": entry(v60=(1, 2))}, str) == []  # as all votes

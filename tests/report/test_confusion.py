@@ -1,4 +1,4 @@
-"""Confusions of many classes: nothing lies over anything, and categories are those of the names."""
+"""Confusions of many classes: nothing lies over anything."""
 
 from itertools import combinations
 
@@ -7,7 +7,6 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from tex_lightning.report.categories import categories
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
 
 LONG = "AluminumRhombMeshVersion"
@@ -63,49 +62,6 @@ def test_no_text_lies_over_another(count, named):
     counts = blocks(count, 7)
     assert overlaps(confusion_figure(counts, classes, "haptic: votes on 690 samples")) == []
     assert overlaps(class_accuracy_figure(counts, classes, "haptic", "haptic: 690 samples")) == []
-
-
-def test_categories_beside_the_matrix_hold_the_counts_of_their_classes():
-    classes = lmt_names(69)
-    counts = np.random.default_rng(1).integers(0, 9, (69, 69))
-    left, right, _ = confusion_figure(counts, classes, "t").axes
-    kinds = [name[:2] for name in classes]
-    assert [label.get_text() for label in right.get_yticklabels()] == sorted({*kinds})
-    texts = {tuple(map(round, text.get_position())): int(text.get_text()) for text in right.texts}
-    for row, true in enumerate(sorted({*kinds})):
-        for column, predicted in enumerate(sorted({*kinds})):
-            own = counts[[kind == true for kind in kinds]][:, [kind == predicted for kind in kinds]]
-            assert texts[column, row] == own.sum()
-    assert len(left.get_yticklabels()) == 69
-
-
-def test_classes_are_divided_by_the_first_word_that_tells_some_apart():
-    counts = np.eye(40, dtype=np.int64)
-    words = ["mesh", "wood", "foam", "stone"]
-    found = categories(counts, [f"S{i:03}_{words[i % 4]}_soft" for i in range(40)])
-    assert found == {word: [*range(words.index(word), 40, 4)] for word in sorted(words)}
-
-
-def test_without_one_what_is_confused_is_together():
-    rng = np.random.default_rng(3)
-    counts, order = blocks(64, 8), rng.permutation(64)
-    classes = [f"{chr(97 + i % 26)}{chr(97 + i // 3)}" for i in range(64)]  # no word in common
-    found = categories(counts[np.ix_(order, order)], classes)
-    kept = sorted(sorted({int(order[i]) // 8 for i in members}) for members in found.values())
-    assert kept == [[i] for i in range(8)]
-    assert all(name.endswith(" + 7") for name in found)
-
-
-@pytest.mark.parametrize("count", [40, 108])
-def test_names_that_differ_in_the_middle_lose_no_class(count):
-    names = [f"material_{at:04}_variant" for at in range(count)]
-    groups = categories(blocks(count, 4), names)
-    assert sorted(index for members in groups.values() for index in members) == list(range(count))
-
-
-def test_classes_that_are_never_right_are_divided_as_well():
-    groups = categories(1 - np.eye(12, dtype=int), [f"x{n}" for n in range(12)])
-    assert sorted(index for members in groups.values() for index in members) == list(range(12))
 
 
 def test_a_matrix_of_very_many_classes_is_no_larger():

@@ -6,8 +6,7 @@ import pytest
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
-from tex_lightning.report.durations import describe_rates, mixed_rates, unlike_the_others
-from tex_lightning.report.numbers import spread
+from tex_lightning.report.durations import describe_rates, mixed_rates, spread, unlike_the_others
 
 
 @pytest.fixture

@@ -17,8 +17,7 @@ from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
 from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equal_parts, gather
 from tex_lightning.inference.prediction import describe
-from tex_lightning.report.evidence_panels import OTHERS
-from tex_lightning.report.explanation import COLOURS, Explanation
+from tex_lightning.report.explanation import COLOURS, OTHERS, Explanation
 
 
 def photo_evidence(labels: np.ndarray, classes: int) -> PhotoEvidence:

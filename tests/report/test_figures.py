@@ -4,16 +4,11 @@ import re
 
 import pytest
 import torch
-from conftest import make_card
 from torch import nn
 
-from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.evaluation.fragments import ConfusedPair
-from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.report.confused_pairs import pairs_figure
 from tex_lightning.report.figures import picture, save_figure, spectrogram_figure
-from tex_lightning.report.page.writing import write_page
+from tex_lightning.report.page import write_page
 
 
 def test_a_spectrogram_is_over_seconds_and_hertz():
@@ -29,29 +24,6 @@ def test_features_that_tell_no_frequencies_are_numbered():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("frame", "band")
     assert axes.get_xlim() == (-0.5, 29.5)
     assert axes.get_ylim() == (-0.5, 5.5)
-
-
-@pytest.mark.parametrize("senses", [("haptic", "visual"), ("visual", "sound", "haptic")])
-def test_a_pair_shows_what_each_sense_took_of_both_classes(senses, surfaces):
-    branches = SurfaceClassifier(make_card(*senses, width=0.1)).senses.values()
-    outcomes = [
-        Outcome(
-            {
-                "haptic": str(surfaces / label / "haptic" / f"{label}_0.wav"),
-                "image": str(surfaces / label / "image" / f"{label}_0.png"),
-                "sound": str(surfaces / label / "haptic" / f"{label}_1.wav"),
-            },
-            label, label, 1.0, 1, 1, 1.0,
-        )
-        for label in ("alpha", "beta")
-    ]  # fmt: skip
-    pair = ConfusedPair(("alpha", "beta"), "visual", 0.5, "haptic", 0.1)
-    figure = pairs_figure([pair], outcomes, branches)
-    assert len(figure.axes) == 2 * len(senses)
-    assert figure.axes[0].get_ylabel() == "confused by visual\n(50%, haptic 10%)"
-    titles = [axes.get_title() for axes in figure.axes]
-    assert [title for title in titles if title] == ["alpha", "beta"]
-    assert all(axes.get_images()[0].get_array().std() > 0 for axes in figure.axes)
 
 
 def test_a_figure_is_saved_in_all_formats_and_alike_every_time(tmp_path):

@@ -5,7 +5,7 @@ import csv
 import pytest
 from PIL import Image
 
-from tex_lightning.report.learning_curve import Point
+from tex_lightning.report.figures import LearningPoint
 from tex_lightning.report.systems import read_systems
 
 
@@ -26,7 +26,7 @@ def test_each_count_of_recordings_is_a_point_with_its_interval(swept):
         ("mfcc_nb", "3"),
     ]
     assert all(row["test_samples"] == "9" for row in rows)
-    point = Point(int(rows[0]["per_class"]), int(rows[0]["correct"]), 9)
+    point = LearningPoint(int(rows[0]["per_class"]), int(rows[0]["correct"]), 9)
     assert float(rows[0]["vote_accuracy"]) == point.accuracy
     assert float(rows[0]["ci_low"]) == pytest.approx(point.interval[0])
 

@@ -3,8 +3,8 @@
 import pytest
 
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.paper import paper_table
 from tex_lightning.report.profile_table import ways_figure
+from tex_lightning.report.table import paper_table
 
 
 def test_the_papers_table_is_the_papers():

@@ -7,7 +7,8 @@ import pytest
 from omegaconf import OmegaConf
 from rich.console import Console
 
-from tex_lightning.report import frontier_chart, stability_tables, sweep, table
+from tex_lightning.report import frontier_chart, sweep, table
+from tex_lightning.report import stability_charts as stability_tables
 from tex_lightning.report.profile_table import FACTS, WAYS, print_profile
 
 CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}

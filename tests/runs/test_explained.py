@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.report.page.label_maps import map_folder
+from tex_lightning.report.page_media import map_folder
 from tex_lightning.runs.explained import draw_explanations, drawn_rows, telling
 
 

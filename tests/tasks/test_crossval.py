@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 import tex_lightning as tl
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.learning import train
-from tex_lightning.report.page.label_maps import LEGEND
+from tex_lightning.report.page_media import LEGEND
 
 
 def tiny(surfaces: Path) -> list[str]:

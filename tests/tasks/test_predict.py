@@ -16,7 +16,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import decode_image
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.report.page.media import shown_samples
+from tex_lightning.report.page_media import shown_samples
 
 
 def data(surfaces: Path) -> list[str]:

@@ -11,7 +11,7 @@ from PIL import Image
 import tex_lightning as tl
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import read_outcomes, worst_first
-from tex_lightning.report.page.media import MOST_SAMPLES
+from tex_lightning.report.page_media import MOST_SAMPLES
 
 
 @pytest.fixture(scope="module")

@@ -1,21 +1,17 @@
-"""``report.md``: tables, confusion matrices and telling pairs of one run or of a whole sweep."""
+"""``report.md``: tables, confusion matrices and confused pairs of one run or of a whole sweep."""
 
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.files import read_record, write_text
+from tex_lightning.core.files import read_record, write_rows, write_text
 from tex_lightning.data.conditions import describe
-from tex_lightning.errors import UserError
 from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
-from tex_lightning.report.confused_pairs import pairs_figure
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
-from tex_lightning.report.figures import picture, save_figure
-from tex_lightning.report.learning_curve import learning_curves, learning_figure, write_curves
-from tex_lightning.report.systems import System, read_systems, run_data
+from tex_lightning.report.figures import LearningPoint, learning_figure, picture, save_figure
+from tex_lightning.report.systems import PER_CLASS, System, read_systems, run_data
 from tex_lightning.report.table import TINY, is_tiny, run_overrides
 from tex_lightning.report.tables import (
     accuracy_tables,
@@ -35,6 +31,9 @@ training of all folds of a row. Weights are random at first unless a row names w
 from."""
 COLUMNS = """\
 Columns headed "paper" are the paper's figures on its own data, all others were measured here."""
+LEARNING_COLUMNS = (
+    "system", "per_class", "correct", "test_samples", "vote_accuracy", "ci_low", "ci_high",
+)  # fmt: skip
 PAPER_DATA = ("tum", "kylberg", "kth_tips2b")
 PAPER_EXPERIMENTS = ("experiment=paper/", "experiment=table/")
 CHOICES = """\
@@ -75,7 +74,7 @@ def write_report(
     if profiles:
         parts.append(profiling_table(profiles, paper=paper))
     parts.append(_learning_curve(directory, systems, formats))
-    parts += [_confusions(directory, systems, formats), _pairs(directory, systems, formats)]
+    parts += [_confusions(directory, systems, formats), _pairs(systems)]
     if paper:
         parts += ["### Where the paper leaves a choice", CHOICES]
     write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
@@ -131,19 +130,39 @@ def _folds(system: System) -> str:
 
 
 def _learning_curve(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:
-    """Accuracy over the recordings of a class, where runs differ in that."""
-    curves = learning_curves(systems)
+    """Draw accuracy over the recordings of a class, where runs differ in that."""
+    curves = _learning_curves(systems)
     if not curves:
         return ""
     path = directory / "figures" / "learning_curve"
     file = save_figure(learning_figure(curves), path, formats)
-    write_curves(curves, directory / "learning_curve.csv")
+    rows = [
+        (name, *point, point.accuracy, *point.interval)
+        for name, points in curves.items()
+        for point in points
+    ]
+    write_rows(directory / "learning_curve.csv", LEARNING_COLUMNS, rows)
     return (
         "### Few recordings of a class\n\n"
         "Votes over the recordings of each class that were trained on, with Wilson's intervals; "
         "the numbers are in `learning_curve.csv`.\n\n"
         f"{picture('learning curves', file)}"
     )
+
+
+def _learning_curves(systems: Sequence[System]) -> dict[str, list[LearningPoint]]:
+    """Return points by system, in the order of their recordings, of systems with two or more."""
+    curves: dict[str, list[LearningPoint]] = {}
+    for system in systems:
+        items = system.variant.split(", ")
+        counts = [item.removeprefix(PER_CLASS) for item in items if item.startswith(PER_CLASS)]
+        if system.inside or not counts or not counts[-1].isdecimal():
+            continue
+        others = [item for item in items if item and not item.startswith(PER_CLASS)]
+        hits = [outcome.label == outcome.predicted for outcome in system.outcomes]
+        point = LearningPoint(int(counts[-1]), sum(hits), len(hits))
+        curves.setdefault(" ".join([system.model, *others]), []).append(point)
+    return {name: sorted(points) for name, points in curves.items() if len(points) > 1}
 
 
 def _profiles(runs: Sequence[Path]) -> dict[str, dict[str, Any]]:
@@ -184,32 +203,23 @@ def _confusions(directory: Path, systems: Sequence[System], formats: Sequence[st
     return "\n".join(["### Fragments by class", "", *lines]) if lines else ""
 
 
-def _pairs(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:
-    """Pairs that one sense confuses and another tells apart, with their recordings."""
-    by_kind: dict[str, System] = {}
+def _pairs(systems: Sequence[System]) -> str:
+    """List the pairs of classes that one sense confuses and another tells apart."""
+    senses: dict[str, System] = {}
     for system in _networks(systems):
-        by_kind.setdefault(system.kind, system)
-    if FUSION not in by_kind:
+        if system.kind != FUSION:
+            senses.setdefault(system.kind, system)
+    classes = [system.classes for system in senses.values()]
+    if len(senses) < 2 or any(names != classes[0] for names in classes):
         return ""
-    fusion = by_kind[FUSION]
-    title = "### Pairs that one sense confuses and another separates"
-    try:
-        branches = SurfaceClassifier.from_checkpoint(fusion.entries[0]["checkpoint"]).senses
-    except UserError as error:  # of a class that only the jobs' own processes trust
-        return "\n".join([title, "", f"Not drawn: {error}"])
-    senses = {name: by_kind[name] for name in branches if name in by_kind}
-    if len(senses) < 2 or any(each.classes != fusion.classes for each in senses.values()):
-        return ""
-    counts = {name: fragment_counts(each.outcomes, each.classes) for name, each in senses.items()}
-    pairs = confused_pairs(counts, fusion.classes)
-    if not pairs:
-        return ""
-    figure = pairs_figure(pairs, fusion.outcomes, branches.values())
-    file = save_figure(figure, directory / "figures" / "confused_pairs", formats)
+    counts = {
+        name: fragment_counts(system.outcomes, system.classes) for name, system in senses.items()
+    }
     lines = [
         f"- {' and '.join(map(to_markdown, pair.classes))}: confused by the {pair.confused_by} "
         f"network ({pair.confusion:.1%} of fragments), not by the {pair.separated_by} network "
         f"({pair.other:.1%})"
-        for pair in pairs
+        for pair in confused_pairs(counts, classes[0])
     ]
-    return "\n".join([title, "", *lines, "", picture("confused pairs", file)])
+    title = "### Pairs that one sense confuses and another separates"
+    return "\n".join([title, "", *lines]) if lines else ""

@@ -1,14 +1,34 @@
 """How long signals are, at which rates, and which rates are probably wrong."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from statistics import median
+from statistics import median as median_of
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.quality import TOLERANCES
 from tex_lightning.data.rates import SOURCES, RateSource
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
-from tex_lightning.report.numbers import spread
+
+
+def spread(values: Sequence[float], unit: str, form: str, *, median: bool = False) -> str:
+    """Least and largest of some numbers, once if they read alike, and the median if asked for.
+
+    Args:
+        values: At least one.
+        unit: What stands behind them.
+        form: Format of a number.
+        median: Whether the median goes before them.
+    """
+    low, high = format(min(values), form), format(max(values), form)
+    behind = f" {unit}" if unit else ""
+    if low == high:
+        return f"{low}{behind}"
+    if median:
+        return f"median {format(median_of(values), form)}{behind} ({low} to {high})"
+    return f"{low} to {high}{behind}"
+
 
 FACTOR = 2  # by which a duration must differ from the others' to be pointed out
 SHOWN = 3  # classes in the warning

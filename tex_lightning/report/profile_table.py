@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from tex_lightning.evaluation.outcomes import RANDOM
-from tex_lightning.report.paper import paper_table
 from tex_lightning.report.style import GUIDE, colour_of, styled
-from tex_lightning.report.table import make_table, print_tables
+from tex_lightning.report.table import make_table, paper_table, print_tables
 
 Network = dict[str, Any]
 

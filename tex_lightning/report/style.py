@@ -15,6 +15,8 @@ from zlib import crc32
 from matplotlib import rc_context
 from matplotlib.colors import to_hex, to_rgb
 
+from tex_lightning.text import printable
+
 FAMILIES = {"haptic": "#0072b2", "visual": "#009e73", "sound": "#56b4e9", "fusion": "#cc79a7"}
 OTHERS = ("#e69f00", "#d55e00", "#332288", "#661100")
 DARKER = 0.5  # of a family's colour, for every other variant
@@ -39,7 +41,6 @@ STYLE: Any = {
     "pdf.fonttype": 42,  # TrueType: publishers refuse the Type 3 that is Matplotlib's default
     "svg.hashsalt": "tex_lightning",  # the same figure gives the same file
 }
-
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -118,3 +119,13 @@ def _colours(name: str) -> list[str]:
         return list(OTHERS)
     red, green, blue = (DARKER * part for part in to_rgb(hue))
     return [hue, to_hex((red, green, blue))]
+
+
+LABEL_SIZE = 7  # points
+MAX_NAME = 44  # characters of a name
+
+
+def brief(name: str, longest: int = MAX_NAME) -> str:
+    """A name as a figure has it, in at most about so many characters: without its middle."""
+    name, half = printable(name), longest // 2
+    return name if len(name) <= longest else f"{name[:half]}…{name[-half:]}"

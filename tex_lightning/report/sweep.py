@@ -141,7 +141,7 @@ class SweepSummary(Callback):
         write_rows(directory / "sweep.csv", columns, table)
         _print(rows, directory)
         from tex_lightning.report.document import write_report  # heavy, and only now needed
-        from tex_lightning.report.page.writing import write_page
+        from tex_lightning.report.page import write_page
 
         command = rerun_command(config, directory)
         chosen: Any = OmegaConf.to_container(OmegaConf.select(config, "figures"))

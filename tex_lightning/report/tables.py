@@ -7,10 +7,8 @@ from typing import Any
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.mcnemar import mcnemar
 from tex_lightning.evaluation.outcomes import summarise
-from tex_lightning.report.conditions import condition_rows
-from tex_lightning.report.paper import paper_table
 from tex_lightning.report.systems import System
-from tex_lightning.report.table import NONE, rejections, seconds
+from tex_lightning.report.table import NONE, condition_rows, paper_table, rejections, seconds
 from tex_lightning.text import to_markdown
 
 KIND_TABLES = ("haptic", "visual", "fusion")

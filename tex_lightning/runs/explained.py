@@ -19,8 +19,7 @@ from tex_lightning.inference.evidence import gather
 from tex_lightning.inference.prediction import describe
 from tex_lightning.report.explanation import Explanation
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.page.label_maps import map_folder, write_map
-from tex_lightning.report.page.media import MOST_SAMPLES
+from tex_lightning.report.page_media import MOST_SAMPLES, map_folder, write_map
 
 CANDIDATES = 3  # classes whose votes are shown
 

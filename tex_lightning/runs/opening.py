@@ -16,8 +16,7 @@ from tex_lightning.data.folds import split
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.data.unusable import Unusable, list_files
-from tex_lightning.report.durations import describe_rates, mixed_rates, unlike_the_others
-from tex_lightning.report.numbers import spread
+from tex_lightning.report.durations import describe_rates, mixed_rates, spread, unlike_the_others
 from tex_lightning.runs.leaks import repeated_content
 
 WIDTH, NARROWEST, INDENT = 80, 40, 10

@@ -18,8 +18,7 @@ from tex_lightning.evaluation.early_stopping import (
     write_settings,
 )
 from tex_lightning.inference.early_stopping import SEQUENTIAL, SequentialClassifier, needs_threshold
-from tex_lightning.report.figures import save_figure
-from tex_lightning.report.sequential_chart import sequential_figure
+from tex_lightning.report.figures import save_figure, sequential_figure
 
 ALPHA, THRESHOLD = "alpha", "confidence_threshold"
 FILE = "sequential.csv"

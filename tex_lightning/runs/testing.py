@@ -18,9 +18,8 @@ from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.costs import count_macs
 from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
 from tex_lightning.inference.unknown import warn_of_few
-from tex_lightning.report.calibration_figure import calibration_figure
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
-from tex_lightning.report.figures import save_figure
+from tex_lightning.report.figures import calibration_figure, save_figure
 from tex_lightning.runs.sequential import report_sequential
 
 

@@ -31,9 +31,14 @@ from tex_lightning.evaluation.outcomes import (
     write_results,
 )
 from tex_lightning.learning.loggers import log_test
-from tex_lightning.report.conditions import write_conditions
 from tex_lightning.report.document import write_report
-from tex_lightning.report.table import print_results, python_command, run_flags, run_overrides
+from tex_lightning.report.table import (
+    print_results,
+    python_command,
+    run_flags,
+    run_overrides,
+    write_conditions,
+)
 from tex_lightning.runs.explained import Tested, draw_explanations, drawn_rows
 from tex_lightning.runs.fold import fit_fold, results_frame
 from tex_lightning.runs.opening import Opening, trained_networks

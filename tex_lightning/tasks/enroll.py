@@ -22,8 +22,7 @@ from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import counted
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.learning.enrolment import check_extensible
-from tex_lightning.report.conditions import write_conditions
-from tex_lightning.report.table import NEW, OLD, print_results
+from tex_lightning.report.table import NEW, OLD, print_results, write_conditions
 from tex_lightning.runs.enrolment import (
     enroll,
     forget_classes,

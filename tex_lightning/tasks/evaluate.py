@@ -16,8 +16,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.learning.loggers import log_test
-from tex_lightning.report.conditions import write_conditions
-from tex_lightning.report.table import print_results
+from tex_lightning.report.table import print_results, write_conditions
 from tex_lightning.runs.explained import draw_telling
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.tested import held_out_to_test, open_store, recordings_to_test

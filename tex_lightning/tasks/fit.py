@@ -10,8 +10,7 @@ from tex_lightning.config.job import Job
 from tex_lightning.core.files import read_record
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.outcomes import write_results
-from tex_lightning.report.conditions import write_conditions
-from tex_lightning.report.table import print_results
+from tex_lightning.report.table import print_results, write_conditions
 from tex_lightning.runs.fold import fit_fold, results_frame
 from tex_lightning.runs.opening import Opening, trained_networks
 from tex_lightning.runs.workspace import open_workspace

@@ -27,13 +27,14 @@ from tex_lightning.evaluation.choice import (
 )
 from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
 from tex_lightning.evaluation.pairing import correct_shares
-from tex_lightning.report.added_senses import print_added_senses, write_added_senses
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import (
     PROCEDURE,
     Point,
     frontier_figure,
+    print_added_senses,
     print_frontier,
+    write_added_senses,
     write_frontier,
 )
 from tex_lightning.report.table import is_tiny

@@ -27,8 +27,13 @@ from tex_lightning.perturbations.table import (
     signal_perturbations,
 )
 from tex_lightning.report.figures import save_figure
-from tex_lightning.report.stability_figures import stability_figures
-from tex_lightning.report.stability_tables import Break, print_stability, write_breaks, write_trials
+from tex_lightning.report.stability_charts import (
+    Break,
+    print_stability,
+    stability_figures,
+    write_breaks,
+    write_trials,
+)
 from tex_lightning.runs.systems import load_systems, skipped_files
 from tex_lightning.stability.system import System
 from tex_lightning.stability.trial import (

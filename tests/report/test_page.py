@@ -14,9 +14,8 @@ import pytest
 import soundfile
 from PIL import Image
 
-from tex_lightning.report.page.curves import read_curves
-from tex_lightning.report.page.media import shown_samples
-from tex_lightning.report.page.writing import write_page
+from tex_lightning.report.page import read_curves, write_page
+from tex_lightning.report.page_media import shown_samples
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-quic"]

@@ -12,8 +12,14 @@ from PIL import Image
 
 from tex_lightning.evaluation.outcomes import Outcome, write_outcomes
 from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equal_parts
-from tex_lightning.report.page.label_maps import LEGEND, SIDE, find_maps, map_folder, write_map
-from tex_lightning.report.page.media import shown_samples
+from tex_lightning.report.page_media import (
+    LEGEND,
+    SIDE,
+    find_maps,
+    map_folder,
+    shown_samples,
+    write_map,
+)
 
 CLASSES = ["alpha", "beta", "gamma", "delta"]
 BLUE, RED, YELLOW = (255 * np.array(to_rgb(colour)) for colour in LEGEND.values())

@@ -1,8 +1,12 @@
 """Write ``report.html`` from what a run folder holds."""
 
+import csv
 import math
+from collections import defaultdict
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 from urllib.parse import unquote
 
@@ -10,10 +14,8 @@ from jinja2 import Environment, StrictUndefined
 from markdown_it import MarkdownIt
 
 from tex_lightning.core.files import read_record, read_rows, write_text
-from tex_lightning.report.figures import SHOWN
-from tex_lightning.report.page.curves import Curve, read_curves
-from tex_lightning.report.page.label_maps import LEGEND, map_folder
-from tex_lightning.report.page.media import embedded, is_broad, shown_samples
+from tex_lightning.report.figures import SUFFIXES
+from tex_lightning.report.page_media import LEGEND, embedded, is_broad, map_folder, shown_samples
 from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
     TINY,
@@ -23,6 +25,51 @@ from tex_lightning.report.table import (
     run_flags,
     run_overrides,
 )
+
+METRICS = {
+    "train/loss": "training loss",
+    "train/fragment_accuracy": "fragment accuracy in training",
+    "val/loss": "validation loss",
+    "val/vote_accuracy": "validation votes",
+}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One metric of one network.
+
+    Attributes:
+        network: Its name.
+        metric: In words.
+        values: One for each epoch, a mean over its steps; of several folds the first one's.
+    """
+
+    network: str
+    metric: str
+    values: list[float]
+
+
+def read_curves(directory: Path) -> list[Curve]:
+    """The curves of a run; of a cross-validation those of its first fold."""
+    own = sorted(directory.glob("metrics/*/metrics.csv"))
+    folds = sorted(directory.glob("folds/*/metrics/*/metrics.csv"))
+    first = [path for path in folds if path.parts[-4] == folds[0].parts[-4]]
+    found = [curve for path in [*own, *first] if path.is_file() for curve in _curves(path)]
+    return [curve for curve in found if len(curve.values) > 1]
+
+
+def _curves(path: Path) -> list[Curve]:
+    values: dict[str, dict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
+    with path.open(newline="", encoding="utf-8") as stream:
+        for line in csv.DictReader(stream):
+            for key in METRICS:
+                if line.get(key) and line.get("epoch"):
+                    values[key][int(line["epoch"])].append(float(line[key]))
+    return [
+        Curve(path.parent.name, METRICS[key], [fmean(steps) for _, steps in sorted(epochs.items())])
+        for key, epochs in values.items()
+    ]
+
 
 PAGE = "report.html"
 REPORT = "report.md"
@@ -47,7 +94,7 @@ def write_page(directory: Path, command: str | None = None) -> None:
     shown = _rendered(report, directory) if report.is_file() else ""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     template = environment.from_string(
-        files("tex_lightning.report.page").joinpath("page.html").read_text(encoding="utf-8")
+        files("tex_lightning.report").joinpath("page.html").read_text(encoding="utf-8")
     )
     networks = facts(results)
     page = template.render(
@@ -100,7 +147,7 @@ def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
     No browser shows a PDF in a page: without a PNG or SVG of the figure the source is its file.
     """
     found: dict[Path, Path] = {}
-    for suffix in reversed(SHOWN):
+    for suffix in reversed(SUFFIXES):
         for pattern in (f"*{suffix}", f"figures/*{suffix}"):
             found |= {
                 path.with_suffix(""): path for path in directory.glob(pattern) if path.is_file()
