@@ -15,6 +15,7 @@ from tex_lightning.config.composition import run_composed
 from tex_lightning.config.job import current_job
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.search import split_config_dir, use_config_dir
+from tex_lightning.core.contract import fault_of
 from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.errors import UserError, shorten
@@ -150,6 +151,8 @@ def as_mistake(error: Exception, arguments: Sequence[str], *, began: bool) -> Us
     """
     if isinstance(error, UserError):
         return error
+    if fault_of(error) is not None:  # of the user's own code, which keeps its traceback
+        return None
     if isinstance(error, MISTAKES):
         return explain(error, arguments, CONF)
     if began:

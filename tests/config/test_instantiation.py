@@ -1,12 +1,16 @@
 """Classes of every form are built from a node."""
 
+import traceback
 from dataclasses import InitVar, dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tex_lightning.config.instantiation import build_typed, find_class
+from tex_lightning.config.instantiation import build, build_typed
+from tex_lightning.config.trust import make, trust
+from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError
 
 
@@ -45,7 +49,7 @@ def node(cls: type, **values: object) -> dict[str, object]:
 
 def test_types_of_a_dataclass_hold():
     assert build_typed("data.reader", node(Plain, folder="a", rate=3)).rate == 3
-    with pytest.raises(UserError, match=r"data\.reader cannot be made: Value 'fast'"):
+    with pytest.raises(UserError, match=r"data\.reader fails: Value 'fast'"):
         build_typed("data.reader", node(Plain, folder="a", rate="fast"))
     with pytest.raises(UserError, match=r"no key data\.reader\.rat \(did you mean .*rate"):
         build_typed("data.reader", node(Plain, folder="a", rat=3))
@@ -70,10 +74,43 @@ def test_nodes_inside_are_built():
     assert made("abc") == 3
 
 
-def test_a_broken_import_in_a_module_is_named_and_no_missing_attribute(tmp_path, monkeypatch):
+BROKEN = {
+    "an import": ("import no_such_library\n", ModuleNotFoundError, "parts.py"),
+    "a name": ("from json import nothing_of_the_kind\n", ImportError, "parts.py"),
+    "syntax": ("class Net:\n    def\n", SyntaxError, None),
+    "a constructor": (
+        "class Net:\n    def __init__(self):\n        raise KeyError('boom')\n",
+        KeyError,
+        "parts.py",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "kind", "shown"), BROKEN.values(), ids=BROKEN)
+@pytest.mark.parametrize("maker", [build, make])
+def test_what_a_users_own_module_raises_keeps_its_traceback_after_its_key(
+    tmp_path, monkeypatch, maker, text, kind, shown
+):
+    package = f"broken_{tmp_path.name.replace('-', '_')}"
     monkeypatch.syspath_prepend(str(tmp_path))
-    (tmp_path / "half_broken").mkdir()
-    (tmp_path / "half_broken" / "__init__.py").touch()
-    (tmp_path / "half_broken" / "parts.py").write_text("import no_such_library\n")
-    with pytest.raises(UserError, match="No module named 'no_such_library'"):
-        find_class("model.force.network", {"_target_": "half_broken.parts.Net"})
+    monkeypatch.setattr("tex_lightning.config.trust._TRUSTED", {package})
+    (tmp_path / package).mkdir()
+    (tmp_path / package / "__init__.py").touch()
+    (tmp_path / package / "parts.py").write_text(text)
+    with pytest.raises(kind) as caught:
+        maker("model.force.network", {"_target_": f"{package}.parts.Net"})
+    said, where = fault_of(caught.value)
+    assert said == f"model.force.network raised {kind.__name__} while it was imported or made."
+    frames = traceback.extract_tb(where)
+    assert {Path(frame.filename).name for frame in frames[:1]} == ({shown} if shown else set())
+
+
+@pytest.mark.parametrize("maker", [build, make])
+def test_what_the_packages_classes_refuse_and_what_is_not_there_stay_one_sentence(maker):
+    for target, said in (
+        ("tex_lightning.networks.hapticnet.Nothing", "has no attribute 'Nothing'"),
+        ("tex_lightning.networks.linear.LinearNet", "missing .* required .*argument"),
+    ):
+        trust(target)
+        with pytest.raises(UserError, match=rf"^model\.x fails: .*{said}.*; correct its _target_"):
+            maker("model.x", {"_target_": target})

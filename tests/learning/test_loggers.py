@@ -75,7 +75,7 @@ def test_what_is_not_there_is_refused_before_anything_is_read(cli, surfaces, tmp
     wrong = f"{'+' * key.endswith('mine')}{key}._target_=own_parts.Nothing"
     outcome = cli(*arguments(surfaces), wrong, f"hydra.run.dir={tmp_path}/r")
     assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome.err
-    assert f"Error: {key} cannot be made: " in outcome.err
+    assert f"Error: {key} fails: " in outcome.err
 
 
 def test_a_users_callback_is_called(run):

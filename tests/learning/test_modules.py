@@ -130,7 +130,7 @@ def test_a_schedule_may_be_a_function():
     [
         (
             {"_target_": "torch.optim.Adan", "_partial_": True},
-            "^model.haptic.fit.optimizer cannot be made: ",
+            "^model.haptic.fit.optimizer fails: ",
         ),
         ({"_target_": "torch.optim.SGD", "_partial_": True, "x": 1}, "unexpected keyword argument"),
         ({"lr": 1}, "fit.optimizer has no _target_"),

@@ -12,7 +12,7 @@ from tex_lightning.baselines.making import WHERE, make_baseline
 from tex_lightning.classifier.card import Card, damaged, named, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config.trust import make_value, trusted_class
-from tex_lightning.core.contract import breach, calling, describe, fault_of
+from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.core.files import write_atomically
 from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording
@@ -217,8 +217,6 @@ def load_trained(path: str | Path) -> Trained:
     except UserError as error:
         raise named(path, error) from error
     except Exception as error:  # damage shows in as many ways as there are formats
-        if fault_of(error) is not None:
-            raise
         raise damaged(path, error) from error
     return Trained.of(classifier, path, content)
 

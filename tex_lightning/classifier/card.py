@@ -14,6 +14,7 @@ from tex_lightning.config.fit import LARGEST
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.config.tasks import MAX_PAIRS
+from tex_lightning.core.contract import fault_of
 from tex_lightning.core.quiet import quietly
 from tex_lightning.decision.calibration import novelty_threshold
 from tex_lightning.decision.voting import RULES
@@ -185,7 +186,13 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
 
 
 def damaged(path: Path, error: Exception) -> UserError:
-    """Return the error for a checkpoint that cannot be read."""
+    """Return the error for a checkpoint that cannot be read.
+
+    Raises:
+        Exception: The given one, where a user's own class has raised it.
+    """
+    if fault_of(error) is not None:
+        raise error
     what = str(error) if isinstance(error, CardError) else type(error).__name__
     return UserError(
         f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "

@@ -3,9 +3,11 @@
 import importlib
 import inspect
 import pkgutil
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from types import TracebackType
 from typing import Any
 
 from hydra.errors import InstantiationException
@@ -14,11 +16,13 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from tex_lightning.config.check_ranges import nearest
+from tex_lightning.core.contract import blame
 from tex_lightning.errors import UserError, listed, shorten
 
 TARGET = "_target_"
 HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 OWN = "tex_lightning."
+LIBRARIES = ("tex_lightning", "hydra", "omegaconf", "torch", "torchvision", "lightning", "kornia")
 INSTALL = "pip install 'tex_lightning[baselines]'"
 
 
@@ -37,9 +41,10 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     """
     _check_named(where, node)
     # a function can stand for what is called later; a checkpoint names classes alone
-    find = find_callable if node.get("_partial_") else find_class
+    find = find_class if offered and not node.get("_partial_") else find_callable
+    called = find(where, node)  # Hydra would hide what its module raises
     with making(where):
-        taken = inspect.signature(find(where, node)).parameters if offered else {}
+        taken = inspect.signature(called).parameters if offered else {}
         more = {key: value for key, value in offered.items() if key in taken and key not in node}
         return instantiate({"_convert_": "all", **node}, **more)
 
@@ -169,19 +174,45 @@ def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
 
 @contextmanager
 def making(where: str) -> Iterator[None]:
-    """Name the key of a node whose class or module, perhaps the user's, raises any error."""
+    """Name the key of a node whose class or module raises any error.
+
+    What code of the user's raises keeps its traceback.
+
+    Raises:
+        UserError: If a class of a library refuses, or there is none of this name.
+    """
     try:
         yield
     except UserError:
         raise
     except Exception as error:
-        raise UserError(f"{where} cannot be made: {_reason(error)}") from error
+        cause = _innermost(error)
+        own = _from_users_code(cause.__traceback__)
+        if own is None and not isinstance(cause, SyntaxError):
+            raise UserError(f"{where} fails: {_reason(cause)}") from error
+        said = f"{where} raised {type(cause).__name__} while it was imported or made."
+        blame(cause, said, own)
+        raise cause from cause.__cause__
+
+
+def _innermost(error: Exception) -> Exception:
+    while isinstance(error, InstantiationException) and isinstance(error.__cause__, Exception):
+        error = error.__cause__
+    return error
+
+
+def _from_users_code(where: TracebackType | None) -> TracebackType | None:
+    """A traceback from its first line of a user's code on; None if it has none."""
+    while where is not None:
+        package = str(where.tb_frame.f_globals.get("__name__")).partition(".")[0]
+        if package not in LIBRARIES and package not in sys.stdlib_module_names:
+            return where
+        where = where.tb_next
+    return None
 
 
 def _reason(error: Exception) -> str:
-    """The innermost cause in one line."""
-    while isinstance(error, InstantiationException) and isinstance(error.__cause__, Exception):
-        error = error.__cause__
+    """What an error says, in one line."""
     lines = str(error).splitlines()
     if isinstance(error, OmegaConfBaseException):  # what follows is of its own insides
         lines = lines[:1]

@@ -47,15 +47,26 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
     except UserError:
         raise
     except Exception as error:
-        if not hasattr(error, FAULT):
-            said = f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}."
-            error.add_note(said)
-            setattr(error, FAULT, (said, error.__traceback__))
+        said = f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}."
+        blame(error, said, error.__traceback__)
         raise
 
 
+def blame(error: Exception, said: str, where: TracebackType | None) -> None:
+    """Note on an error of a user's class what is shown before its traceback, if nothing is yet.
+
+    Args:
+        error: What it raised.
+        said: One line that names its key.
+        where: The part of the traceback to show.
+    """
+    if not hasattr(error, FAULT):
+        error.add_note(said)
+        setattr(error, FAULT, (said, where))
+
+
 def fault_of(error: BaseException) -> tuple[str, TracebackType | None] | None:
-    """Return what :func:`calling` noted on an error, and its traceback from there on."""
+    """Return what :func:`blame` noted on an error, and the part of its traceback to show."""
     found: tuple[str, TracebackType | None] | None = getattr(error, FAULT, None)
     return found
 
