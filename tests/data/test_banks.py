@@ -7,8 +7,7 @@ from conftest import ramp
 from scipy import stats
 
 from tex_lightning.data import banks
-from tex_lightning.data.banks import InputBank, PhotoBank
-from tex_lightning.data.spool import spooled
+from tex_lightning.data.banks import InputBank, PhotoBank, spooled
 from tex_lightning.errors import UserError
 
 FIRST = np.array([0]), np.random.default_rng(0)

@@ -7,15 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tex_lightning.config import Folding
-from tex_lightning.data.conditions import (
+from tex_lightning.data.folds import (
     as_override,
     check_conditions,
+    check_split,
     comparable,
     describe,
     in_order,
     shown,
+    split,
 )
-from tex_lightning.data.folds import check_split, split
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 

@@ -105,7 +105,7 @@ def test_named_groups_stay_together_across_modalities_and_no_fold_is_empty(group
 
 @pytest.mark.parametrize("name", ["borealtc", "fabricslide"])
 def test_real_manifests_with_named_groups_are_split_without_a_leak(shared, name):
-    reader = {"_target_": "tex_lightning.data.readers.manifest.ManifestReader"}
+    reader = {"_target_": "tex_lightning.data.readers.folder.ManifestReader"}
     reader["manifest"] = str(shared / "data" / name / "manifest.csv")
     rows = read_recordings(DataConfig(reader=reader, folds=5))
     shares = Counter((row.label, row.fold) for row in rows)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.data.parts import (
+from tex_lightning.data.recordings import (
     cut_part,
     equal_parts,
     name_part,

@@ -154,7 +154,7 @@ def test_a_manifest_keeps_the_rates_of_a_folder(root, tmp_path):
     again = read_recordings(
         DataConfig(
             reader={
-                "_target_": f"{READERS}.manifest.ManifestReader",
+                "_target_": f"{READERS}.folder.ManifestReader",
                 "manifest": str(tmp_path / "m.csv"),
             },
             folds=10,

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tex_lightning.data.decode import to_rate
-from tex_lightning.data.resampling import Resampler
+from tex_lightning.data.decode import Resampler, to_rate
 from tex_lightning.errors import UserError
 
 TRACE = np.random.default_rng(0).standard_normal((3, 9000)) + 9.8

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 import torch
 
+from tex_lightning.data.banks import spooled
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
-from tex_lightning.data.parts import equal_parts
 from tex_lightning.data.readers.folder import read_folder
-from tex_lightning.data.recordings import Recording
-from tex_lightning.data.spool import spooled
+from tex_lightning.data.recordings import Recording, equal_parts
 from tex_lightning.data.store import Store, cache_root, fingerprint
 from tex_lightning.errors import UserError
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tex_lightning.data.readers import checked_table
 from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.data.table_check import checked_table
 from tex_lightning.errors import UserError
 
 ROWS = tuple(

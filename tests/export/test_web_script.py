@@ -16,8 +16,7 @@ from scipy.signal import resample_poly
 from tex_lightning.classifier.classifier import content_seed
 from tex_lightning.data.decode import halve, rate_ratio
 from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
-from tex_lightning.data.text_traces import read_text_trace
-from tex_lightning.data.trace_files import read_axes
+from tex_lightning.data.trace_files import read_axes, read_text_trace
 from tex_lightning.decision.voting import random_tuples
 from tex_lightning.export import web_page
 

@@ -12,8 +12,7 @@ from PIL import Image
 from tex_lightning.config import CONF, Config, register
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.recordings import Note, Recording, Recordings
-from tex_lightning.data.store import Store
-from tex_lightning.data.unusable import Unusable
+from tex_lightning.data.store import Store, Unusable
 from tex_lightning.runs.opening import Opening
 
 

@@ -14,9 +14,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config.trust import make_value, trusted_class
 from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.core.files import write_atomically
-from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.features.dft321 import dft321, quick_length
 from tex_lightning.features.spectrogram import movement_start

@@ -16,9 +16,8 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from tex_lightning.data.banks import WHOLE, Bank, Indices
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.loading import load_sample
 from tex_lightning.data.recordings import class_indices
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_sample
 
 Batch = dict[str, Any]  # tensors, and mappings of them
 UNSEEN = 1 << 32  # keeps the streams of epochs apart from those of batches

@@ -1,4 +1,4 @@
-"""The sampling rate of a trace, and its source.
+"""The sampling rate of a trace, its source, and the small CSV tables that state it.
 
 The file itself decides first: the header of a WAV file, or a column of time. Then come the
 statements beside it: the manifest or the reader, a sidecar ``FILE.json`` with the key ``rate``
@@ -7,24 +7,71 @@ statements beside it: the manifest or the reader, a sidecar ``FILE.json`` with t
 assumption. All statements about one file must agree.
 """
 
+import csv
 import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
-from tex_lightning.core.files import is_file, read_json, resolved
-from tex_lightning.data.tables import read_table
+from tex_lightning.core.files import check_lines, is_file, read_json, resolved
 from tex_lightning.data.time_column import RawTrace
 from tex_lightning.data.trace_files import axis_paths, same_rate
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError, reason, shorten
+from tex_lightning.text import from_cell
+
+Record = dict[str, str]
+
+
+def read_table(path: Path, what: str, needed: tuple[str, ...]) -> list[tuple[int, Record]]:
+    """Read the records of a CSV file, with commas or semicolons, by the names in its first line.
+
+    Args:
+        path: An existing file.
+        what: What to call it in messages.
+        needed: Columns that it must have.
+
+    Returns:
+        Number of the line and record, for each.
+
+    Raises:
+        UserError: If it is no UTF-8 CSV, or a column is missing.
+    """
+    try:
+        check_lines(path)
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            first = stream.readline()
+            stream.seek(0)
+            delimiter = ";" if ";" in first and "," not in first else ","
+            reader = csv.DictReader(stream, delimiter=delimiter)
+            names = [name.strip() for name in reader.fieldnames or ()]
+            reader.fieldnames = names
+            records = [
+                (reader.line_num, {name: _text(cell) for name, cell in line.items()})
+                for line in reader
+            ]
+    except (OSError, ValueError, csv.Error) as error:
+        raise UserError(
+            f"{what} {path} is not a UTF-8 CSV file ({reason(error)}); save it as CSV."
+        ) from error
+    missing = [column for column in needed if column not in names]
+    if missing:
+        raise UserError(
+            f"{what} {path} lacks the column {', '.join(missing)}; "
+            f"its first line must name {','.join(needed)}."
+        )
+    return records
+
+
+def _text(cell: Any) -> Any:  # noqa: ANN401  (a short line has None, a long one a list)
+    return from_cell(cell) if isinstance(cell, str) else cell
+
 
 RATES_TABLE = "rates.csv"
 LEVELS = 3  # ROOT/CLASS/haptic: a table may lie in each
 OTHER_NAMES = {"samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fs", "hz"}
-
 RateSource = Literal["header", "time column", "stated", "assumed"]
 SOURCES: tuple[RateSource, ...] = get_args(RateSource)
 

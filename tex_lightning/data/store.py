@@ -12,26 +12,57 @@ import json
 import os
 import stat
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 import platformdirs
+import torch
+from torch import Tensor
 
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.files import require_file, resolved, write_atomically
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder, SignalDecoder
-from tex_lightning.data.parts import cut_part
+from tex_lightning.data.folds import Sample
 from tex_lightning.data.rates import SOURCES, SourceRate
-from tex_lightning.data.recordings import Recording
+from tex_lightning.data.recordings import Recording, cut_part
 from tex_lightning.data.trace_files import axis_files, axis_paths
-from tex_lightning.data.unusable import Unusable
 from tex_lightning.errors import UserError
+
+MAX_LINES = 20
+
+
+@dataclass(frozen=True)
+class Unusable:
+    """A recording that cannot be decoded, or gives no fragment.
+
+    Attributes:
+        recording: Its row in the table.
+        reason: A sentence that names the file.
+    """
+
+    recording: Recording
+    reason: str
+
+
+def list_files(unusable: Sequence[Unusable]) -> list[str]:
+    """A line for each file, up to a number that a terminal shows."""
+    lines = [f"- {each.reason}" for each in unusable[:MAX_LINES]]
+    if len(unusable) > MAX_LINES:
+        lines.append(f"… and {len(unusable) - MAX_LINES} more")
+    return lines
+
+
+def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
+    """Entry of ``results.json`` for the files that were left out."""
+    return [{"path": each.recording.source, "reason": each.reason} for each in unusable]
+
 
 FINGERPRINT_BYTES = 65_536
 LAYOUT = 4  # of an entry: what an earlier version decoded otherwise is decoded anew
@@ -40,9 +71,7 @@ EMPTIED = (FileNotFoundError, FileExistsError)  # its folder is deleted while an
 RATE_BYTES = 152  # of three numbers as .npy, which stand behind the array of a trace
 CHECKSUM_BYTES = 4  # at the end of every entry
 CHUNK = 1 << 20  # bytes that are read at once
-
 _CHECKED: dict[Path, tuple[int, ...]] = {}  # entries that are whole, as this process saw them
-
 Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
 
@@ -262,3 +291,13 @@ def _load_rate(entry: Path) -> SourceRate:
         stream.seek(-RATE_BYTES - CHECKSUM_BYTES, os.SEEK_END)
         hz, source, interpolated = np.load(stream, allow_pickle=False).tolist()
     return SourceRate(hz, SOURCES[int(source)], bool(interpolated))
+
+
+def load_recording(row: Recording, store: Store) -> Tensor:
+    """A decoded recording, copied to memory."""
+    return torch.from_numpy(np.array(store.load(row)))
+
+
+def load_sample(sample: Sample, store: Store) -> dict[str, Tensor]:
+    """Decoded recordings of a sample by modality, copied to memory."""
+    return {name: load_recording(row, store) for name, row in sample.recordings.items()}

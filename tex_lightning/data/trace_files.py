@@ -1,9 +1,26 @@
-"""Samples of a trace as they stand in its file, or in three with an axis each."""
+"""Samples of a trace as they stand in its file, or in three with an axis each.
 
+Sounds and NumPy arrays are read by their libraries. Text has one sample a line, in columns that
+stand apart by comma, semicolon, tab or space; understood are decimal commas, comment lines that
+begin with ``#`` or ``%``, up to two lines of names and units, byte order marks, UTF-16, trailing
+delimiters and a column of time (:mod:`.time_column`).
+
+XML is that of the Penn Haptic Texture Toolkit (HaTT): ``SampleRate`` holds the rate in Hz,
+``AccelX``, ``AccelY`` and ``AccelZ`` the samples, as do ``x``, ``y`` and ``z`` inside ``Accel`` or,
+for one axis, ``Accel``. White space, commas, semicolons or elements divide the numbers. Other
+elements are passed over. A document type is refused, so that no entity can expand.
+"""
+
+import codecs
 import math
 import re
+from collections import defaultdict
+from contextlib import suppress
 from dataclasses import replace
+from math import inf
 from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +28,199 @@ import soundfile
 
 from tex_lightning.core.files import check_lines, is_file, require_file
 from tex_lightning.core.quiet import quietly
-from tex_lightning.data.text_traces import read_text_trace
-from tex_lightning.data.time_column import RawTrace, choose_channel
-from tex_lightning.data.xml_traces import read_xml_trace
+from tex_lightning.data.time_column import RawTrace, choose_channel, separate_time
 from tex_lightning.errors import UserError, reason
+
+MARKS = ("#", "%")
+PLAIN = b"0123456789+-.eE\r\n"  # of a file of one number a line
+MAX_HEADER = 2  # names and units
+
+
+def read_text_trace(path: Path, channel: int | None = None) -> RawTrace:
+    """Read the columns of a text file and take its column of time out of them.
+
+    Of the others one is kept if ``channel``, counted from 0, says which.
+
+    Raises:
+        ValueError: If it holds no numbers, or they cannot be told apart.
+        UserError: If its column of time cannot be used.
+    """
+    content = path.read_bytes()
+    if content.strip() and not content.translate(None, PLAIN):  # no dialect to find out
+        with suppress(ValueError):
+            return separate_time(path, np.loadtxt(path, ndmin=2), None, None, channel)
+    comments, header, data = _divide(_decode(content))
+    if not data:
+        raise ValueError("no numbers")
+    if len(header) > MAX_HEADER:
+        raise ValueError(f"{len(header)} lines of words before the numbers: begin them with #")
+    delimiter, decimal_comma = _dialect(data)
+    lines = [line.replace(",", ".") for line in data] if decimal_comma else data
+    columns = np.loadtxt(lines, delimiter=delimiter, ndmin=2)
+    names, units = _names(header or comments[-MAX_HEADER:], delimiter, columns.shape[1])
+    return separate_time(path, columns, names, units, channel)
+
+
+def _decode(content: bytes) -> str:
+    """Text of UTF-16 (Excel's "Unicode text"), UTF-8 or, for names alone, Latin-1."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _divide(text: str) -> tuple[list[str], list[str], list[str]]:
+    """Comments before the numbers, header, and lines of numbers; no quotes, no trailing marks."""
+    comments: list[str] = []
+    header: list[str] = []
+    data: list[str] = []
+    for raw in text.replace('"', "").splitlines():
+        line = raw.strip().rstrip(";,\t ")
+        if line.startswith(MARKS):
+            if not data:
+                comments.append(line.lstrip("#% \t"))
+        elif line and (data or _is_numbers(line)):
+            data.append(line)
+        elif line:
+            header.append(line)
+    return comments, header, data
+
+
+def _is_numbers(line: str) -> bool:
+    try:
+        [float(field) for field in re.split(r"[;,\s]+", line) if field]
+    except ValueError:
+        return False
+    return True
+
+
+def _dialect(data: list[str]) -> tuple[str | None, bool]:
+    """Delimiter (None is white space) and whether commas are decimal commas."""
+    first = data[0]
+    if ";" in first:
+        delimiter = ";"
+    elif "," in first and not re.search(r"\d[ \t]+[-+.\d]", first):
+        return ",", False
+    else:
+        delimiter = None
+    if not any("," in line for line in data):
+        return delimiter, False
+    if any("." in line for line in data):
+        raise ValueError("it has both decimal points and commas inside its columns")
+    return delimiter, True
+
+
+def _names(
+    lines: list[str], delimiter: str | None, count: int
+) -> tuple[list[str] | None, list[str] | None]:
+    """Names and units of ``count`` columns, as far as header or comments have that many."""
+    rows = [cells for line in lines if (cells := _cells(line, delimiter, count)) is not None]
+    if not rows:
+        return None, None
+    return rows[0], rows[1] if len(rows) > 1 else None
+
+
+def _cells(line: str, delimiter: str | None, count: int) -> list[str] | None:
+    """The cells of a line if there are ``count``; names may be divided otherwise than numbers."""
+    marks: list[str | None] = [
+        mark for mark in (delimiter, "\t", ";", ",") if mark and mark in line
+    ]
+    for mark in marks or [None]:
+        cells = [cell.strip() for cell in line.split(mark)]
+        if len(cells) == count:
+            return cells
+    return None
+
+
+RATE = "samplerate"
+ACCELERATION = "accel"
+AXES = ("accelx", "accely", "accelz")
+SHOWN = {RATE: "SampleRate", "accelx": "AccelX", "accely": "AccelY", "accelz": "AccelZ"}
+
+
+def read_xml_trace(path: Path) -> RawTrace:
+    """Read acceleration and rate.
+
+    Raises:
+        ValueError: If it is no whole XML file, has a document type, or rate or samples are missing
+            or no numbers.
+    """
+    collected = _Collector()
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = collected.start
+    parser.EndElementHandler = collected.end
+    parser.CharacterDataHandler = collected.characters
+    parser.StartDoctypeDeclHandler = _refuse
+    try:
+        with path.open("rb") as stream:
+            parser.ParseFile(stream)
+    except expat.ExpatError as error:
+        raise ValueError(f"it is no whole XML file: {error}") from error
+    numbers = {name: _numbers(name, text) for name, text in collected.text.items()}
+    return RawTrace(_axes(numbers), _rate(numbers.get(RATE, np.empty(0))))
+
+
+class _Collector:
+    """Text of the elements that are read, by name, without their children's names."""
+
+    def __init__(self) -> None:
+        self.text: dict[str, list[str]] = defaultdict(list)
+        self.names = [""]  # what the text of the open elements belongs to
+
+    def start(self, tag: str, _: dict[str, str]) -> None:
+        name = tag.rpartition(":")[2].lower()
+        inside = self.names[-1]
+        if inside == ACCELERATION and name in ("x", "y", "z"):
+            name = f"{inside}{name}"
+        known = name in (RATE, ACCELERATION, *AXES)
+        self.names.append(name if known else inside)
+        self.characters(" ")
+
+    def end(self, _: str) -> None:
+        self.characters(" ")
+        self.names.pop()
+
+    def characters(self, text: str) -> None:
+        if self.names[-1]:
+            self.text[self.names[-1]].append(text)
+
+
+def _refuse(*_: object) -> NoReturn:
+    raise ValueError("it has a document type (DOCTYPE), which is not read; take that line out")
+
+
+def _numbers(name: str, pieces: list[str]) -> npt.NDArray[np.float64]:
+    words = re.split(r"[\s,;]+", "".join(pieces).strip())
+    try:
+        return np.array([word for word in words if word], np.float64)
+    except ValueError as error:
+        raise ValueError(f"{SHOWN.get(name, name)} holds what is no number: {error}") from error
+
+
+def _rate(found: npt.NDArray[np.float64]) -> float:
+    if len(found) != 1:
+        raise ValueError(f"it has {len(found) or 'no'} SampleRate where one number of Hz is needed")
+    if not 0 < found[0] < inf:
+        raise ValueError(f"its SampleRate is {found[0]:g}, which is no positive number of Hz")
+    return float(found[0])
+
+
+def _axes(numbers: dict[str, npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """Samples (axes, samples), three axes or one."""
+    axes = [numbers.get(name, np.empty(0)) for name in AXES]
+    single = numbers.get(ACCELERATION, np.empty(0))
+    if not any(len(axis) for axis in axes) and len(single):
+        return single[None]
+    missing = [SHOWN[name] for name, axis in zip(AXES, axes, strict=True) if not len(axis)]
+    if missing:
+        raise ValueError(f"it has no samples of {', '.join(missing)}")
+    if len({len(axis) for axis in axes}) > 1:
+        counts = ", ".join(str(len(axis)) for axis in axes)
+        raise ValueError(f"AccelX, AccelY and AccelZ have {counts} samples, which differ")
+    return np.stack(axes)
+
 
 SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
 TRACE_SUFFIXES = (*SOUND_SUFFIXES, ".npy", ".txt", ".csv", ".xml")

@@ -11,9 +11,8 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.loading import load_sample
 from tex_lightning.data.recordings import class_indices
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_sample
 from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
 from tex_lightning.evaluation.pairing import scarcest

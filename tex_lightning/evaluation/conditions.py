@@ -3,8 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from tex_lightning.data.conditions import in_order, shown
-from tex_lightning.data.folds import Sample
+from tex_lightning.data.folds import Sample, in_order, shown
 from tex_lightning.evaluation.outcomes import Outcome, wilson_interval
 
 KEY = "conditions"  # of a network's entry in results.json

@@ -9,8 +9,7 @@ import torch
 from tex_lightning.classifier.card import NOVELTIES, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.folds import Sample, Split, make_samples
-from tex_lightning.data.loading import load_sample
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_sample
 
 MOST = 1000  # samples; a thousandth is finer than any rate that is asked for
 

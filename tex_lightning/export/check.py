@@ -16,9 +16,8 @@ from tex_lightning.config import DataConfig, EngineConfig
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder, PhotoDecoder, to_size
 from tex_lightning.data.folds import Sample, make_samples
-from tex_lightning.data.loading import load_recording
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.store import Store, cache_root
+from tex_lightning.data.store import Store, cache_root, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import DRAWS
 from tex_lightning.export.tracing import draws, example

@@ -9,9 +9,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
-from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_recording
 
 
 def keep_statistics(

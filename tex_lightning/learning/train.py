@@ -20,8 +20,8 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import hidden
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import make_samples
-from tex_lightning.data.loading import load_recording
 from tex_lightning.data.recordings import class_indices
+from tex_lightning.data.store import load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibrate import calibrated_card
 from tex_lightning.evaluation.known import card_with_novelties

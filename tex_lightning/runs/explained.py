@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.loading import load_sample
 from tex_lightning.data.quality import Quality
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_sample
 from tex_lightning.evaluation.outcomes import Outcome, worst_first
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.evidence import gather

@@ -17,7 +17,7 @@ from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import stage
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.unusable import skipped_entry
+from tex_lightning.data.store import skipped_entry
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.choice import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results

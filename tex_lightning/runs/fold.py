@@ -29,7 +29,7 @@ from tex_lightning.core.progress import steps
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
-from tex_lightning.data.unusable import skipped_entry
+from tex_lightning.data.store import skipped_entry
 from tex_lightning.evaluation.calibrate import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, environment
 from tex_lightning.learning.inputs import InputData

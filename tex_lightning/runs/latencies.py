@@ -16,8 +16,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
-from tex_lightning.data.loading import load_sample
 from tex_lightning.data.recordings import Recordings
+from tex_lightning.data.store import load_sample
 from tex_lightning.inference.early_stopping import prepare
 from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.runs.family import Measured

@@ -8,10 +8,15 @@ from typing import Any
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.config import DataConfig, Folding
-from tex_lightning.data.conditions import as_override
-from tex_lightning.data.folds import Split
-from tex_lightning.data.parts import Part, overlap, read_part, write_part
-from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.folds import Split, as_override
+from tex_lightning.data.recordings import (
+    Part,
+    Recording,
+    Recordings,
+    overlap,
+    read_part,
+    write_part,
+)
 from tex_lightning.data.store import fingerprint
 from tex_lightning.data.trace_files import axis_paths
 from tex_lightning.errors import UserError

@@ -11,11 +11,9 @@ from rich.text import Text
 from tex_lightning.config import DataConfig, ModelConfig
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import console, tell_once
-from tex_lightning.data.conditions import describe, is_tested
-from tex_lightning.data.folds import split
+from tex_lightning.data.folds import describe, is_tested, split
 from tex_lightning.data.recordings import Recording, Recordings, plural
-from tex_lightning.data.store import Store
-from tex_lightning.data.unusable import Unusable, list_files
+from tex_lightning.data.store import Store, Unusable, list_files
 from tex_lightning.report.durations import describe_rates, mixed_rates, spread, unlike_the_others
 from tex_lightning.runs.leaks import repeated_content
 

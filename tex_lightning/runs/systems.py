@@ -12,12 +12,10 @@ from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
-from tex_lightning.data.conditions import tested_part
-from tex_lightning.data.folds import Sample, make_samples
+from tex_lightning.data.folds import Sample, make_samples, tested_part
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.store import Store, cache_root
-from tex_lightning.data.unusable import Unusable
+from tex_lightning.data.store import Store, Unusable, cache_root
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.runs.opening import Opening

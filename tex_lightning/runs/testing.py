@@ -7,8 +7,7 @@ from typing import Any
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.loading import load_sample
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_sample
 from tex_lightning.evaluation.calibration import calibration, selective
 from tex_lightning.evaluation.conditions import by_condition
 from tex_lightning.evaluation.fragments import vote_counts

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from tex_lightning.core.progress import track
 from tex_lightning.data.recordings import Recording, Recordings
-from tex_lightning.data.store import Store
-from tex_lightning.data.unusable import Unusable, list_files
+from tex_lightning.data.store import Store, Unusable, list_files
 from tex_lightning.errors import UserError
 from tex_lightning.senses import Sense
 

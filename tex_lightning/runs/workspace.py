@@ -13,8 +13,7 @@ from tex_lightning.data.folds import Sample, Split, check_split, make_samples, s
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
-from tex_lightning.data.store import Store, cache_root
-from tex_lightning.data.unusable import Unusable
+from tex_lightning.data.store import Store, Unusable, cache_root
 from tex_lightning.decision.calibration import LABEL
 from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.unknown import taken

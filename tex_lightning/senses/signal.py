@@ -13,10 +13,9 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.banks import InputBank
 from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
-from tex_lightning.data.loading import load_recording
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_measures
 from tex_lightning.data.recordings import Recording, plural
-from tex_lightning.data.store import Store
+from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.blocks import is_builtin

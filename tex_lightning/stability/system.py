@@ -17,10 +17,8 @@ from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.parts import write_part
-from tex_lightning.data.recordings import Recording
-from tex_lightning.data.store import Store, fingerprint
-from tex_lightning.data.unusable import Unusable
+from tex_lightning.data.recordings import Recording, write_part
+from tex_lightning.data.store import Store, Unusable, fingerprint
 from tex_lightning.decision.voting import probabilities
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations.pixels import Array, Scene

@@ -17,7 +17,7 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, plural
-from tex_lightning.data.unusable import Unusable, skipped_entry
+from tex_lightning.data.store import Unusable, skipped_entry
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.conditions import counted
 from tex_lightning.evaluation.outcomes import environment, write_results

@@ -9,9 +9,8 @@ from tex_lightning.baselines.classifier import load_trained
 from tex_lightning.config import Config, plain_values
 from tex_lightning.config.job import Job
 from tex_lightning.core.devices import pick_device
-from tex_lightning.data.conditions import tested_part
-from tex_lightning.data.folds import make_samples
-from tex_lightning.data.unusable import skipped_entry
+from tex_lightning.data.folds import make_samples, tested_part
+from tex_lightning.data.store import skipped_entry
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.inference.unknown import check_unknown

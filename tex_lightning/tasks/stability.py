@@ -14,7 +14,7 @@ from tex_lightning.config.job import Job
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import stage
-from tex_lightning.data.unusable import skipped_entry
+from tex_lightning.data.store import skipped_entry
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.learning.loggers import log_stability

@@ -14,9 +14,8 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.parts import overlap
-from tex_lightning.data.readers.cluster import ClusterReader
-from tex_lightning.data.readers.hatt import HattReader
+from tex_lightning.data.readers.haptic import ClusterReader, HattReader
+from tex_lightning.data.recordings import overlap
 from tex_lightning.errors import UserError
 
 FEW = [(0, 20, 500, 0), (0, 60, 500, 0)]

@@ -12,7 +12,7 @@ from conftest import make_trace
 from haptic_sets import read
 from PIL import Image
 
-from tex_lightning.data.readers.kth_tips2b import NUMBERS
+from tex_lightning.data.readers.textures import NUMBERS
 from tex_lightning.errors import UserError
 
 

@@ -1,8 +1,9 @@
-"""Reader of ``root/CLASS/haptic/*`` and ``root/CLASS/image/*``: the layout for one's own data.
+"""Readers of one's own data: a folder for each class, or a CSV manifest for any other layout.
 
-Names of folders may be in any case and in the plural (``Haptics``). ``root/CLASS/sound/*`` and the
-folders of senses of the user's own, ``root/CLASS/NAME/*``, are read as well. A class without
-folders for its senses is read as it lies, ``root/CLASS/*``: a file's suffix tells its sense.
+The folder holds ``root/CLASS/haptic/*`` and ``root/CLASS/image/*``. Names of folders may be in any
+case and in the plural (``Haptics``). ``root/CLASS/sound/*`` and the folders of senses of the user's
+own, ``root/CLASS/NAME/*``, are read as well. A class without folders for its senses is read as it
+lies, ``root/CLASS/*``: a file's suffix tells its sense.
 """
 
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from tex_lightning.data.recordings import (
     Recording,
     Recordings,
     number_files,
+    read_manifest,
 )
 from tex_lightning.data.trace_files import TRACE_SUFFIXES as DECODED
 from tex_lightning.data.trace_files import axis_paths
@@ -182,3 +184,18 @@ def _files(directory: Path, suffixes: tuple[str, ...]) -> list[Path]:
         and path.name.casefold() != RATES_TABLE
         and path == axis_paths(path)[0]
     ]
+
+
+@dataclass
+class ManifestReader:
+    """A table.
+
+    Attributes:
+        manifest: Its file.
+    """
+
+    manifest: str
+
+    def read(self) -> Recordings:
+        """Read the table."""
+        return read_manifest(Path(self.manifest).expanduser())

@@ -1,4 +1,4 @@
-// Signals in text files, as data/text_traces.py reads them.
+// Signals in text files, as data/trace_files.py reads them.
 
 import { InputError } from "./errors.js";
 import { separateTime } from "./time.js";

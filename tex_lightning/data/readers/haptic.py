@@ -1,37 +1,44 @@
-"""Reader of the Cluster Haptic Texture Dataset (2024): 118 surfaces under a rubber fingertip.
+"""Readers of haptic sets: the Cluster Haptic Texture Dataset and the Penn Toolkit (HaTT).
 
-A machine moves the fingertip in 8 directions at 5 speeds, with 2 forces, twice: 160 strokes of a
-surface. A stroke is ``sensor_data/{sensor}/{id}/{id}_{direction}_{speed}_{force}_{repetition}.csv``
-(degrees, mm/s, mN). ``accel`` has the columns ``time,X,Y,Z`` (g), ``force`` ``time,force`` (N), at
-nominally 6 kHz with uneven time stamps, which give the rate and are interpolated. ``audio`` is
-44.1 kHz WAV, ``raw_audio`` of two channels, of which ``decode.channel=0`` is the surface's and 1
-the machine's. ``position`` (``time,X,Y``, mm) is refused by decoding: it has two axes, and 100
-stamps a second, whose unit its column does not say. Class names are the surface ids, because the
-set's ``texture_list.xlsx`` calls some surfaces alike.
+Cluster (2024): a machine moves a rubber fingertip over 118 surfaces in 8 directions at 5 speeds,
+with 2 forces, twice: 160 strokes of a surface. A stroke is
+``sensor_data/{sensor}/{id}/{id}_{direction}_{speed}_{force}_{repetition}.csv`` (degrees, mm/s, mN).
+``accel`` has the columns ``time,X,Y,Z`` (g), ``force`` ``time,force`` (N), at nominally 6 kHz with
+uneven time stamps, which give the rate and are interpolated. ``audio`` is 44.1 kHz WAV,
+``raw_audio`` of two channels, of which ``decode.channel=0`` is the surface's and 1 the machine's.
+``position`` (``time,X,Y``, mm) is refused by decoding: it has two axes, and 100 stamps a second.
+Class names are the surface ids, because the set's ``texture_list.xlsx`` calls some surfaces alike.
 
 There is one photo of a surface, ``images/images_scan_area/img{id}.jpg`` of 100 x 100 mm. It is
 divided into strips side by side, one for each group, so that folds do not share pixels.
-``images/crop_images`` is not read: its crops of the same photo overlap. The size of the photos is
-documented nowhere.
+``images/crop_images`` is not read: its crops of the same photo overlap. Layout and columns are
+those of the set's README; the files were not seen. Its mirror as Parquet is not read.
 
-The layout and columns are those of the set's README; the files themselves were not seen. A mirror
-of it keeps the tables as Parquet, which is not read.
+HaTT: 100 textures stroked with a tool by hand. A recording is an XML file with the acceleration of
+about 10 s at 10 kHz (:mod:`..trace_files`). Its layout was not seen: sources speak of one or of two
+recordings of a texture, and of ``RecordedData`` as their folder. So both usual layouts are read:
+``TEXTURE/ANY.xml``, where the place of a file in the natural order of names is its number, and
+``TEXTURE_Recording1.xml`` (also ``_Rec1`` or ``_Trial1``) or ``TEXTURE.xml``, side by side. Below
+``RecordedData``, if there is such a folder, nothing else is looked at, which leaves the texture
+models alone. With ``group_by=stretch`` each recording is divided into as many stretches as there
+are folds, and a fold is one stretch of all recordings. With ``recording`` a fold is a recording.
 """
 
 import re
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tex_lightning.core.files import is_file, require_file
 from tex_lightning.data.decode import IMAGE_SUFFIXES
-from tex_lightning.data.parts import equal_parts
 from tex_lightning.data.readers.classes import GroupedReader, check_same_classes
 from tex_lightning.data.recordings import (
     MODALITIES,
     Note,
     Recording,
     Recordings,
+    equal_parts,
     natural_key,
 )
 from tex_lightning.data.trace_files import SOUND_SUFFIXES, TRACE_SUFFIXES
@@ -191,3 +198,77 @@ def _read_photos(folder: Path, count: int) -> list[Recording]:
             for group, part in enumerate(equal_parts(count))
         ]
     return rows
+
+
+FOLDER = "RecordedData"
+
+
+@dataclass
+class HattReader(GroupedReader):
+    """The Penn Haptic Texture Toolkit.
+
+    Attributes:
+        root: Folder with the recordings, or the one that holds them as ``RecordedData``.
+        group_by: What makes a fold: a ``stretch`` of every recording, or a ``recording``.
+        folds: Number of folds, and so of stretches.
+    """
+
+    folds: int
+
+    def read(self) -> Recordings:
+        """Read all textures.
+
+        Raises:
+            UserError: If there are none, or two files are one recording.
+        """
+        textures = _textures(Path(self.root).expanduser())
+        rows = [
+            row
+            for label, files in textures.items()
+            for place, (number, path) in enumerate(sorted(files.items()))
+            for row in self._rows(label, place, number, path)
+        ]
+        return Recordings(tuple(rows), self._notes())
+
+    def _rows(self, label: str, place: int, number: int, path: Path) -> list[Recording]:
+        conditions = (("recording", str(number)),)
+        if self.group_by == "recording":
+            return [Recording(label, "haptic", path, place, conditions=conditions)]
+        return [
+            Recording(label, "haptic", path, fold, conditions=conditions, part=part)
+            for fold, part in enumerate(equal_parts(self.folds))
+        ]
+
+    def _notes(self) -> tuple[Note, ...]:
+        if self.group_by == "recording":
+            return ()
+        text = (
+            f"Each recording is divided into {self.folds} stretches, one for each fold: what is "
+            "tested was recorded just before or after what was trained on, which flatters figures."
+        )
+        return (Note("divided recording", 0, text),)
+
+
+def _textures(root: Path) -> dict[str, dict[int, Path]]:
+    """Files by texture and number."""
+    folder = root / FOLDER if (root / FOLDER).is_dir() else root
+    if not folder.is_dir():
+        raise UserError(f"Folder {root} does not exist; data.root must hold {FOLDER}.")
+    files = [path for path in folder.rglob("[!.]*") if path.suffix.lower() == ".xml"]
+    if not files:
+        raise UserError(
+            f"Folder {folder} holds no TEXTURE/RECORDING.xml and no TEXTURE_Recording1.xml; check "
+            "data.root."
+        )
+    found: dict[str, dict[int, Path]] = defaultdict(dict)
+    for path in sorted(files, key=lambda path: natural_key(str(path))):
+        if path.parent != folder:
+            label, number = path.parent.name, len(found[path.parent.name]) + 1
+        else:
+            match = re.fullmatch(r"(?i)(.+?)_(?:rec|recording|trial)_?(\d+)", path.stem)
+            label, number = (match[1], int(match[2])) if match else (path.stem, 1)
+        if (other := found[label].setdefault(number, path)) != path:
+            raise UserError(
+                f"Files {other} and {path} are both recording {number} of {label}; keep one."
+            )
+    return found
