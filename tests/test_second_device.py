@@ -27,7 +27,7 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
-from tex_lightning.inference.early_stopping import prepare
+from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.streaming.classifier import StreamingClassifier
 from tex_lightning.learning.enrolment import add_classes
 from tex_lightning.learning.fusion import FusionModule
@@ -83,7 +83,7 @@ def make_classifier(card: Card) -> SurfaceClassifier:
             sense.features.learn([sample(card)[sense.modality]])
     with torch.no_grad():
         for name, sense in classifier.senses.items():
-            own = classifier.described(name, sample(card)[sense.modality]).mean(dim=1)
+            own = classifier.embedding(name, sample(card)[sense.modality]).mean(dim=1)
             rows = own + 0.1 * torch.randn(6, len(own))
             labels = torch.arange(6) % len(card.classes)
             classifier.statistics[name] = FeatureStatistics.of(rows, labels, len(card.classes))
@@ -111,8 +111,8 @@ def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_devic
     near = make_classifier(make_card("haptic", "visual", width=0.1))
     given, found = sample(near.card), []
     for device in ("cpu", second_device):
-        decider = prepare(deepcopy(near).to(device), config.engine, config.decision)
-        stream = StreamingClassifier(decider.full.part(["haptic"]))
+        decider = make_inference_model(deepcopy(near).to(device), config.engine, config.decision)
+        stream = StreamingClassifier(decider.full.with_senses(["haptic"]))
         votes = [stream.push(chunk) for chunk in given["haptic"].split(5000, dim=1)]
         found.append([decider.classify(**given), decider.full.classify(**given), votes[-1]])
     for expected, vote in zip(*found, strict=True):
@@ -122,7 +122,7 @@ def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_devic
 def test_a_network_that_has_classified_there_learns_a_class(second_device):
     classifier = make_classifier(make_card("haptic", width=0.1)).requires_grad_(False)
     given = sample(classifier.card)["haptic"]
-    features = deepcopy(classifier).to(second_device).described("haptic", given).cpu()
+    features = deepcopy(classifier).to(second_device).embedding("haptic", given).cpu()
     wider = add_classes(classifier, ["delta"], {"haptic": [[features]]})
     assert wider.to(second_device).classify(haptic=given).label == 3
 

@@ -113,9 +113,9 @@ def own(model: SurfaceClassifier) -> dict[str, torch.Tensor]:
     [["haptic", "visual"], ["haptic", "sound"], ["visual", "sound"], ["haptic", "visual", "sound"]],
 )
 def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
-    parts = [three.part([name]) for name in senses]
+    parts = [three.with_senses([name]) for name in senses]
     scores = [part.logits(**own(part)) for part in parts]
-    several = three.part(senses)
+    several = three.with_senses(senses)
     assert several.card.sense_names == tuple(senses)
     counts = [each.shape[1] for each in scores]
     tuples = random_tuples(counts, 200, several.seed(**own(several)))
@@ -127,10 +127,10 @@ def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
 def test_parts_of_a_fusion_of_fc3_have_the_scores_of_their_networks(three):
     scores = {}
     for network, (name, sense) in zip(three.network.networks, three.senses.items(), strict=True):
-        part = three.part([name])
+        part = three.with_senses([name])
         scores[name] = network(sense(sample()[sense.modality]))[0].flatten(1)
         torch.testing.assert_close(part.logits(**own(part)), scores[name])
-    pair = three.part(["haptic", "sound"])
+    pair = three.with_senses(["haptic", "sound"])
     counts = [scores[name].shape[1] for name in pair.card.sense_names]
     tuples = random_tuples(counts, 200, pair.seed(**own(pair)))
     joined = [scores[name][:, tuples[:, i]] for i, name in enumerate(pair.card.sense_names)]
@@ -141,7 +141,7 @@ def test_parts_of_a_fusion_of_fc3_have_the_scores_of_their_networks(three):
 
 @pytest.mark.parametrize("three", ["fc2", "fc3"], indirect=True)
 def test_a_part_is_a_copy_and_is_saved_as_any_other(three, tmp_path):
-    part = three.part(["haptic", "visual"])
+    part = three.with_senses(["haptic", "visual"])
     expected = part.logits(**own(part))
     save(part, tmp_path / "m.ckpt")
     for parameter in three.parameters():

@@ -33,20 +33,20 @@ def classifier():
 @pytest.mark.parametrize("there", SETS, ids="+".join)
 def test_scores_are_those_of_the_part_of_the_senses_that_are_there(classifier, there):
     generator = torch.Generator().manual_seed(0)
-    summands = {
+    partials = {
         name: torch.randn(3, count if name in there else 0, generator=generator)
         for name, count in zip(SENSES, POSITIONS, strict=True)
     }
     words = draws(7, 40, len(SENSES))
-    scores, present = joined([Part.of(each, each, None) for each in summands.values()], words)
-    expected = classifier.part(there).join([summands[name] for name in there], 7)
+    scores, present = joined([Part.of(each, each, None) for each in partials.values()], words)
+    expected = classifier.with_senses(there).fuse([partials[name] for name in there], 7)
     torch.testing.assert_close(scores, expected)
     assert present.tolist() == [name in there for name in SENSES]
 
 
 @pytest.mark.parametrize("there", SETS, ids="+".join)
 def test_every_set_of_senses_has_its_threshold(classifier, there):
-    above = classifier.part(there).card.unknown_above
+    above = classifier.with_senses(there).card.unknown_above
     assert thresholds(classifier.card)["+".join(there)] == above
     present = torch.tensor([name in there for name in SENSES])
     for novelty in (above, above + 0.01):

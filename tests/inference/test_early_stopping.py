@@ -222,7 +222,7 @@ def test_fusion_takes_no_more_of_a_trace_than_it_needs(level):
     share = haptic / (haptic + whole.of("visual", 1400, 1600))
     sure = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0)).classify(**long)
     assert sure.relative_macs < 0.3 * share
-    beginning = model.part(["haptic"]).classify(haptic=trace(0, 3.0))
+    beginning = model.with_senses(["haptic"]).classify(haptic=trace(0, 3.0))
     assert sure.label == beginning.label
 
 
@@ -280,16 +280,16 @@ def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monk
     }
     cheap, middle, dear = sorted(costs, key=costs.get)
     rows = count_positions(monkeypatch, model.sense(dear).network)
-    monkeypatch.setattr(early_stopping, "beginnings", lambda *_: iter(()))
+    monkeypatch.setattr(early_stopping, "growing_prefixes", lambda *_: iter(()))
     answers = iter([False, True])
     monkeypatch.setattr(early_stopping, "is_confident", lambda *_: next(answers))
     vote = SequentialClassifier(model, CONFIG).classify(**sample)
     assert rows == []
     assert vote.relative_macs == (costs[cheap] + costs[middle]) / sum(costs.values())
     senses = [name for name in model.card.sense_names if name != dear]  # in the order of the tuples
-    summands = [model.summand(name, sample[model.sense(name).modality]) for name in senses]
-    tuples = random_tuples([each.shape[1] for each in summands], 200, model.seed(**sample))
-    scores = sum(each[:, tuples[:, place]] for place, each in enumerate(summands))
+    partials = [model.partial_logits(name, sample[model.sense(name).modality]) for name in senses]
+    tuples = random_tuples([each.shape[1] for each in partials], 200, model.seed(**sample))
+    scores = sum(each[:, tuples[:, place]] for place, each in enumerate(partials))
     torch.testing.assert_close(vote.probabilities, RULES[rule](scores, 1.0).probabilities)
 
 

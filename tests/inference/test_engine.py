@@ -138,8 +138,8 @@ def test_bf16_gives_float32_scores_near_those_of_fp32(kind, level):
     assert (found.argmax(0) == expected.argmax(0)).float().mean() > 0.9
     for name, sense in model.senses.items():  # by the layer whose statistics novelty is told by
         recording = inputs()[sense.modality]
-        described = engine.described(name, recording)
-        torch.testing.assert_close(described, model.described(name, recording), rtol=0.1, atol=0.1)
+        described = engine.embedding(name, recording)
+        torch.testing.assert_close(described, model.embedding(name, recording), rtol=0.1, atol=0.1)
 
 
 @pytest.mark.parametrize("norm", ["batch", "none"])

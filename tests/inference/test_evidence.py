@@ -10,7 +10,7 @@ from torch.nn.functional import avg_pool2d
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import movement_start
-from tex_lightning.inference.evidence import cell_edges, gather, nearest
+from tex_lightning.inference.evidence import cell_edges, classify_with_maps, nearest
 
 
 class Brightness(nn.Module):
@@ -72,7 +72,7 @@ def halves(across: bool) -> torch.Tensor:
 @pytest.mark.parametrize("across", [True, False])
 def test_the_border_of_a_photo_in_halves_lies_where_it_is(across):
     classifier = with_network("visual", Brightness((40, 40), 8))
-    _, found = gather(classifier, {"image": halves(across)})
+    _, found = classify_with_maps(classifier, {"image": halves(across)})
     labels = found["visual"].label_map()
     assert labels.shape == (300, 420)
     covered = labels[:296, :416]  # the last full windows end there
@@ -92,7 +92,7 @@ def test_the_border_of_a_photo_in_halves_lies_where_it_is(across):
 def test_a_patch_that_alone_is_of_a_class_is_found():
     photo = torch.zeros(300, 420, 3, dtype=torch.uint8)
     photo[144:184, 232:272] = 255
-    _, found = gather(with_network("visual", Brightness((40, 40), 8)), {"image": photo})
+    _, found = classify_with_maps(with_network("visual", Brightness((40, 40), 8)), {"image": photo})
     evidence = found["visual"]
     (row, column), least = evidence.extremes(0)
     assert evidence.rows[row].tolist() == [144, 184]
@@ -108,7 +108,7 @@ def test_a_trace_changes_class_when_it_changes(quiet):
     tones = np.where(seconds < 3.5, np.sin(700 * seconds), np.sin(20_000 * seconds))
     trace = np.where(seconds < quiet, 1e-4, tones).astype(np.float32)
     classifier = with_network("haptic", Bass((50, 20), 4))
-    _, found = gather(classifier, {"haptic": torch.from_numpy(trace)[None]})
+    _, found = classify_with_maps(classifier, {"haptic": torch.from_numpy(trace)[None]})
     evidence = found["haptic"]
     (turn,) = np.flatnonzero(np.diff(evidence.labels[0])) + 1
     assert abs(evidence.edges[turn] - 3.5) <= 0.02 + 0.025  # half a stride, half a frame
@@ -159,7 +159,7 @@ def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level
         "haptic": torch.from_numpy(make_trace(0, 0))[None],
         "image": torch.from_numpy(make_photo(1, 0, 300)),
     }
-    vote, found = gather(classifier, given)
+    vote, found = classify_with_maps(classifier, given)
     whole = classifier.classify(**given)
     assert vote.label == whole.label
     assert torch.equal(vote.fragments, whole.fragments)
@@ -167,7 +167,7 @@ def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level
     assert found["visual"].scores.shape == (3, *classifier.sense("visual").grid(given["image"]))
     if level == "fc2":
         for name, modality in (("haptic", "haptic"), ("visual", "image")):
-            alone = classifier.part((name,)).logits(**{modality: given[modality]})
+            alone = classifier.with_senses((name,)).logits(**{modality: given[modality]})
             dense = torch.from_numpy(found[name].scores).flatten(1)
             torch.testing.assert_close(dense, alone, atol=1e-4, rtol=1e-4)
             shares = found[name].probabilities(2)
@@ -179,7 +179,7 @@ def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level
 @pytest.mark.parametrize("positions", [(4,), (2, 3), (1, 2, 2)])
 def test_positions_that_nobody_declared_are_equal_parts(positions):
     photo = torch.from_numpy(make_photo(0, 0))
-    _, found = gather(with_network("visual", Closed(positions)), {"image": photo})
+    _, found = classify_with_maps(with_network("visual", Closed(positions)), {"image": photo})
     evidence = found["visual"]
     rows, columns = evidence.labels.shape
     assert rows * columns == np.prod(positions)
@@ -188,7 +188,7 @@ def test_positions_that_nobody_declared_are_equal_parts(positions):
     assert evidence.columns[-1].tolist() == [240 - 240 / columns, 240]
     if len(positions) == 1:
         trace = torch.from_numpy(make_trace(0, 0))[None]
-        _, found = gather(with_network("haptic", Closed(positions)), {"haptic": trace})
+        _, found = classify_with_maps(with_network("haptic", Closed(positions)), {"haptic": trace})
         evidence = found["haptic"]
         assert not evidence.declared
         np.testing.assert_allclose(evidence.edges, np.linspace(0, 2.4, 5))
@@ -205,4 +205,4 @@ def test_a_baseline_has_no_map():
     classifier = with_network("haptic", nn.Identity())
     classifier.card.baseline["name"] = "minirocket"
     with pytest.raises(UserError, match=r"minirocket looks at the whole recording at once"):
-        gather(classifier, {})
+        classify_with_maps(classifier, {})

@@ -176,8 +176,11 @@ def test_a_stream_adds_what_a_photo_says_once(fusion):
     trace, photo = torch.from_numpy(TRACE)[None], torch.from_numpy(PHOTO)
     photo = photo[::2, ::2] if classifier.sense("visual").decoder.half_scale else photo
     with torch.inference_mode():
-        summands = classifier.summand("haptic", trace), classifier.summand("visual", photo)
-        vote = classifier.decide(classifier.join(summands, classifier.card.decision["seed"]), 1.0)
+        partials = (
+            classifier.partial_logits("haptic", trace),
+            classifier.partial_logits("visual", photo),
+        )
+        vote = classifier.decide(classifier.fuse(partials, classifier.card.decision["seed"]), 1.0)
     assert last.label == fusion.card.classes[vote.label]
     assert last.probability == pytest.approx(vote.probability, abs=1e-5)
     alone, expected = fusion.stream("haptic").push(TRACE), fusion.predict(haptic=TRACE)

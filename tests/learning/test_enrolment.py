@@ -26,7 +26,7 @@ def described(classifier, senses):
     """By sense two recordings of one class and one of another."""
     found = {}
     for name in senses:
-        one, other, third = (classifier.described(name, each) for each in recordings(name))
+        one, other, third = (classifier.embedding(name, each) for each in recordings(name))
         found[name] = [[one, other], [third]]
     return found
 
@@ -75,11 +75,12 @@ def test_the_parts_of_a_fusion_of_features_add_up():
     trace, photo = recordings("haptic")[0], recordings("visual")[0]
     with torch.no_grad():
         parts = [
-            found.part(["haptic"]).logits(haptic=trace), found.part(["visual"]).logits(image=photo)
-        ]  # fmt: skip
+            found.with_senses(["haptic"]).logits(haptic=trace),
+            found.with_senses(["visual"]).logits(image=photo),
+        ]
         for name, part in zip(["haptic", "visual"], parts, strict=True):
             recording = trace if name == "haptic" else photo
-            torch.testing.assert_close(part, found.summand(name, recording))
+            torch.testing.assert_close(part, found.partial_logits(name, recording))
 
 
 @pytest.mark.parametrize("senses", [["haptic"], ["haptic", "visual"]])

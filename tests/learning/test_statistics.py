@@ -30,7 +30,7 @@ def test_a_checkpoint_keeps_the_means_of_its_training_recordings(bands):
     assert found.counts.tolist() == [8, 8, 8]  # without a test and a validation fold
     for kind in range(len(CLASSES)):
         means = [
-            classifier.described("haptic", each).mean(1) for each in traces(kind, range(2, 10))
+            classifier.embedding("haptic", each).mean(1) for each in traces(kind, range(2, 10))
         ]
         torch.testing.assert_close(found.means[kind], torch.stack(means).mean(0))
 
@@ -45,7 +45,7 @@ def test_they_tell_the_classes_of_other_recordings(bands):
     classifier = tl.load(bands).classifier
     for kind in range(len(CLASSES)):
         (trace,) = traces(kind, [0])
-        mean = classifier.described("haptic", trace).mean(dim=1, keepdim=True)
+        mean = classifier.embedding("haptic", trace).mean(dim=1, keepdim=True)
         assert classifier.statistics["haptic"].distances(mean).argmin() == kind
 
 
@@ -55,14 +55,14 @@ def test_a_part_and_a_fast_copy_keep_them():
         rows = torch.randn(6, classifier.fusion.sizes[number])
         labels = torch.tensor([0, 0, 1, 1, 2, 2])
         classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
-    alone = classifier.part(("visual",))
+    alone = classifier.with_senses(("visual",))
     assert list(alone.statistics) == ["visual"]
     photo = torch.randint(256, (240, 240, 3), dtype=torch.uint8)
     torch.testing.assert_close(
-        alone.described("visual", photo), classifier.described("visual", photo)
+        alone.embedding("visual", photo), classifier.embedding("visual", photo)
     )
     fast = accelerate(classifier, ENGINE)
-    distances = fast.statistics["visual"].distances(fast.described("visual", photo))
+    distances = fast.statistics["visual"].distances(fast.embedding("visual", photo))
     assert distances.dtype == torch.float32
     assert distances.shape[0] == 3
 

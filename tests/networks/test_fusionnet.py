@@ -182,7 +182,7 @@ def test_parts_of_any_number_of_senses_sum_to_one_linear_layer(count, level):
     chosen = [each[..., tuples[:, place]] for place, each in enumerate(features)]
     expected = net.head(torch.cat(chosen, dim=1).mT).mT
     torch.testing.assert_close(net(*given, tuples=tuples), expected)
-    torch.testing.assert_close(net.join(net.parts(*given), tuples), expected)
+    torch.testing.assert_close(net.fuse(net.parts(*given), tuples), expected)
 
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])

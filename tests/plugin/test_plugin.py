@@ -161,7 +161,7 @@ def test_classes_are_added_to_the_senses_of_a_user(cli, fused, data, flat, tmp_p
     assert model.classifier.card.classes == [*CLASSES]
     old = tl.load(fused / "checkpoints" / f"{kind}.ckpt", trusted=["my_ext"]).classifier
     force = torch.from_numpy(np.load(flat / "beta_9.npy"))[None]
-    before, after = (each.summand("force", force) for each in (old, model.classifier))
+    before, after = (each.partial_logits("force", force) for each in (old, model.classifier))
     torch.testing.assert_close(after[:2], before[:2])
     for label in ("beta", "gamma"):  # also of this sense alone
         assert model.predict(force=flat / f"{label}_9.npy").label == label

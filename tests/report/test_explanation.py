@@ -15,7 +15,12 @@ import tex_lightning as tl
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
-from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equal_parts, gather
+from tex_lightning.inference.evidence import (
+    PhotoEvidence,
+    SignalEvidence,
+    classify_with_maps,
+    equal_parts,
+)
 from tex_lightning.inference.prediction import describe
 from tex_lightning.report.explanation import COLOURS, OTHERS, Explanation
 
@@ -86,7 +91,7 @@ def fused() -> Explanation:
         "haptic": torch.from_numpy(make_trace(0, 0))[None],
         "image": torch.from_numpy(make_photo(1, 0, 300)),
     }
-    vote, senses = gather(classifier, given)
+    vote, senses = classify_with_maps(classifier, given)
     prediction = describe(
         vote, classifier.card, Quality(("It hums.",)), 3, 0.0, ("haptic", "image")
     )
@@ -192,7 +197,7 @@ def test_a_network_that_declares_nothing_is_drawn(samples):
 
     classifier = SurfaceClassifier(make_card("haptic", width=0.1)).eval()
     classifier.network, classifier.features["haptic"] = Whole(), Plain()
-    vote, senses = gather(classifier, {"haptic": torch.ones(1, samples).cumsum(1)})
+    vote, senses = classify_with_maps(classifier, {"haptic": torch.ones(1, samples).cumsum(1)})
     prediction = describe(vote, classifier.card, Quality(), 3, 0.0)
     found = Explanation.of(prediction, classifier.card.classes, vote.label, senses)
     left, right = found.figure().subfigs[0].subfigs

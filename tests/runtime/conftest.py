@@ -30,7 +30,7 @@ def add_statistics(classifier):
     for name in classifier.senses:
         made = [RECORDINGS[name](kind % 3, kind) for kind in range(6)]
         arrays = [torch.from_numpy(np.atleast_2d(each)) for each in made]
-        rows = [classifier.described(name, each).mean(dim=1).detach() for each in arrays]
+        rows = [classifier.embedding(name, each).mean(dim=1).detach() for each in arrays]
         classifier.statistics[name] = FeatureStatistics.of(torch.stack(rows), labels, 3)
 
 

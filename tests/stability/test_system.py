@@ -210,7 +210,7 @@ def test_alone_is_what_the_part_gives(fusion):
     for sense in ("haptic", "visual"):
         arrays = some(recordings(0), sense)
         scores = scored(evaluator, arrays)
-        same(evaluator.alone(scores[sense]), fusion.part([sense]), arrays)
+        same(evaluator.alone(scores[sense]), fusion.with_senses([sense]), arrays)
         assert evaluator.together(scores) == evaluator.alone(scores[sense])
 
 
@@ -221,7 +221,7 @@ def test_of_three_senses_any_decide_as_the_part_of_them(three):
     for count in (1, 2, 3):
         for senses in combinations(arrays, count):
             made = evaluator.together({sense: scores[sense] for sense in senses})
-            same(made, three.part(senses), some(arrays, *senses))
+            same(made, three.with_senses(senses), some(arrays, *senses))
 
 
 def test_so_many_tuples_are_drawn_as_are_asked_for(fusion):

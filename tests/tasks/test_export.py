@@ -77,7 +77,7 @@ def test_it_classifies_sizes_it_was_not_traced_with(fusion, untrained, axes, sid
     outputs = dict(zip(names, session.run(None, {"haptic": trace, "image": photo}), strict=True))
     senses = classifier.senses
     for name, given in (("haptic", trace), ("visual", photo)):
-        expected = classifier.summand(name, torch.from_numpy(given)).detach().numpy()
+        expected = classifier.partial_logits(name, torch.from_numpy(given)).detach().numpy()
         found = outputs[f"{name}_scores"]
         np.testing.assert_allclose(found.reshape(3, -1), expected, atol=1e-4)
     spectrogram = senses["haptic"](torch.from_numpy(trace))[0, 0]

@@ -223,8 +223,8 @@ def test_a_fusion_network_does_with_one_modality_and_says_so(cli, surfaces, trai
     trace = torch.from_numpy(fusion.sense("haptic").decoder.decode(wav)[0])
     photo = torch.from_numpy(decode_image(png, fusion.sense("visual").decoder))
     with torch.no_grad():
-        haptic = max_vote(fusion.summand("haptic", trace))
-        visual = max_vote(fusion.summand("visual", photo))
+        haptic = max_vote(fusion.partial_logits("haptic", trace))
+        visual = max_vote(fusion.partial_logits("visual", photo))
     for name, vote in (("haptic", haptic), ("image", visual)):
         assert lines[name]["label"] == fusion.card.classes[vote.label]
         assert lines[name]["confidence"] == pytest.approx(float(vote.shares[vote.label]))

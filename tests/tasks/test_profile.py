@@ -88,7 +88,7 @@ def fusion(request) -> SurfaceClassifier:
 
 
 def test_the_parts_of_a_fusion_are_its_halves(fusion):
-    haptic, visual = (fusion.part([name]) for name in fusion.card.sense_names)
+    haptic, visual = (fusion.with_senses([name]) for name in fusion.card.sense_names)
     assert (haptic.card.kind, visual.card.kind) == ("haptic", "visual")
     assert haptic.features["haptic"].channel_mean[0] == 0.5
     spectrogram, image = torch.randn(1, 1, 50, 210), torch.randn(1, 3, 224, 240)

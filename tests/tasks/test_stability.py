@@ -126,7 +126,7 @@ def test_without_its_trace_fusion_votes_as_its_visual_part(tested, fused):
     assert {line["system"] for line in found} == {"fusion"}
     assert {line["modality"] for line in found} == {"both"}
     fusion = SurfaceClassifier.from_checkpoint(fused / "checkpoints" / "fusion.ckpt")
-    part, right = fusion.part(["visual"]), []
+    part, right = fusion.with_senses(["visual"]), []
     for each in read_outcomes(fused / "predictions" / "fusion.csv"):
         decoded, _ = part.sense("visual").decoder.decode(Path(each.files["image"]))
         vote = part.classify(image=torch.from_numpy(decoded))

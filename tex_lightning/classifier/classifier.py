@@ -36,11 +36,11 @@ class SenseOutput:
     """Scores and novelty of one recording by one sense.
 
     Attributes:
-        summand: (classes, positions) that it adds to the class scores.
+        partial_logits: (classes, positions) that it adds to the class scores.
         novelty: () how unlike the training its mean features are; None if not known.
     """
 
-    summand: Tensor
+    partial_logits: Tensor
     novelty: Tensor | None
 
 
@@ -55,7 +55,7 @@ class SurfaceClassifier(nn.Module):
         network: The network of the only branch, or the FusionNet of all.
         statistics: By the name of the sense, the
             :class:`~tex_lightning.classifier.statistics.FeatureStatistics` of what
-            :meth:`described` gives for the training recordings; empty before training has ended,
+            :meth:`embedding` gives for the training recordings; empty before training has ended,
             and of a checkpoint written without them.
         tile: Most elements of an input that go through a network at once; None never divides.
 
@@ -208,10 +208,11 @@ class SurfaceClassifier(nn.Module):
             UserError: If a modality the network needs is absent, or a recording is too small.
         """
         self.require(recordings)
-        summands = [
-            self.summand(name, recordings[sense.modality]) for name, sense in self.senses.items()
+        partials = [
+            self.partial_logits(name, recordings[sense.modality])
+            for name, sense in self.senses.items()
         ]
-        return self.join(summands, self._tuple_seed(**recordings))
+        return self.fuse(partials, self._tuple_seed(**recordings))
 
     def sense_outputs(self, **recordings: Tensor) -> dict[str, SenseOutput]:
         """Compute scores and novelty by every sense; arguments are those of :meth:`logits`."""
@@ -221,13 +222,13 @@ class SurfaceClassifier(nn.Module):
 
     def sense_output(self, name: str, recording: Tensor) -> SenseOutput:
         """Compute scores and novelty of a decoded recording by one sense, in one pass."""
-        return self.output_of(name, self.described(name, recording))
+        return self.output_of(name, self.embedding(name, recording))
 
     def output_of(self, name: str, features: Tensor) -> SenseOutput:
-        """Compute the same from features (D, positions), see :meth:`described`."""
+        """Compute the same from features (D, positions), see :meth:`embedding`."""
         statistics = self.statistics_of(name)
         novelty = None if statistics is None else statistics.novelty(features.mean(dim=1))
-        return SenseOutput(self._summand_of(name, features), novelty)
+        return SenseOutput(self._partial_logits_of(name, features), novelty)
 
     def statistics_of(self, name: str) -> FeatureStatistics | None:
         """Return the class statistics of one sense; None of a checkpoint without them."""
@@ -235,7 +236,7 @@ class SurfaceClassifier(nn.Module):
 
     def vote(self, sensed: Mapping[str, SenseOutput], seed: int) -> Vote:
         """Decide by the scores of all senses; ``seed`` is that of the tuples."""
-        logits = self.join([sensed[name].summand for name in self.card.sense_names], seed)
+        logits = self.fuse([sensed[name].partial_logits for name in self.card.sense_names], seed)
         vote, novelty = self.decide(logits, self.card.temperature), join_novelties(sensed.values())
         return vote if novelty is None else replace(vote, novelty=float(novelty))
 
@@ -248,18 +249,18 @@ class SurfaceClassifier(nn.Module):
         arrays = (content(recordings[modality]) for modality in self.card.modalities)
         return content_seed(self.card.decision["seed"], *arrays)
 
-    def summand(self, name: str, recording: Tensor) -> Tensor:
+    def partial_logits(self, name: str, recording: Tensor) -> Tensor:
         """Compute what one sense adds to the class scores: (classes, positions).
 
         Args:
             name: Name of the sense.
             recording: Decoded.
         """
-        return self._summand_of(name, self.described(name, recording))
+        return self._partial_logits_of(name, self.embedding(name, recording))
 
-    def _summand_of(self, name: str, features: Tensor) -> Tensor:
-        """The summand of what :meth:`described` gives."""
-        if self.described_level(name) != self.level(name):
+    def _partial_logits_of(self, name: str, features: Tensor) -> Tensor:
+        """The partial logits of what :meth:`embedding` gives."""
+        if self.embedding_layer(name) != self.level(name):
             features = class_scores(self.sense(name).network, features)
         return self.project(name, features)
 
@@ -267,7 +268,7 @@ class SurfaceClassifier(nn.Module):
         """Compute features (D, positions) of the layer that is fused; of a single sense scores."""
         return self.sense(name).positions(recording, self.level(name))
 
-    def described(self, name: str, recording: Tensor) -> Tensor:
+    def embedding(self, name: str, recording: Tensor) -> Tensor:
         """Compute the features (D, positions) of one sense that its :attr:`statistics` are about.
 
         They are FC2's at every level of fusion, or the class scores of a network without a
@@ -277,10 +278,10 @@ class SurfaceClassifier(nn.Module):
             name: Name of the sense.
             recording: Decoded.
         """
-        return self.sense(name).positions(recording, self.described_level(name))
+        return self.sense(name).positions(recording, self.embedding_layer(name))
 
-    def described_level(self, name: str) -> Level:
-        """Return the layer of :meth:`described`."""
+    def embedding_layer(self, name: str) -> Level:
+        """Return the layer of :meth:`embedding`."""
         level = self.level(name)
         if level == "fc3" and score_layer_of(self.sense(name).network) is not None:
             return "fc2"  # fusion on FC2, which removes that layer, is there already
@@ -292,28 +293,28 @@ class SurfaceClassifier(nn.Module):
         return "fc3" if self.fusion is None else self.fusion.levels[place]
 
     def project(self, name: str, features: Tensor) -> Tensor:
-        """Return the summand of features (D, positions) of one sense, see :meth:`positions`."""
+        """Return the partial logits of one sense from its features (D, positions)."""
         if self.fusion is None:
             return features
         return self.fusion.project(self.card.sense_names.index(name), features[None])[0]
 
-    def join(self, summands: Sequence[Tensor], seed: int, count: int | None = None) -> Tensor:
+    def fuse(self, partials: Sequence[Tensor], seed: int, count: int | None = None) -> Tensor:
         """Return the class scores (classes, fragments) of one sample.
 
         Args:
-            summands: Those of all senses, in order; of a single one they are the scores.
+            partials: Those of all senses, in order; of a single one they are the scores.
             seed: Seed of the tuples; see :func:`content_seed`.
             count: Number of tuples; None takes the card's.
         """
         if self.fusion is None:
-            return summands[0]
+            return partials[0]
         wanted: int = self.card.decision["pairs"] if count is None else count
-        tuples = random_tuples([each.shape[-1] for each in summands], wanted, seed)
-        parts = [each[None] for each in summands]
-        return self.fusion.join(parts, tuples.to(summands[0].device))[0]
+        tuples = random_tuples([each.shape[-1] for each in partials], wanted, seed)
+        parts = [each[None] for each in partials]
+        return self.fusion.fuse(parts, tuples.to(partials[0].device))[0]
 
     @torch.no_grad()
-    def part(self, senses: Sequence[str]) -> "SurfaceClassifier":
+    def with_senses(self, senses: Sequence[str]) -> "SurfaceClassifier":
         """Return a copy that looks at some of the senses, for samples that lack the others.
 
         Where FC2 is fused a single sense has no FC3 of its own; it takes its part of the fusion
@@ -330,7 +331,9 @@ class SurfaceClassifier(nn.Module):
                 part.statistics[name] = deepcopy(self.statistics[name])
         places = [self.card.sense_names.index(name) for name in senses]
         fused = self.fusion.subset(places)
-        if len(self.card.sense_names) - 1 not in places:  # the bias is in the summand of the last
+        if (
+            len(self.card.sense_names) - 1 not in places
+        ):  # the bias is in the partial logits of the last
             fused.head.bias.zero_()
         part.network = fused if len(places) > 1 else _alone(part, fused)
         return part.to(self.device).train(self.training)

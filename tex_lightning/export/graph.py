@@ -27,22 +27,22 @@ class Part(NamedTuple):
     """The outputs of one sense; an absent one has no positions, and its numbers are 0.
 
     Attributes:
-        summand: Class scores (classes, positions) that it adds to those of the others.
+        partial_logits: Class scores (classes, positions) that it adds to those of the others.
         alone: Those (classes, positions) by which it decides where all others are absent.
         positions: How many there are, int64 ().
         novelty: (); None where it is not known.
     """
 
-    summand: Tensor
+    partial_logits: Tensor
     alone: Tensor
     positions: Tensor
     novelty: Tensor | None
 
     @classmethod
-    def of(cls, summand: Tensor, alone: Tensor, novelty: Tensor | None) -> "Part":
+    def of(cls, partial_logits: Tensor, alone: Tensor, novelty: Tensor | None) -> "Part":
         """Make a part, with the number of its positions."""
         positions = torch.scalar_tensor(alone.shape[1], dtype=torch.int64)
-        return cls(summand, alone, positions, novelty)
+        return cls(partial_logits, alone, positions, novelty)
 
     def named(self, sense: str) -> dict[str, Tensor]:
         """The fields that are present, by the names of :func:`names`."""
@@ -58,8 +58,8 @@ def names(sense: str) -> list[str]:
 def joined(parts: list[Part], draws: Tensor) -> tuple[Tensor, Tensor]:
     """Class scores (classes, fragments), and which senses are there, bool (senses,).
 
-    They are those of :meth:`.SurfaceClassifier.part` of the senses that are there: sums at random
-    tuples of positions, or of a single sense those of its positions.
+    They are those of :meth:`.SurfaceClassifier.with_senses` of the senses that are there: sums at
+    random tuples of positions, or of a single sense those of its positions.
 
     Args:
         parts: Parts of all senses, in order.
@@ -85,7 +85,7 @@ def _drawn(part: Part, draws: Tensor, column: Tensor) -> Tensor:
     """Summands (classes, K) at random positions; zeros of an absent sense."""
     words = draws.index_select(1, column[None])[:, 0]
     places = torch.remainder(words, part.positions.clamp(min=1))
-    return pad(part.summand, (0, 1)).index_select(1, places)
+    return pad(part.partial_logits, (0, 1)).index_select(1, places)
 
 
 def is_unknown(card: Card, novelty: Tensor, present: Tensor) -> Tensor:
@@ -192,7 +192,7 @@ class ClassifierGraph(nn.Module):
         self.fronts = nn.ModuleDict({name: _front(each) for name, each in senses.items()})
         self.network = exportable(classifier.network)
         self.fused = classifier.fusion is not None
-        self.levels = {name: classifier.described_level(name) for name in senses}
+        self.levels = {name: classifier.embedding_layer(name) for name in senses}
         self.scored = {name: classifier.level(name) != self.levels[name] for name in senses}
         known = {name: classifier.statistics_of(name) for name in senses}
         told = bool(classifier.card.novelties) and None not in known.values()
@@ -228,10 +228,10 @@ class ClassifierGraph(nn.Module):
             if isinstance(front, SpectrogramGraph):
                 outputs = {f"{name}_input": x[0, 0], f"{name}_start": start}
         found = self._described(name, place, x)
-        alone, summand = self._scores(name, place, found[0].flatten(1))
+        alone, partial_logits = self._scores(name, place, found[0].flatten(1))
         rows = found.shape[2:-1] or (1,)
-        outputs[f"{name}_scores"] = summand.reshape(-1, *rows, found.shape[-1])
-        return outputs, Part.of(summand, alone, self._novelty(name, found))
+        outputs[f"{name}_scores"] = partial_logits.reshape(-1, *rows, found.shape[-1])
+        return outputs, Part.of(partial_logits, alone, self._novelty(name, found))
 
     def name_inputs(self, names: Sequence[str]) -> None:
         """Let :meth:`forward` have parameters of these names, which torch.export asks for."""
@@ -259,8 +259,8 @@ class ClassifierGraph(nn.Module):
         if not self.fused:
             return positions, positions
         network: Any = self.network
-        summand: Tensor = network.project(place, positions[None])[0]
-        return (positions if network.levels[place] == "fc3" else summand), summand
+        partial_logits: Tensor = network.project(place, positions[None])[0]
+        return (positions if network.levels[place] == "fc3" else partial_logits), partial_logits
 
     def _novelty(self, name: str, found: Tensor) -> Tensor | None:
         """Novelty (); see :meth:`.FeatureStatistics.novelty`."""

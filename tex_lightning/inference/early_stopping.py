@@ -41,12 +41,12 @@ def signal_stream(classifier: SurfaceClassifier, sense: str) -> StreamingClassif
     None if there is no such part, or features or weights are such that it needs the whole signal.
     """
     try:
-        return StreamingClassifier(classifier.part([sense]), keep_scores=True)
+        return StreamingClassifier(classifier.with_senses([sense]), keep_scores=True)
     except UserError:
         return None
 
 
-def beginnings(trace: Tensor, stream: StreamingClassifier, costs: Costs) -> Iterator[Vote]:
+def growing_prefixes(trace: Tensor, stream: StreamingClassifier, costs: Costs) -> Iterator[Vote]:
     """Yield votes over longer and longer beginnings of a signal, each computed when it is needed.
 
     They end before the next one would bring the time of all to that of a full pass, which then
@@ -112,7 +112,7 @@ def decide(classifier: SurfaceClassifier, config: DecisionConfig) -> SurfaceClas
     return SequentialClassifier(classifier, config)
 
 
-def prepare(
+def make_inference_model(
     classifier: SurfaceClassifier, engine: EngineConfig, decision: DecisionConfig
 ) -> SurfaceClassifier:
     """Prepare a classifier for tests and prediction: accelerated, with the configured decision."""
@@ -186,7 +186,7 @@ class SequentialClassifier(SurfaceClassifier):
             return self.full.classify(**{sense.modality: trace})
         bands, frames = sense.input_size(trace)
         full = self.costs.of(sense.name, bands, frames)
-        for vote in beginnings(trace, stream, self.costs):
+        for vote in growing_prefixes(trace, stream, self.costs):
             certain = self.counts and stream.certain(frames)
             if is_confident(vote.probability, self.threshold) or certain:
                 return _spent(vote, stream.macs, full)
@@ -208,20 +208,20 @@ class SequentialClassifier(SurfaceClassifier):
         own = {name: recordings[sense.modality] for name, sense in senses.items()}
         costs = {name: self._cost(sense, own[name]) for name, sense in senses.items()}
         full, (first, *others) = sum(costs.values()), sorted(costs, key=costs.__getitem__)
-        summand, vote, spent = self._listen(senses[first], own[first], costs[first])
+        partial_logits, vote, spent = self._listen(senses[first], own[first], costs[first])
         if is_confident(vote.probability, self.threshold):
             return _spent(vote, spent, full)
-        summands, seed = {first: summand}, self.full.seed(**recordings)
+        partials, seed = {first: partial_logits}, self.full.seed(**recordings)
         for name in others:
             if name == others[-1] and senses[name].windowed and self.counts:
-                return self._last_photo(name, own[name], summands, seed, spent, full)
-            summands[name] = self.full.summand(name, own[name])
+                return self._last_photo(name, own[name], partials, seed, spent, full)
+            partials[name] = self.full.partial_logits(name, own[name])
             spent += costs[name]
             if name != others[-1]:
-                vote = self._tuples_vote(summands, seed, 1.0)
+                vote = self._tuples_vote(partials, seed, 1.0)
                 if is_confident(vote.probability, self.threshold):
                     return _spent(vote, spent, full)
-        return _spent(self._tuples_vote(summands, seed, self.card.temperature), spent, full)
+        return _spent(self._tuples_vote(partials, seed, self.card.temperature), spent, full)
 
     def _cost(self, sense: Sense, recording: Tensor) -> int:
         """Multiply-accumulates of one sense, of a recording that is large enough.
@@ -233,13 +233,13 @@ class SequentialClassifier(SurfaceClassifier):
             sense.check(recording)
             return self.costs.of(sense.name, *sense.input_size(recording))
         if sense.name not in self.densities:
-            macs = count_macs(lambda: self.full.summand(sense.name, recording))
+            macs = count_macs(lambda: self.full.partial_logits(sense.name, recording))
             self.densities[sense.name] = macs / recording.numel()
         return max(1, round(self.densities[sense.name] * recording.numel()))
 
-    def _tuples_vote(self, summands: dict[str, Tensor], seed: int, temperature: float) -> Vote:
+    def _tuples_vote(self, partials: dict[str, Tensor], seed: int, temperature: float) -> Vote:
         """The vote of the senses used so far; the vote of all senses is the full one."""
-        asked = [summands[name] for name in self.full.senses if name in summands]
+        asked = [partials[name] for name in self.full.senses if name in partials]
         tuples = self._tuples([each.shape[1] for each in asked], seed)
         drawn = [each[:, tuples[:, place]] for place, each in enumerate(asked)]
         return self.full.decide(_sum(drawn), temperature)
@@ -248,7 +248,7 @@ class SequentialClassifier(SurfaceClassifier):
         self,
         last: str,
         photo: Tensor,
-        summands: dict[str, Tensor],
+        partials: dict[str, Tensor],
         seed: int,
         spent: int,
         full: int,
@@ -256,11 +256,11 @@ class SequentialClassifier(SurfaceClassifier):
         """Draw the tuples of the full vote, and compute the windows of the photo that they need."""
         senses = self.full.senses
         counts = [
-            summands[name].shape[1] if name in summands else _count(sense, photo)
+            partials[name].shape[1] if name in partials else _count(sense, photo)
             for name, sense in senses.items()
         ]
         places = dict(zip(senses, self._tuples(counts, seed).T, strict=True))
-        known = [summands[name][:, places[name]] for name in senses if name in summands]
+        known = [partials[name][:, places[name]] for name in senses if name in partials]
         order = places[last].cpu()
         return self._draw(senses[last], photo, _sum(known), order, spent, full)
 
@@ -269,19 +269,21 @@ class SequentialClassifier(SurfaceClassifier):
         return random_tuples(counts, self.card.decision["pairs"], seed).to(self.device)
 
     def _listen(self, sense: Sense, recording: Tensor, cost: int) -> tuple[Tensor, Vote, int]:
-        """Compute the summand (classes, positions), vote and cost of one sense, until it is sure.
+        """Compute partial logits (classes, positions), vote and cost of one sense until confident.
 
-        Where it is sure the rest of a signal is left out, of the summand too.
+        A confident vote leaves out the rest of a signal, in the partial logits too.
         """
         name, stream, spent = sense.name, self.streams[sense.name], 0
         if stream is not None:
-            for vote in beginnings(recording, stream, self.costs):
+            for vote in growing_prefixes(recording, stream, self.costs):
                 if is_confident(vote.probability, self.threshold):
-                    own = self.full.level(name) == "fc2"  # the stream's scores are the summand then
+                    own = (
+                        self.full.level(name) == "fc2"
+                    )  # the stream's scores are the partial_logits then
                     scores = stream.scores if own else self.full.project(name, stream.scores)
                     return scores, vote, stream.macs
             spent = stream.macs
-        scores = self.full.summand(name, recording)
+        scores = self.full.partial_logits(name, recording)
         return scores, self.full.decide(scores, 1.0), spent + cost
 
     def _draw(
@@ -314,7 +316,7 @@ class SequentialClassifier(SurfaceClassifier):
             asked = torch.unique(order[drawn : drawn + more])
             fresh = asked[~known[asked]]
             if spent - before + len(fresh) * one > dense:
-                table, spent = self.full.summand(sense.name, photo), spent + dense
+                table, spent = self.full.partial_logits(sense.name, photo), spent + dense
                 drawn = len(order)
                 break
             table[:, fresh.to(table.device)] = self._windows(sense, photo, fresh)
@@ -343,11 +345,11 @@ def _count(sense: Sense, recording: Tensor) -> int:
     return rows * columns
 
 
-def _sum(summands: Sequence[Tensor]) -> Tensor:
+def _sum(partials: Sequence[Tensor]) -> Tensor:
     """Their sum, in order."""
-    total, *others = summands
-    for summand in others:
-        total = total + summand
+    total, *others = partials
+    for partial_logits in others:
+        total = total + partial_logits
     return total
 
 

@@ -181,7 +181,7 @@ def equal_parts(count: int, begin: float, end: float) -> Floats:
 
 
 @torch.inference_mode()
-def gather(
+def classify_with_maps(
     classifier: SurfaceClassifier, recordings: Mapping[str, Tensor]
 ) -> tuple[Vote, dict[str, Evidence]]:
     """Decide on one sample as ``classify`` does, and keep the scores of every position.
@@ -200,16 +200,16 @@ def gather(
     refuse_baseline(classifier)
     classifier.require(dict(recordings))
     alone = classifier.fusion is None
-    summands, found = [], {}
+    partials, found = [], {}
     for name, sense in classifier.senses.items():
         recording = recordings[sense.modality]
         grid = sense.position_grid(recording, classifier.level(name))
-        summand = classifier.project(name, grid.flatten(1))
-        summands.append(summand)
-        scores = summand.reshape(-1, *grid.shape[1:]).cpu().numpy()
+        partial_logits = classifier.project(name, grid.flatten(1))
+        partials.append(partial_logits)
+        scores = partial_logits.reshape(-1, *grid.shape[1:]).cpu().numpy()
         # a temperature is fitted to the sum of all senses
         found[name] = _evidence(sense, recording, scores, card.temperature if alone else 1.0)
-    logits = classifier.join(summands, 0 if alone else classifier.seed(**recordings))
+    logits = classifier.fuse(partials, 0 if alone else classifier.seed(**recordings))
     return classifier.decide(logits, card.temperature), found
 
 

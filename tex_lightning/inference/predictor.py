@@ -22,9 +22,9 @@ from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
-from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
+from tex_lightning.inference.early_stopping import SequentialClassifier, make_inference_model
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.evidence import Evidence, gather, refuse_baseline
+from tex_lightning.inference.evidence import Evidence, classify_with_maps, refuse_baseline
 from tex_lightning.inference.prediction import Prediction, describe
 from tex_lightning.inference.streaming.live import LiveStream
 from tex_lightning.inference.unknown import check_unknown
@@ -140,7 +140,7 @@ class Predictor:
 
         def classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
             whole = decider.full if isinstance(decider, SequentialClassifier) else decider
-            vote, senses = gather(whole, decoded)
+            vote, senses = classify_with_maps(whole, decoded)
             found.update(senses)
             return vote
 
@@ -207,7 +207,7 @@ class Predictor:
                 "A live stream takes signals as they come and photos as they are; "
                 + (f"{unfit[0]} is given as the other." if unfit else "give a signal.")
             )
-        engine = accelerate(self.classifier.part(self._senses(given)), self.config.engine)
+        engine = accelerate(self.classifier.with_senses(self._senses(given)), self.config.engine)
         engine.card = engine.card.deciding(self.config.decision)
         decoded = {
             name: senses[name].decode_input(
@@ -244,8 +244,10 @@ class Predictor:
     def _decider(self, senses: tuple[str, ...]) -> SurfaceClassifier:
         """What decides by these senses: of a FusionNet perhaps a part."""
         if senses not in self._deciders:
-            part = self.classifier.part(senses)
-            self._deciders[senses] = prepare(part, self.config.engine, self.config.decision)
+            part = self.classifier.with_senses(senses)
+            self._deciders[senses] = make_inference_model(
+                part, self.config.engine, self.config.decision
+            )
         return self._deciders[senses]
 
     def _decoded(

@@ -28,7 +28,7 @@ def add_classes(
     Args:
         classifier: Trained, on the CPU, with :attr:`~SurfaceClassifier.statistics`.
         names: Names of the new classes.
-        features: By sense what :meth:`~SurfaceClassifier.described` gives for the recordings of
+        features: By sense what :meth:`~SurfaceClassifier.embedding` gives for the recordings of
             each new class, at least one of each.
 
     Raises:
@@ -150,8 +150,8 @@ def _with_features(
     """The head of a fusion of features: each sense has its columns, and they are fitted apart.
 
     The sum then knows what all senses say, and a part of the senses is right by itself. The only
-    bias is in the summand of the last sense; the new classes have the mean of the old ones', which
-    leaves nothing to it that the other senses would lack.
+    bias is in the partial logits of the last sense; the new classes have the mean of the old ones',
+    which leaves nothing to it that the other senses would lack.
     """
     weight, whole = _values(fusion.head)
     blocks = torch.split(weight, fusion.sizes, dim=1)

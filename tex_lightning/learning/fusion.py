@@ -39,7 +39,7 @@ class FusionModule(SurfaceModule):
                 part * ((alone == place) | (alone >= len(parts)))
                 for place, part in enumerate(parts)
             ]
-        joined: Tensor = self.network.join(parts, _side_by_side(parts))
+        joined: Tensor = self.network.fuse(parts, _side_by_side(parts))
         return joined
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:

@@ -78,4 +78,4 @@ def position_features(
     """
     what = plural(classifier.sense(name).modality)
     for row in track(rows, f"Statistics of {what}"):
-        yield classifier.described(name, load_recording(row, store)).cpu()
+        yield classifier.embedding(name, load_recording(row, store)).cpu()

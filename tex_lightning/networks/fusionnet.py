@@ -66,9 +66,9 @@ class FusionNet(nn.Module):
         Raises:
             ValueError: ``tuples`` is None but the inputs have more than one position.
         """
-        return self.join(self.parts(*inputs), tuples)
+        return self.fuse(self.parts(*inputs), tuples)
 
-    def join(self, parts: Sequence[Tensor], tuples: Tensor | None = None) -> Tensor:
+    def fuse(self, parts: Sequence[Tensor], tuples: Tensor | None = None) -> Tensor:
         """Return class scores (B, classes, P) of ``tuples`` of positions of the :meth:`parts`."""
         if tuples is not None:
             parts = [part[..., tuples[:, index]] for index, part in enumerate(parts)]
@@ -83,7 +83,7 @@ class FusionNet(nn.Module):
         return total
 
     def parts(self, *inputs: Tensor) -> list[Tensor]:
-        """Return the summands of the class scores for every position of every sense.
+        """Return the partial logits of the class scores for every position of every sense.
 
         Returns:
             One (B, classes, positions) for each sense, the last with the bias.
@@ -100,10 +100,14 @@ class FusionNet(nn.Module):
         return found
 
     def project(self, index: int, features: Tensor) -> Tensor:
-        """Return the summand (B, classes, L) of features (B, D, L) of the sense at ``index``."""
+        """Return partial logits (B, classes, L) from features (B, D, L) of the sense ``index``."""
         weight = torch.split(self.head.weight, self.sizes, dim=1)[index]
-        summand = torch.matmul(weight, features)
-        return summand + self.head.bias[:, None] if index == len(self.sizes) - 1 else summand
+        partial_logits = torch.matmul(weight, features)
+        return (
+            partial_logits + self.head.bias[:, None]
+            if index == len(self.sizes) - 1
+            else partial_logits
+        )
 
     @torch.no_grad()
     def start_from_scores(self, *networks: nn.Module) -> None:

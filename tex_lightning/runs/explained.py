@@ -14,7 +14,7 @@ from tex_lightning.data.quality import Quality
 from tex_lightning.data.store import Store, load_sample
 from tex_lightning.evaluation.outcomes import Outcome, worst_first
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.evidence import gather
+from tex_lightning.inference.evidence import classify_with_maps
 from tex_lightning.inference.prediction import describe
 from tex_lightning.report.explanation import Explanation
 from tex_lightning.report.figures import save_figure
@@ -100,7 +100,7 @@ def explain_sample(fast: SurfaceClassifier, sample: Sample, store: Store) -> Exp
         sample: With all its recordings.
         store: Where they are decoded.
     """
-    vote, senses = gather(fast, load_sample(sample, store))
+    vote, senses = classify_with_maps(fast, load_sample(sample, store))
     said = fast.card.modalities if fast.fusion is not None else ()
     prediction = describe(vote, fast.card, Quality(), CANDIDATES, 0.0, said)
     return Explanation.of(prediction, fast.card.classes, vote.label, senses)

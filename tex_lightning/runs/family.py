@@ -22,7 +22,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.choice import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
-from tex_lightning.inference.early_stopping import prepare
+from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.runs.fold import fit_fold
 from tex_lightning.runs.opening import Opening
 from tex_lightning.runs.remaining import Remaining
@@ -199,7 +199,7 @@ def _measure_pair(workspace: Workspace, pair: Pair, directory: Path, networks_in
     config = workspace.config
     samples = make_samples(apart, config.model.modalities)
     trained = load_classifier(entry["checkpoint"])
-    classifier = prepare(trained, config.engine, config.decision)
+    classifier = make_inference_model(trained, config.engine, config.decision)
     outcomes = run_test(classifier, samples, workspace.store)
     write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
     seconds = sum(network["fit_seconds"] for network in networks.values())

@@ -18,7 +18,7 @@ from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import load_sample
-from tex_lightning.inference.early_stopping import prepare
+from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.profiling.timing import interleaved, waiting
 from tex_lightning.runs.family import Measured
 from tex_lightning.runs.opening import Opening
@@ -65,7 +65,7 @@ def measure_latencies(measured: Sequence[Measured], rounds: int, opening: Openin
         member, config = system.member, system.member.config
         device = pick_device(config.trainer.accelerator)
         trained = load_classifier(system.entry["checkpoint"]).to(device)
-        classifier = prepare(trained, config.engine, config.decision)
+        classifier = make_inference_model(trained, config.engine, config.decision)
         decoded = tuple((each.modality, each.decoder) for each in trained.senses.values())
         if decoded not in recordings:  # such systems classify the same samples
             home = Path(system.entry["checkpoint"]).parent

@@ -25,7 +25,7 @@ LEAST_RATE = 2000  # Hz, of a rendered trace: the tool rings at 430 Hz
 def load_networks(checkpoint: str) -> list[SurfaceClassifier]:
     """The unimodal networks of a checkpoint."""
     whole = SurfaceClassifier.from_checkpoint(checkpoint)
-    return [whole.part([name]) for name in whole.card.sense_names]
+    return [whole.with_senses([name]) for name in whole.card.sense_names]
 
 
 def random_networks(config: Config, classes: int) -> list[SurfaceClassifier]:

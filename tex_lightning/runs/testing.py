@@ -15,7 +15,7 @@ from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.costs import count_macs
-from tex_lightning.inference.early_stopping import SequentialClassifier, prepare
+from tex_lightning.inference.early_stopping import SequentialClassifier, make_inference_model
 from tex_lightning.inference.unknown import warn_of_few
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
 from tex_lightning.report.figures import calibration_figure, save_figure
@@ -46,7 +46,7 @@ def report_network(
     classifier = trained.classifier
     kind, classes = classifier.card.kind, classifier.card.classes
     warn_of_few(classifier.card.deciding(config.decision))
-    decider = prepare(classifier, config.engine, config.decision)
+    decider = make_inference_model(classifier, config.engine, config.decision)
     fold = None if config.data.test_where else config.data.test_fold
     outcomes = run_test(decider, samples, store, fold)
     write_outcomes(outcomes, directory / "predictions" / f"{kind}.csv")

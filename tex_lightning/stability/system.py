@@ -1,7 +1,7 @@
 """Systems under test: classifiers, the test samples of their folds, clean or perturbed.
 
-A recording is perturbed once for all systems. A FusionNet computes its summand of the class scores
-for each recording once, however many samples it is part of, and decides as in any other test.
+A recording is perturbed once for all systems. A FusionNet computes its partial
+logits for each recording once, however many samples it is part of, and decides as in any test.
 """
 
 import zlib
@@ -32,12 +32,12 @@ class Scores:
     Attributes:
         recording: Signal or photo; a FusionNet draws its tuples by it.
         scores: Class scores (classes, positions) by this recording alone.
-        summand: What it adds to those of a FusionNet; the same at level FC2.
+        partial_logits: What it adds to those of a FusionNet; the same at level FC2.
     """
 
     recording: Array
     scores: Tensor
-    summand: Tensor
+    partial_logits: Tensor
 
     @property
     def belief(self) -> Tensor:
@@ -89,9 +89,9 @@ class Evaluator:
             features = self.classifier.positions(sense, torch.from_numpy(np.array(recording)))
         except UserError:
             return None
-        summand = self.classifier.project(sense, features)
-        scores = summand if self.classifier.level(sense) == "fc2" else features
-        return Scores(recording, scores.cpu(), summand.cpu())
+        partial_logits = self.classifier.project(sense, features)
+        scores = partial_logits if self.classifier.level(sense) == "fc2" else features
+        return Scores(recording, scores.cpu(), partial_logits.cpu())
 
     @torch.inference_mode()
     def alone(self, scores: Scores | None) -> Decision:
@@ -114,7 +114,7 @@ class Evaluator:
         # a modality that several senses look at counts once
         looked_at = {self.modalities[sense]: each.recording for sense, each in found.items()}
         seed = content_seed(self.classifier.card.decision["seed"], *looked_at.values())
-        joined = self.classifier.join([each.summand for each in found.values()], seed, count)
+        joined = self.classifier.fuse([each.partial_logits for each in found.values()], seed, count)
         return self._decide(joined, len(found), _agreement(found.values()))
 
     def _decide(self, scores: Tensor, senses: int, agreement: float | None = None) -> Decision:

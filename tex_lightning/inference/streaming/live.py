@@ -61,7 +61,7 @@ class WholeVote:
             )
         self.streams = {
             name: StreamingClassifier(
-                classifier.part([name]), wait=wait, keep_scores=not self.counted
+                classifier.with_senses([name]), wait=wait, keep_scores=not self.counted
             )
             for name in classifier.card.sense_names
             if name not in fixed
@@ -103,7 +103,9 @@ class WholeVote:
             return self._counted()
         whole = self.classifier
         streams = self.streams.items()
-        live = {name: SenseOutput(self._summand(name), each.novelty) for name, each in streams}
+        live = {
+            name: SenseOutput(self._partial_logits(name), each.novelty) for name, each in streams
+        }
         return whole.vote({**self.fixed, **live}, whole.card.decision["seed"])
 
     def _counted(self) -> Vote | None:
@@ -112,8 +114,8 @@ class WholeVote:
             return stream.vote
         return replace(stream.vote, novelty=float(stream.novelty))
 
-    def _summand(self, name: str) -> Tensor:
-        """What a live sense adds: a part that is fused on FC2 has its summand as scores."""
+    def _partial_logits(self, name: str) -> Tensor:
+        """What a live sense adds: a part that is fused on FC2 has its partial logits as scores."""
         scores = self.streams[name].scores
         own = self.classifier.level(name) == "fc2"
         return scores if own else self.classifier.project(name, scores)

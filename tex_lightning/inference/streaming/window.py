@@ -206,7 +206,7 @@ class WindowVote:
 
     def _sense(self, name: str, recordings: Slice) -> SenseOutput:
         """What a live sense says of an input that is repeated to the size of a fragment."""
-        sense, level = self.senses[name], self.classifier.described_level(name)
+        sense, level = self.senses[name], self.classifier.embedding_layer(name)
         recording = recordings[sense.modality]
         if sense.geometry is None:
             return self.classifier.sense_output(name, recording)
