@@ -100,6 +100,20 @@ def test_they_evaluate_predict_and_are_perturbed(cli, run, data, flat, tmp_path)
     assert found["perturbations"]["stains"]["function"] == "my_ext.stains"
 
 
+def test_a_perturbation_of_the_user_is_tried_before_any_trial(cli, run, data, tmp_path):
+    line = "{function: my_ext.shatters, unit: a, levels: [0, 1, 2, 3, 4, 5]}"
+    (tmp_path / "own.yaml").write_text(f"image: {{mine: {line}}}\n")
+    outcome = cli(
+        *CONF, *data, "trusted=[my_ext]", "task=stability", f"stability.systems=[{run}]",
+        f"stability.severities=[{tmp_path}/own.yaml]", f"hydra.run.dir={tmp_path}/r",
+    )  # fmt: skip
+    assert outcome.status == 1
+    said = "Error: mine of image in stability.severities (shatters) raised KeyError: a perturbation"
+    assert said in outcome.err
+    assert 'raise KeyError("boom of a user")' in outcome.err
+    assert not (tmp_path / "r" / "trials.jsonl").exists()
+
+
 @pytest.fixture(scope="module")
 def fused(run_once, data) -> Path:
     senses = ["model=fusion", "model.senses=[force,visual]", "trunk=small", "logger=text"]

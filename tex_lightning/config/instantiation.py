@@ -2,12 +2,9 @@
 
 import importlib
 import inspect
-import pkgutil
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
-from types import TracebackType
 from typing import Any
 
 from hydra.errors import InstantiationException
@@ -16,13 +13,12 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from tex_lightning.config.check_ranges import nearest
-from tex_lightning.core.contract import blame
+from tex_lightning.core.contract import blame_users_code, resolve
 from tex_lightning.errors import UserError, listed, shorten
 
 TARGET = "_target_"
 HYDRAS = (TARGET, "_args_", "_partial_", "_recursive_", "_convert_")  # keys that are no arguments
 OWN = "tex_lightning."
-LIBRARIES = ("tex_lightning", "hydra", "omegaconf", "torch", "torchvision", "lightning", "kornia")
 INSTALL = "pip install 'tex_lightning[baselines]'"
 
 
@@ -127,19 +123,11 @@ def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
     """
     _check_named(where, node)
     with making(where):
-        found = _resolve(node[TARGET])
+        found = resolve(node[TARGET])
         if not callable(found):
             raise TypeError(f"{node[TARGET]} is no class or function")
         named: Callable[..., Any] = found
         return named
-
-
-def _resolve(target: str) -> Any:  # noqa: ANN401
-    try:
-        return pkgutil.resolve_name(target)  # Hydra's own would log the error as well
-    except AttributeError:
-        importlib.import_module(target.rpartition(".")[0])  # whose own failure it hides
-        raise
 
 
 def _check_named(where: str, node: Mapping[str, Any]) -> None:
@@ -187,28 +175,15 @@ def making(where: str) -> Iterator[None]:
         raise
     except Exception as error:
         cause = _innermost(error)
-        own = _from_users_code(cause.__traceback__)
-        if own is None and not isinstance(cause, SyntaxError):
-            raise UserError(f"{where} fails: {_reason(cause)}") from error
-        said = f"{where} raised {type(cause).__name__} while it was imported or made."
-        blame(cause, said, own)
-        raise cause from cause.__cause__
+        if blame_users_code(cause, where):
+            raise cause from cause.__cause__
+        raise UserError(f"{where} fails: {_reason(cause)}") from error
 
 
 def _innermost(error: Exception) -> Exception:
     while isinstance(error, InstantiationException) and isinstance(error.__cause__, Exception):
         error = error.__cause__
     return error
-
-
-def _from_users_code(where: TracebackType | None) -> TracebackType | None:
-    """A traceback from its first line of a user's code on; None if it has none."""
-    while where is not None:
-        package = str(where.tb_frame.f_globals.get("__name__")).partition(".")[0]
-        if package not in LIBRARIES and package not in sys.stdlib_module_names:
-            return where
-        where = where.tb_next
-    return None
 
 
 def _reason(error: Exception) -> str:

@@ -1,8 +1,11 @@
 """What each class of a user's own has to be; what it raises keeps its traceback.
 
-:mod:`tex_lightning.runs.trial` tries every one of them once before work.
+:mod:`tex_lightning.learning.trial` tries those of training once before work.
 """
 
+import importlib
+import pkgutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
@@ -13,6 +16,9 @@ from tex_lightning.errors import UserError
 if TYPE_CHECKING:
     from torch import Tensor
 
+LIBRARIES = (
+    "tex_lightning", "hydra", "omegaconf", "yaml", "torch", "torchvision", "lightning", "kornia",
+)  # fmt: skip
 FAULT = "tex_lightning_fault"  # attribute of an error
 
 CONTRACTS = {
@@ -48,25 +54,51 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
         raise
     except Exception as error:
         said = f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}."
-        blame(error, said, error.__traceback__)
+        _note(error, said, error.__traceback__)
         raise
 
 
-def blame(error: Exception, said: str, where: TracebackType | None) -> None:
-    """Note on an error of a user's class what is shown before its traceback, if nothing is yet.
+def blame_users_code(error: Exception, key: str) -> bool:
+    """Note the key on an error that code of the user's raised while it was imported or made.
 
     Args:
-        error: What it raised.
-        said: One line that names its key.
-        where: The part of the traceback to show.
+        error: Any error.
+        key: What named that code.
+
+    Returns:
+        Whether any such code ran.
     """
+    where = error.__traceback__
+    while where is not None and _is_known(where.tb_frame.f_globals.get("__name__")):
+        where = where.tb_next
+    if where is None and not isinstance(error, SyntaxError):
+        return False
+    _note(error, f"{key} raised {type(error).__name__} while it was imported or made.", where)
+    return True
+
+
+def _is_known(module: object) -> bool:
+    package = str(module).partition(".")[0]
+    return package in LIBRARIES or package in sys.stdlib_module_names
+
+
+def resolve(target: str) -> Any:  # noqa: ANN401
+    """Return what a dotted path names; a failure of its module is raised as it is."""
+    try:
+        return pkgutil.resolve_name(target)  # Hydra's own would log the error as well
+    except AttributeError:
+        importlib.import_module(target.rpartition(".")[0])  # whose own failure it hides
+        raise
+
+
+def _note(error: Exception, said: str, where: TracebackType | None) -> None:
     if not hasattr(error, FAULT):
         error.add_note(said)
         setattr(error, FAULT, (said, where))
 
 
 def fault_of(error: BaseException) -> tuple[str, TracebackType | None] | None:
-    """Return what :func:`blame` noted on an error, and the part of its traceback to show."""
+    """Return what is noted on an error, and the part of its traceback to show."""
     found: tuple[str, TracebackType | None] | None = getattr(error, FAULT, None)
     return found
 

@@ -1,7 +1,6 @@
 """All perturbations by name, with their scales from ``severities.yaml``."""
 
 import math
-import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -11,8 +10,9 @@ from typing import Any
 import numpy as np
 from omegaconf import OmegaConf
 
+from tex_lightning.core.contract import blame_users_code, breach, calling, describe, resolve
 from tex_lightning.core.files import check_yaml
-from tex_lightning.errors import UserError, reason
+from tex_lightning.errors import UserError
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations import pixels as lenses
 from tex_lightning.perturbations import traces as strokes
@@ -86,7 +86,7 @@ class Perturbation:
             A recording of the same type, not always of the same size.
 
         Raises:
-            UserError: If a user's function fails, or returns no recording of this kind.
+            UserError: If a user's function returns no finite recording of this kind.
         """
         if severity == 0:
             return recording
@@ -146,6 +146,8 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
         for each in found.values():
             _check(each)
     except Exception as error:  # a function's module may fail in any way
+        if blame_users_code(error, f"stability.severities={path}"):
+            raise
         said = " ".join(str(error).split()).rstrip(".")
         raise UserError(
             f"stability.severities={path} cannot be used: {said}; write "
@@ -185,34 +187,25 @@ def _check(own: Perturbation) -> None:
 
 def _changed(own: Perturbation, recording: Array, value: float, scene: Scene) -> Array:
     """What its function makes of a recording, of any type of numbers."""
-    is_photo = recording.dtype == np.uint8
-    try:
-        found = np.asarray(_function(own)(recording, value, scene))
-    except Exception as error:
-        if not own.is_users:
-            raise
-        raise _unusable(own, f"raised {type(error).__name__}: {reason(error)}", is_photo) from error
-    channels = -1 if is_photo else 0
+    function = _function(own)
+    if not own.is_users:
+        return np.asarray(function(recording, value, scene))
+    part = f"{own.name} of {own.modality} in stability.severities", "perturbation", function
+    with calling(*part):
+        found = np.asarray(function(recording, value, scene))
+    channels = -1 if recording.dtype == np.uint8 else 0
     fits = found.ndim == recording.ndim and found.shape[channels] == recording.shape[channels]
     if not fits or found.dtype.kind not in "buif":
-        numbers = f"{found.dtype} of shape {found.shape} for {recording.shape}"
-        made = "no array" if found.dtype == object else numbers
-        raise _unusable(own, f"returned {made}", is_photo)
+        raise breach(*part, f"returned {describe(found)} for one of shape {recording.shape}")
+    if not np.isfinite(found).all():
+        raise breach(*part, "gave NaN or infinity")
     return found
-
-
-def _unusable(own: Perturbation, why: str, is_photo: bool) -> UserError:
-    kind = "a photo (height, width, 3)" if is_photo else "a signal of as many axes (axes, samples)"
-    return UserError(
-        f"The perturbation {own.name} of {own.modality} cannot be used: {own.function} {why}; it "
-        f"takes a recording, a value and a scene, and must return {kind}."
-    )
 
 
 def _function(own: Perturbation) -> Function:
     name = own.function or own.name
     if own.is_users:
-        named: Function = pkgutil.resolve_name(name)
+        named: Function = resolve(name)
         return named
     found = [vars(home)[name] for home in HOMES if name in vars(home)]
     if not found:

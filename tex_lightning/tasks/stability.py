@@ -61,6 +61,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     device = pick_device(config.trainer.accelerator)
     systems = load_systems(config)
     chosen = _chosen(config, systems)
+    _try_own(chosen, systems)
     trials, bench, breaks = _run_trials(config, systems, chosen, directory)
     directory.mkdir(parents=True, exist_ok=True)
     write_trials(trials, directory)
@@ -114,6 +115,20 @@ def _chosen(config: Config, systems: Sequence[System]) -> list[Perturbation]:
         log.info("Perturbations that no system meets are left out: %s.", counts)
         log.debug("Left out: %s.", ", ".join(left_out))
     return chosen
+
+
+def _try_own(chosen: Sequence[Perturbation], systems: Sequence[System]) -> None:
+    """Apply every function of the user's to one recording, before time is spent.
+
+    Raises:
+        UserError: If one returns no finite recording.
+    """
+    for each in chosen:
+        if each.is_users and each.modality != BOTH:
+            member = next(system for system in systems if system.meets(each)).members[0]
+            row = next(item.recordings[each.modality] for item in member.samples)
+            for severity in (SEVERITIES[0], SEVERITIES[-1]):
+                member.dataset.perturbed(row, each, severity)
 
 
 def _run_trials(

@@ -162,3 +162,10 @@ class GreyNet(nn.Module):
 
     def features(self, x: Tensor, level: str) -> Tensor:
         return self.layers(x)
+
+
+def shatters(recording: np.ndarray, level: float, scene: Scene) -> np.ndarray:
+    """Fail at the severest level alone."""
+    if level == 5:
+        raise KeyError("boom of a user")
+    return recording
