@@ -20,7 +20,7 @@ from tex_lightning.config.keys import Key
 from tex_lightning.config.mistakes import config_groups
 from tex_lightning.config.model import kind_of
 from tex_lightning.config.reading import keys_read
-from tex_lightning.perturbations.augment import trainable
+from tex_lightning.perturbations.table import trainable
 
 REPOSITORY = CONF.parent
 LONG = "a" * 100_000

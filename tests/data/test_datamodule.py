@@ -11,7 +11,7 @@ from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.store import Store
-from tex_lightning.perturbations.augment import Augmentation
+from tex_lightning.perturbations.table import Augmentation
 
 TRACES = np.array([2, 0, 1])  # their classes
 

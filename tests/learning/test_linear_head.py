@@ -14,7 +14,7 @@ from tex_lightning.core.groups import leave_out
 from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.linear_head import _view, fit_linear_head
-from tex_lightning.perturbations.augment import Augmentation
+from tex_lightning.perturbations.table import Augmentation
 
 COLOURS = np.array([[190, 150, 150], [150, 190, 150], [150, 150, 190]], np.uint8)
 PROBE = {"passes": 1, "side": 300, "strength": 0.03}

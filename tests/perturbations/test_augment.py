@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tex_lightning.perturbations.augment import Augmentation, trainable
-from tex_lightning.perturbations.table import perturbations
+from tex_lightning.perturbations.table import Augmentation, perturbations, trainable
 
 TRACE = np.random.default_rng(0).standard_normal((1, 20_000)).astype(np.float32)
 PHOTO = np.random.default_rng(1).integers(0, 256, (60, 80, 3), dtype=np.uint8)

@@ -11,7 +11,7 @@ from tex_lightning.config.check_senses import check_senses
 from tex_lightning.config.fit import SignalFitConfig
 from tex_lightning.config.instantiation import find_class
 from tex_lightning.errors import shorten
-from tex_lightning.perturbations.augment import trainable
+from tex_lightning.perturbations.table import trainable
 
 OWN_FLAGS = {
     "callbacks": "callbacks=[default,NAME]",

@@ -17,7 +17,7 @@ from tex_lightning.data.decode import Photo
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.perturbations.augment import Augmentation
+from tex_lightning.perturbations.table import Augmentation
 
 
 def spooled(items: Iterable[Tensor], folder: Path) -> tuple[Tensor, list[int]]:

@@ -20,18 +20,17 @@ Array = npt.NDArray[Any]
 Ranges = Mapping[str, list[float]]  # smallest and largest value in training, by measure
 
 QUANTILES = (0.01, 0.99)  # of the training recordings, so that a few odd ones do not count
-TOLERANCES = {"level": 3.0, "rate": 1.5, "brightness": 3.0, "contrast": 3.0}  # factors beyond them
+# of each measure how many times beyond that range is usual, and what to do about others
+MEASURES = {
+    "level": (3.0, "check the sensor, its unit and gain"),
+    "rate": (1.5, "check the rate that was given, or record as for the training"),
+    "brightness": (3.0, "check lens and light"),
+    "contrast": (3.0, "check lens and light"),
+}
 FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
 FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
 UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
 PHOTO_SIDE = 256  # pixels of a photo that are looked at, along each side
-
-REMEDIES = {
-    "level": "check the sensor, its unit and gain",
-    "rate": "check the rate that was given, or record as for the training",
-    "brightness": "check lens and light",
-    "contrast": "check lens and light",
-}
 
 
 @dataclass(frozen=True)
@@ -169,8 +168,9 @@ def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
     """Smallest and largest usual value of each measure, and the warning for others."""
     found = {}
     for name, (low, high) in ranges.items():
-        advice = f"and the training had {low:.5g} to {high:.5g}; {REMEDIES[name]}."
-        found[name] = (low / TOLERANCES[name], high * TOLERANCES[name], advice)
+        factor, remedy = MEASURES[name]
+        advice = f"and the training had {low:.5g} to {high:.5g}; {remedy}."
+        found[name] = (low / factor, high * factor, advice)
     return found
 
 

@@ -1,11 +1,11 @@
-"""All perturbations by name, with their scales from ``severities.yaml``."""
+"""All perturbations by name, with their scales from ``severities.yaml``, and training on them."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from omegaconf import OmegaConf
@@ -14,8 +14,6 @@ from tex_lightning.core.contract import blame_users_code, breach, calling, descr
 from tex_lightning.core.files import check_yaml
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations import pixels, traces
-from tex_lightning.perturbations import pixels as lenses
-from tex_lightning.perturbations import traces as strokes
 from tex_lightning.perturbations.pixels import Array, Scene
 
 BOTH = "both"  # of what is wrong with how recordings are put together, and with none of them
@@ -24,7 +22,6 @@ MISSING, SWAPPED = "missing", "swapped"  # what becomes of the modality that the
 SEVERITIES = (1, 2, 3, 4, 5)
 LARGEST = 1e30  # of a level; recordings are float32
 SCALES = Path(__file__).with_name("severities.yaml")
-HOMES = (traces, strokes, pixels, lenses)
 
 Function = Callable[[Array, float, Scene], Array]
 
@@ -204,11 +201,53 @@ def _changed(own: Perturbation, recording: Array, value: float, scene: Scene) ->
 
 def _function(own: Perturbation) -> Function:
     name = own.function or own.name
-    if own.is_users:
-        named: Function = resolve(name)
-        return named
-    found = [vars(home)[name] for home in HOMES if name in vars(home)]
-    if not found:
+    known: dict[str, Any] = {**vars(pixels), **vars(traces)}
+    if not own.is_users and name not in known:
         raise ValueError(f"{own.name} names {name}, which is no function of the package")
-    function: Function = found[0]
+    function: Function = resolve(name) if own.is_users else known[name]
     return function
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """Change a share of the recordings, each by one perturbation at any severity up to the worst.
+
+    Attributes:
+        kinds: Perturbations of one modality, drawn evenly.
+        share: Share of the recordings that are changed.
+        rate: Sampling rate of signals in Hz; photos have none.
+    """
+
+    kinds: tuple[Perturbation, ...]
+    share: float = 1.0
+    rate: float = 0.0
+
+    @classmethod
+    def of(
+        cls, names: Sequence[str], share: float = 1.0, rate: float = 0.0, modality: str = ""
+    ) -> Self | None:
+        """The named ones of the package, or of a modality of the user's; None without names."""
+        known = {**perturbations(), **signal_perturbations(modality)}
+        return cls(tuple(known[name] for name in names), share, rate) if names else None
+
+    def __call__(self, recording: Array, rng: np.random.Generator) -> Array:
+        """The recording as it is, or perturbed, which may change its size."""
+        if rng.random() >= self.share:
+            return recording
+        kind = self.kinds[int(rng.integers(len(self.kinds)))]
+        severity = SEVERITIES[-1] * float(rng.random())
+        return kind.apply(recording, severity, Scene(rng, self.rate, _alone))
+
+
+def trainable(modality: str, medium: str = "signal") -> tuple[str, ...]:
+    """Names of those that may be trained on: not held out, for a signal with any number of axes."""
+    generic = signal_perturbations(modality) if medium == "signal" else {}
+    return tuple(
+        name
+        for name, each in {**perturbations(), **generic}.items()
+        if each.modality == modality and not each.held_out and each.axes is None
+    )
+
+
+def _alone() -> Array:
+    raise LookupError("a perturbation that mixes recordings cannot be trained on")

@@ -6,7 +6,7 @@ from statistics import median
 from statistics import median as median_of
 
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.data.quality import TOLERANCES
+from tex_lightning.data.quality import MEASURES
 from tex_lightning.data.rates import SOURCES, RateSource
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
@@ -70,7 +70,7 @@ def mixed_rates(signals: Recordings, store: Store) -> str | None:
         return None
     rates = {row: min(store.rate(row).hz, decoder.sampling_rate) for row in signals}
     highest = max(rates.values())
-    low = {row: rate for row, rate in rates.items() if rate * TOLERANCES["rate"] < highest}
+    low = {row: rate for row, rate in rates.items() if rate * MEASURES["rate"][0] < highest}
     if not low:
         return None
     row = min(low, key=lambda each: low[each])

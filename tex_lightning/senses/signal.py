@@ -19,7 +19,7 @@ from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.blocks import is_builtin
-from tex_lightning.perturbations.augment import Augmentation
+from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense, as_tensor
 
 SECONDS = 4  # of an example

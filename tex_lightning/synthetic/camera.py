@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tex_lightning.synthetic.relief import TILE, Field
-from tex_lightning.synthetic.specimen import Specimen
+from tex_lightning.synthetic.specimen import TILE, Field, Specimen
 
 Light = Literal["daylight", "ambient"]
 

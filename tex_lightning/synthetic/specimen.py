@@ -1,22 +1,197 @@
-"""A specimen: one material made up once, for any number of photos and strokes."""
+"""A specimen: the tiles of one material, made up once for any number of photos and strokes.
+
+Tiles are height fields in millimetres on a grid of known pitch, and what is derived from them.
+Every tile wraps around at its edges, so a photo and a stroke of any size can be laid over it. Axis
+0 is y (downwards in a photo) and axis 1 is x; grooves and fibres run along y.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from tex_lightning.synthetic.materials import Material, Skin
-from tex_lightning.synthetic.relief import (
-    PITCH,
-    TILE,
-    Field,
-    make_micro,
-    make_relief,
-    shaped_noise,
-    smooth,
-)
+from tex_lightning.synthetic.materials import Body, Material, ReliefSpec, Skin
+
+Field = NDArray[np.float32]
+
+TILE = 1024  # grid points along a side
+PITCH = 0.06  # mm between grid points of the relief, and of photo pixels at arm's length
+MICRO_TILE = 512
+MICRO_PITCH = 0.016  # mm; five points on the shortest wavelength of the fine roughness
+
+
+def make_relief(spec: ReliefSpec) -> Field:
+    """Build the height field of a material.
+
+    Returns:
+        Heights in mm of mean zero and root mean square ``spec.depth``, shape (``TILE``, ``TILE``).
+    """
+    rng = np.random.default_rng([spec.seed, 0])
+    shape = _SHAPES[spec.family](rng, spec.wavelength)
+    grain = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-0.5 * (0.4 * k) ** 2))
+    return _scaled(shape + 0.08 * grain, spec.depth)
+
+
+def make_micro(body: Body) -> Field:
+    """Build the fine roughness that the tool feels and the photo leaves out.
+
+    Returns:
+        Heights in mm with zero mean and root mean square ``body.micro_depth``,
+        shape (``MICRO_TILE``, ``MICRO_TILE``), at ``MICRO_PITCH``.
+    """
+    rng = np.random.default_rng([body.seed, 1])
+    noise = _band(rng, MICRO_TILE, MICRO_PITCH, body.micro_wavelength, width=0.35)
+    return _scaled(noise, body.micro_depth)
+
+
+def smooth(tile: Field, sigma: float) -> Field:
+    """Average a relief tile over a Gaussian of deviation ``sigma`` mm, across its edges."""
+    _, _, k = _frequencies(TILE, PITCH)
+    spectrum = np.fft.rfft2(tile) * np.exp(-0.5 * (2 * np.pi * sigma * k) ** 2)
+    return np.fft.irfft2(spectrum, tile.shape).astype(np.float32)
+
+
+def shaped_noise(
+    rng: np.random.Generator,
+    points: int,
+    pitch: float,
+    gain: Callable[[Field, Field, Field], Field],
+) -> Field:
+    """Filter white noise into a periodic field of zero mean and unit variance.
+
+    Args:
+        rng: Source of the noise.
+        points: Grid points along a side.
+        pitch: Grid pitch in mm.
+        gain: Amplitude from the spatial frequencies (x, y, radial), in cycles per mm.
+
+    Returns:
+        Field of shape (points, points).
+    """
+    amplitude = gain(*_frequencies(points, pitch))
+    white = rng.standard_normal((points, points), dtype=np.float32)
+    return _scaled(np.fft.irfft2(np.fft.rfft2(white) * amplitude, white.shape), 1.0)
+
+
+def _frequencies(points: int, pitch: float) -> tuple[Field, Field, Field]:
+    x = np.fft.rfftfreq(points, pitch).astype(np.float32)[None, :]
+    y = np.fft.fftfreq(points, pitch).astype(np.float32)[:, None]
+    return x, y, np.hypot(x, y)
+
+
+def _scaled(field: NDArray[np.floating], deviation: float) -> Field:
+    centred = field - field.mean()
+    scaled: Field = np.asarray(centred * (deviation / centred.std()), np.float32)
+    return scaled
+
+
+def _band(
+    rng: np.random.Generator, points: int, pitch: float, wavelength: float, width: float
+) -> Field:
+    """Make isotropic noise around one wavelength; ``width`` is in logarithms of frequency."""
+
+    def gain(_: Field, __: Field, k: Field) -> Field:
+        distance = np.log(np.maximum(k, 1e-6) * wavelength) / width
+        shaped: Field = (np.exp(-0.5 * distance**2) / np.maximum(k, 1e-6)).astype(np.float32)
+        return shaped
+
+    return shaped_noise(rng, points, pitch, gain)
+
+
+def _cells(rng: np.random.Generator, wavelength: float, jitter: float) -> tuple[Field, Field]:
+    """Count features along x and y from 0, with hand-made irregularity of ``jitter`` features.
+
+    An even, whole number of features fits the tile, so that patterns wrap around.
+    """
+    count = 2 * max(1, round(TILE * PITCH / wavelength / 2))
+    line = np.arange(TILE, dtype=np.float32) * (count / TILE)
+    drift = [_band(rng, TILE, PITCH, 8 * wavelength, width=0.5) for _ in range(2)]
+    return line[None, :] + jitter * drift[0], line[:, None] + jitter * drift[1]
+
+
+def _grooved(rng: np.random.Generator, wavelength: float) -> Field:
+    x, _ = _cells(rng, wavelength, 0.06)
+    ridges: Field = np.tanh(2.5 * np.sin(2 * np.pi * x))
+    return ridges
+
+
+def _woven(rng: np.random.Generator, wavelength: float) -> Field:
+    x, y = _cells(rng, wavelength, 0.06)
+    across, along = np.abs(np.sin(np.pi * x)), np.abs(np.sin(np.pi * y))
+    warp_on_top = (np.floor(x) + np.floor(y)) % 2 == 0
+    threads: Field = np.where(warp_on_top, np.sqrt(across) * along, across * np.sqrt(along))
+    return threads
+
+
+def _mesh(rng: np.random.Generator, wavelength: float) -> Field:
+    x, y = _cells(rng, wavelength, 0.03)
+    wires: Field = np.tanh(3 * np.maximum(np.cos(2 * np.pi * x), np.cos(2 * np.pi * y)) - 1.8)
+    return wires
+
+
+def _domes(rng: np.random.Generator, spacing: float, radius: float, jitter: float) -> Field:
+    """Lay hemispheres of ``radius`` mm around a jittered lattice of ``spacing`` mm, in [0, 1]."""
+    count = round(TILE * PITCH / spacing)
+    lattice = np.stack(np.meshgrid(*[np.arange(count)] * 2), axis=-1).reshape(-1, 2)
+    centres = (lattice + jitter * rng.uniform(-1, 1, lattice.shape)) * (TILE / count)
+    column, row = (np.rint(centres).astype(int) % TILE).T
+    empty = np.ones((TILE, TILE), np.uint8)
+    empty[row, column] = 0
+    margin = TILE // 8  # wider than any radius, so that domes wrap around
+    wrapped = np.pad(empty, margin, mode="wrap")
+    distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    distance = distance[margin:-margin, margin:-margin] * np.float32(PITCH / radius)
+    domes: Field = np.sqrt(np.maximum(1 - distance**2, 0))
+    return domes
+
+
+def _granular(rng: np.random.Generator, wavelength: float) -> Field:
+    return _domes(rng, wavelength, 0.75 * wavelength, 0.5)
+
+
+def _porous(rng: np.random.Generator, wavelength: float) -> Field:
+    return -_domes(rng, wavelength, 0.38 * wavelength, 0.5)
+
+
+def _fibrous(rng: np.random.Generator, wavelength: float) -> Field:
+    def gain(x: Field, y: Field, _: Field) -> Field:
+        across = ((x * wavelength - 1) / 0.5) ** 2
+        along = (15 * wavelength * y) ** 2
+        amplitude: Field = np.exp(-0.5 * (across + along))
+        return amplitude
+
+    return shaped_noise(rng, TILE, PITCH, gain)
+
+
+def _rough(rng: np.random.Generator, wavelength: float) -> Field:
+    def gain(_: Field, __: Field, k: Field) -> Field:
+        return (1 + (2 * k * wavelength) ** 2) ** -0.9
+
+    return shaped_noise(rng, TILE, PITCH, gain)
+
+
+def _creased(rng: np.random.Generator, wavelength: float) -> Field:
+    # Zero crossings of a band of noise lie half a wavelength apart and meander like creases.
+    noise = _band(rng, TILE, PITCH, 2 * wavelength, width=0.3)
+    crests: Field = np.sqrt(np.abs(noise))
+    return crests
+
+
+_SHAPES: dict[str, Callable[[np.random.Generator, float], Field]] = {
+    "grooved": _grooved,
+    "woven": _woven,
+    "mesh": _mesh,
+    "granular": _granular,
+    "porous": _porous,
+    "fibrous": _fibrous,
+    "rough": _rough,
+    "creased": _creased,
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import interpolate, ndimage, signal, spatial
 
-from tex_lightning.synthetic.relief import MICRO_PITCH, PITCH, Field
-from tex_lightning.synthetic.specimen import Specimen
+from tex_lightning.synthetic.specimen import MICRO_PITCH, PITCH, Field, Specimen
 
 GRAVITY = 9.81  # m/s^2
 RANGE = 6.0  # g, of the accelerometer named in the paper

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tex_lightning.synthetic.materials import FAMILIES, Body, ReliefSpec
-from tex_lightning.synthetic.relief import (
+from tex_lightning.synthetic.specimen import (
     MICRO_PITCH,
     MICRO_TILE,
     PITCH,
