@@ -57,7 +57,7 @@ def cache(tmp_path_factory) -> Path:
 @pytest.fixture(autouse=True)
 def only_the_packages_own_classes(monkeypatch) -> None:
     """What one test trusts, the next does not."""
-    monkeypatch.setattr("tex_lightning.config.trust._TRUSTED", set())
+    monkeypatch.setattr("tex_lightning.config.instantiation._TRUSTED", set())
 
 
 def trunk_node(name: str) -> dict[str, object]:
@@ -238,7 +238,7 @@ def second_device() -> Iterator[torch.device]:
 def no_pretrained_default() -> Iterator[None]:
     """Let VisualNet on folders begin with random weights, whatever is installed."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tex_lightning.defaults.weights_are_installed", lambda: False)
+        patch.setattr("tex_lightning.dispatch.weights_are_installed", lambda: False)
         yield
 
 

@@ -3,7 +3,7 @@
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from tex_lightning.config.arguments import quote_files, split_flags
+from tex_lightning.config.composition import quote_files, split_flags
 from tex_lightning.errors import UserError
 
 NAMES = [

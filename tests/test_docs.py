@@ -13,9 +13,8 @@ from scipy.stats import binomtest
 
 import tex_lightning as tl
 from tex_lightning.config import CONF
-from tex_lightning.config.arguments import quote_files
 from tex_lightning.config.check import check_known
-from tex_lightning.config.composition import compose_config
+from tex_lightning.config.composition import compose_config, quote_files
 from tex_lightning.config.weights import read_config
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.tiles import layer_windows, receptive_field

@@ -24,7 +24,7 @@ from packaging.version import Version
 import tex_lightning as tl
 from tex_lightning import __main__ as command
 from tex_lightning.config import CONF
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core import run_folder as runfolder
 from tex_lightning.launch import as_mistake
 from tex_lightning.tasks import fit

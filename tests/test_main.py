@@ -15,11 +15,10 @@ import tex_lightning
 from tex_lightning import tasks
 from tex_lightning.config import CONF, READS, flatten
 from tex_lightning.config.check import missing_keys
-from tex_lightning.config.composition import compose_config
+from tex_lightning.config.composition import compose_config, keys_read
 from tex_lightning.config.keys import Key
 from tex_lightning.config.mistakes import config_groups
 from tex_lightning.config.model import kind_of
-from tex_lightning.config.reading import keys_read
 from tex_lightning.perturbations.table import trainable
 
 REPOSITORY = CONF.parent

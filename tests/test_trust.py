@@ -18,7 +18,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
-from tex_lightning.config.trust import CLASSES, named_classes, trust
+from tex_lightning.config.instantiation import CLASSES, named_classes, trust
 from tex_lightning.features.proportions import BandProportions
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.archives import SizeLimit
@@ -173,7 +173,7 @@ def test_an_estimator_that_calls_a_function_is_refused_and_runs_nothing(
 def test_settings_of_a_baseline_are_plain_values_too(naive_bayes, tmp_path):
     changes = [
         ({"filters": attack(tmp_path / "ran")}, "without"),
-        ({"filters": "many"}, "filters is many; give a value of type int"),
+        ({"filters": "many"}, "filters is many; give a whole number"),
         ({"hop_seconds": True}, "hop_seconds is True"),
         ({"_target_": "subprocess.Popen", "args": ["true"]}, "subprocess is not trusted"),
         ({"_args_": [1]}, "_args_"),

@@ -13,8 +13,7 @@ try:
     from omegaconf import DictConfig, OmegaConf
 
     from tex_lightning.config import CONF, register
-    from tex_lightning.config.arguments import quote_files, split_flags
-    from tex_lightning.config.job import Job, current_job
+    from tex_lightning.config.composition import Job, current_job, quote_files, split_flags
     from tex_lightning.config.search import use_config_dir, with_own_senses
     from tex_lightning.config.usage import answer, asks
     from tex_lightning.core.console import fresh_screen, say

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import DictConfig
 
 from tex_lightning.config import CONF, SILENT
-from tex_lightning.config.arguments import quote_files
-from tex_lightning.config.composition import run_composed
-from tex_lightning.config.job import current_job
+from tex_lightning.config.composition import current_job, quote_files, run_composed
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.search import split_config_dir, use_config_dir
 from tex_lightning.core.contract import fault_of

@@ -14,9 +14,8 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, READS, flatten
 from tex_lightning.config.check import check_config, check_known, check_missing
-from tex_lightning.config.composition import compose_config
+from tex_lightning.config.composition import compose_config, keys_read
 from tex_lightning.config.mistakes import MISTAKES
-from tex_lightning.config.reading import keys_read
 from tex_lightning.config.weights import read_config
 from tex_lightning.errors import UserError
 from tex_lightning.launch import as_mistake

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from tex_lightning.config.instantiation import build, build_typed
-from tex_lightning.config.trust import make, trust
+from tex_lightning.config.instantiation import build, build_typed, make, trust
 from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError
 
@@ -93,7 +92,7 @@ def test_what_a_users_own_module_raises_keeps_its_traceback_after_its_key(
 ):
     package = f"broken_{tmp_path.name.replace('-', '_')}"
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr("tex_lightning.config.trust._TRUSTED", {package})
+    monkeypatch.setattr("tex_lightning.config.instantiation._TRUSTED", {package})
     (tmp_path / package).mkdir()
     (tmp_path / package / "__init__.py").touch()
     (tmp_path / package / "parts.py").write_text(text)

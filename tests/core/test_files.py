@@ -15,6 +15,7 @@ import torch
 from tex_lightning.auto import _read
 from tex_lightning.config import CONF
 from tex_lightning.config.search import use_config_dir
+from tex_lightning.core.console import LogFile
 from tex_lightning.core.files import (
     LARGEST,
     check_yaml,
@@ -25,7 +26,6 @@ from tex_lightning.core.files import (
     write_rows,
     write_text,
 )
-from tex_lightning.core.log_file import LogFile
 from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import read_outcomes

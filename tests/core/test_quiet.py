@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tex_lightning.core.quiet import quietly
+from tex_lightning.core.console import quietly
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 

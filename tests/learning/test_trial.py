@@ -10,7 +10,7 @@ from conftest import make_card
 
 from tex_lightning.baselines.classifier import BaselineClassifier
 from tex_lightning.classifier.card import Card
-from tex_lightning.config.trust import trust
+from tex_lightning.config.instantiation import trust
 from tex_lightning.core.contract import fault_of
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings

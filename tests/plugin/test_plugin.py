@@ -241,7 +241,7 @@ def test_a_baseline_of_the_user_is_fitted_and_loaded(cli, data, flat, monkeypatc
     assert outcome.status == 0, outcome.err
     assert results(tmp_path)["networks"]["visual"]["correct"] == 3
     given = [f"checkpoint={tmp_path}", f"image={flat}/beta_0.png", "task=predict"]
-    monkeypatch.setattr("tex_lightning.config.trust._TRUSTED", set())  # as in a new process
+    monkeypatch.setattr("tex_lightning.config.instantiation._TRUSTED", set())  # as in a new process
     assert "my_ext is not trusted" in cli(*CONF, *given).err
     outcome = cli(*CONF, *given, "trusted=[my_ext]")
     assert json.loads(outcome.out)["label"] == "beta"

@@ -11,7 +11,7 @@ import soundfile
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.config.recording import SourceConfig
+from tex_lightning.config.data import SourceConfig
 from tex_lightning.errors import UserError
 from tex_lightning.recording.session import Feed
 from tex_lightning.recording.sources import Float32Parser, TextParser, open_source

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.config.weights import read_config
 from tex_lightning.report.frontier_chart import AddedSense
 from tex_lightning.runs.subsets import chain, with_subsets

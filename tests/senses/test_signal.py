@@ -9,7 +9,7 @@ from torch import nn
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config.trust import trust
+from tex_lightning.config.instantiation import trust
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store

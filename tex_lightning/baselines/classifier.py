@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from tex_lightning.baselines.making import WHERE, make_baseline
 from tex_lightning.classifier.card import Card, damaged, named, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
-from tex_lightning.config.trust import make_value, trusted_class
+from tex_lightning.config.instantiation import make_value, trusted_class
 from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording

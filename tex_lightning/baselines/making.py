@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from tex_lightning.config.instantiation import INSTALL, TARGET, missing_library
-from tex_lightning.config.trust import make
+from tex_lightning.config.instantiation import INSTALL, TARGET, make, missing_library
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:

@@ -10,12 +10,11 @@ from typing import Any, Self, get_args
 import torch
 
 from tex_lightning.config import DecisionConfig
-from tex_lightning.config.fit import LARGEST
 from tex_lightning.config.instantiation import TARGET
-from tex_lightning.config.model import FUSION, kind_of
+from tex_lightning.config.model import FUSION, LARGEST, kind_of
 from tex_lightning.config.tasks import MAX_PAIRS
+from tex_lightning.core.console import quietly
 from tex_lightning.core.contract import fault_of
-from tex_lightning.core.quiet import quietly
 from tex_lightning.decision.calibration import novelty_threshold
 from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError, shorten

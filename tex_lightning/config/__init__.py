@@ -12,10 +12,15 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config.data import DataConfig, Folding, SyntheticConfig
+from tex_lightning.config.data import (
+    DataConfig,
+    Folding,
+    RecordConfig,
+    SourceConfig,
+    SyntheticConfig,
+)
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
-from tex_lightning.config.recording import RecordConfig, SourceConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
     OPTIMIZED_METRICS,

@@ -1,21 +1,81 @@
 """Checks of every value inside the nodes that name classes.
 
 A value is held against the range that the schema gives its key, wherever that key stands, and
-against the annotation of the class that takes it.
+against the annotation of the class that takes it. Arguments that are no key of ``model`` or
+``data`` have their ranges here, by name.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import is_dataclass
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from tex_lightning.config import READS, Config, DataConfig, ModelConfig
-from tex_lightning.config.annotations import annotations, fits, in_words, parameters
-from tex_lightning.config.check_ranges import beyond, nearest
 from tex_lightning.config.instantiation import TARGET, find_callable
-from tex_lightning.config.keys import Key, walk_types
-from tex_lightning.config.parts import PartArguments
+from tex_lightning.config.keys import (
+    Key,
+    annotations,
+    beyond,
+    fits,
+    in_words,
+    key,
+    nearest,
+    parameters,
+    walk_types,
+)
+from tex_lightning.config.model import LARGEST
 from tex_lightning.errors import shorten
+
+COUNT = {"least": 1, "most": 1_000_000}
+SOME = {"least": 1, "most": 4096}
+POSITIVE = {"above": 0, "most": 1_000_000}
+
+
+@dataclass
+class PartArguments:
+    """Arguments beside the keys of ``model`` and ``data``."""
+
+    # decoders
+    channel: int | None = key(
+        "channel of a sound, or column of a table beside its time, counted from 0; null reads all",
+        least=0, most=4096,
+    )  # fmt: skip
+    # optimisers
+    weight_decay: float = key("decay of the weights in a step", least=0, most=10)
+    # features and networks
+    windows: list[float] = key(
+        "lengths of the windows", filled=True, unit="s", least=0.001, most=10
+    )
+    bands_per_octave: int = key("bands in an octave", least=1, most=96)
+    thresholds: int = key("thresholds of a band", least=1, most=64)
+    fragment_seconds: float = key("length of a fragment", unit="s", least=0.01, most=600)
+    # baselines
+    highest_hz: float = key("upper end of the filters", unit="Hz", above=0, most=500_000)
+    filters: int = key("number of filters", least=1, most=1000)
+    spacing: str = key("how filters follow each other", choices=("mel", "decreasing"))
+    first: int = key("first cepstral coefficient", least=1, most=1000)
+    last: int = key("last cepstral coefficient", least=1, most=1000)
+    components: int = key("Gaussians of a mixture", **SOME)
+    min_variance: float = key("smallest variance of a Gaussian", above=0, most=1000)
+    patches: int = key("patches that the filters are learnt from", **COUNT)
+    sparsity: float = key("mean activation of the auto-encoder", above=0, below=1)
+    max_side: int = key(
+        "largest side of a photo; larger ones are made smaller",
+        unit="pixels", least=32, most=LARGEST,
+    )  # fmt: skip
+    scales: list[float] = key(
+        "sizes of a photo, as exponents of two", filled=True, least=-8, most=4
+    )
+    photos: int = key("photos that the Gaussians are fitted to", **COUNT)
+    descriptors: int = key("descriptors of each of these photos", **COUNT)
+    cost: float = key("C of the support vector machines", **POSITIVE)
+    strengths: list[float] = key("values of C to choose from", filled=True, **POSITIVE)
+    radii: list[int] = key("radii of the patterns", filled=True, unit="pixels", least=1, most=64)
+    kernels: int = key("number of features", least=84, most=1_000_000)
+    threads: int = key("threads of the fit", least=1, most=1024)
+    hydra_kernels: int = key("kernels of a group", **SOME)
+    hydra_groups: int = key("groups at every dilation", **SOME)
+
 
 RANGED = ("tex_lightning.", "torch.")  # whose classes take keys of the schema in their meaning
 FITTED = ("optimizer", "schedule", "augmentation")
@@ -56,29 +116,29 @@ def check_node(where: str, node: Mapping[str, Any]) -> Iterator[str]:
     """
     kinds, taken = _signature(where, node)
     ranged = str(node.get(TARGET, RANGED[0])).startswith(RANGED)
-    for key, value in node.items():
-        name = f"{where}.{key}"
-        if str(key).startswith("_"):  # Hydra's
+    for argument, value in node.items():
+        name = f"{where}.{argument}"
+        if str(argument).startswith("_"):  # Hydra's
             continue
-        if taken is not None and key not in taken:
-            near = nearest(str(key), taken, f"{where}.")
+        if taken is not None and argument not in taken:
+            near = nearest(str(argument), taken, f"{where}.")
             yield f"{name} is no argument of {node[TARGET]}{near}: leave it out"
         elif isinstance(value, Mapping):
             yield from check_node(name, value)
-        elif taken is not None and value == taken[key].default:
+        elif taken is not None and value == taken[argument].default:
             continue
-        elif key in kinds and not fits(value, kinds[key]):
-            yield f"{name} is {shorten(repr(value))}: give {in_words(kinds[key])}"
+        elif argument in kinds and not fits(value, kinds[argument]):
+            yield f"{name} is {shorten(repr(value))}: give {in_words(kinds[argument])}"
         elif ranged:
-            yield from _out_of_range(name, value, typed=key in kinds)
+            yield from _out_of_range(name, value, typed=argument in kinds)
 
 
 def _signature(where: str, node: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """Types and parameters of what a node names; a dataclass checks its own when it is made."""
+    """Return the types and the parameters of what a node names."""
     if TARGET not in node:
         return {}, None
     called = find_callable(where, node)
-    return annotations(called), None if is_dataclass(called) else parameters(called)
+    return annotations(called), parameters(called)
 
 
 def _out_of_range(name: str, value: object, *, typed: bool) -> Iterator[str]:
@@ -101,7 +161,7 @@ def known_keys() -> dict[str, tuple[tuple[Key, Any], ...]]:
     """Keys that classes take as arguments, with their types, by the last part of their name."""
     found: dict[str, tuple[tuple[Key, Any], ...]] = {}
     for section in (ModelConfig, DataConfig, PartArguments):
-        for name, key, kind in walk_types(section):
+        for name, declared, kind in walk_types(section):
             leaf = name.rpartition(".")[2]
-            found[leaf] = (*found.get(leaf, ()), (key, kind))
+            found[leaf] = (*found.get(leaf, ()), (declared, kind))
     return found

@@ -5,8 +5,7 @@ from operator import attrgetter
 from pathlib import PurePath
 
 from tex_lightning.config import READ_FILES, Config
-from tex_lightning.config.check_ranges import beyond, choice
-from tex_lightning.config.keys import Key, plain
+from tex_lightning.config.keys import Key, beyond, choice, plain
 from tex_lightning.config.model import ModelConfig
 from tex_lightning.config.tasks import EVERY_SENSE, FIGURE_FORMATS
 from tex_lightning.errors import shorten

@@ -1,21 +1,38 @@
-"""Compose this package's configuration and run a job with it, wherever Hydra is at the time."""
+"""Compose this package's configuration and run a job with it, wherever Hydra is at the time.
 
+Beside that stand the job that Hydra has begun, the keys that a composed task reads, and what has to
+be done to a command line before Hydra can read it.
+"""
+
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NoReturn
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.callbacks import Callbacks
+from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobRuntime, run_job
+from hydra.errors import HydraException
 from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import CONF, register
+from tex_lightning.config import CONF, READ_FILES, Config, flatten, register
+from tex_lightning.config.check_nodes import known_keys
+from tex_lightning.config.instantiation import TARGET
+from tex_lightning.config.keys import Key, walk
+from tex_lightning.config.model import FUSION, PACKAGE_SENSES
 from tex_lightning.config.search import with_own_senses
-from tex_lightning.errors import UserError
+from tex_lightning.config.tasks import READS
+from tex_lightning.core.files import matches
+from tex_lightning.errors import UserError, reason
 
 NAME = "config"
 
@@ -82,3 +99,180 @@ def _hydra(conf: Path) -> Iterator[None]:
     finally:
         GlobalHydra.instance().hydra = running
         VersionBase.instance().version_base = base
+
+
+Origin = Literal["command", "sweep", "python"]
+RUN_FOLDER = "hydra.run.dir="
+ASKED_FOR = ("command-line", "hydra.searchpath in command-line")  # providers of further folders
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run of one task, in plain values.
+
+    Attributes:
+        overrides: What was given, without Hydra's own keys, such as ``model=haptic``.
+        directory: The run folder, an absolute path.
+        origin: Whether a command line runs it, a sweep with others, or a program in Python.
+        named: Whether the run folder was given, not made up.
+        searchpath: Further folders with configuration files, as ``file://DIR``.
+        hydra: All of Hydra's own settings, for the record.
+    """
+
+    overrides: tuple[str, ...]
+    directory: Path
+    origin: Origin
+    named: bool
+    searchpath: tuple[str, ...]
+    hydra: DictConfig
+
+    def compose(self, overrides: Sequence[str]) -> DictConfig:
+        """Compose another configuration from the same folders.
+
+        Raises:
+            HydraException: If an override is wrong.
+        """
+        return compose_config(CONF, overrides, self.searchpath)
+
+
+def current_job(*, python: bool = False) -> Job:
+    """The job that Hydra has just begun; nothing below asks Hydra again.
+
+    Args:
+        python: Whether a program in Python runs it.
+    """
+    hydra = HydraConfig.get()
+    sources = hydra.runtime.config_sources
+    return Job(
+        overrides=tuple(hydra.overrides.task),
+        directory=Path(hydra.runtime.output_dir).resolve(),
+        origin="python" if python else "sweep" if hydra.mode == RunMode.MULTIRUN else "command",
+        named=any(each.startswith(RUN_FOLDER) for each in hydra.overrides.hydra),
+        searchpath=tuple(
+            f"{each.schema}://{each.path}" for each in sources if each.provider in ASKED_FOR
+        ),
+        hydra=OmegaConf.create({"hydra": hydra}),
+    )
+
+
+EVERYWHERE = ("task", "verbose")  # every task reads these
+
+
+def keys_read(config: DictConfig) -> dict[str, Key]:
+    """Metadata of the keys that ``config.task`` reads for ``config.model``, by dotted name."""
+    task, model = config.task, config.model
+    every = task == "frontier" or model.name == "auto"
+    used = (*PACKAGE_SENSES, FUSION) if every else () if model.baseline else (*model.senses,)
+    used += (FUSION,) if len(used) > 1 else ()
+    unused = tuple(f"model.{name}." for name in (*PACKAGE_SENSES, FUSION) if name not in used)
+    read = tuple(f"{part}." for part in (*EVERYWHERE, *READS[task]))
+    trains = "trainer" in READS[task]
+    own: dict[str, Key] = {}
+    for sense in model.senses if not every and "model" in READS[task] else ():
+        if sense not in PACKAGE_SENSES and OmegaConf.is_dict(model.get(sense)):
+            own |= _own_keys(f"model.{sense}", model[sense])
+    return own | {
+        name: key
+        for name, key in walk(Config)
+        if f"{name}.".startswith(read)
+        and not name.startswith(unused)
+        and (trains or ".fit." not in name)
+    }
+
+
+def _own_keys(where: str, node: DictConfig) -> dict[str, Key]:
+    """Keys of a user's sense: with the schema's meaning, or as arguments of its classes."""
+    values: Any = OmegaConf.to_container(node, resolve=False)
+    unknown = Key("of a class of this sense")
+    keys = {}
+    for name in flatten(values):
+        leaf = name.rpartition(".")[2]
+        if not leaf.startswith("_") or leaf == TARGET:
+            named = Key("class, and its arguments beside it") if leaf == TARGET else unknown
+            ours = name.startswith(("fit.", "decode.")) or "." not in name
+            known = known_keys().get(leaf, ()) if ours else ()
+            keys[f"{where}.{name}"] = known[0][0] if known else named
+    return keys
+
+
+# whose values name files
+KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
+OWN_SENSE = re.compile(r"\+\w+")  # a key beside those of the schema
+MISSPELT = 0.75  # similarity of a key with two letters exchanged
+
+
+def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The flags of a command line with their values, and its overrides; Hydra wants them apart.
+
+    Raises:
+        UserError: If Hydra does not know a flag, or it lacks its value.
+    """
+
+    def refuse(message: str) -> NoReturn:
+        raise UserError(
+            f"The command line cannot be read ({reason(message)}); give key=value, or a flag that "
+            "`python -m tex_lightning --hydra-help` lists."
+        )
+
+    parser = get_args_parser()
+    parser.error = refuse  # type: ignore[method-assign]
+    overrides = parser.parse_intermixed_args(arguments).overrides
+    flags, left = [], list(overrides)
+    for argument in arguments:
+        if argument in left:
+            left.remove(argument)
+        else:
+            flags.append(argument)
+    return flags, overrides
+
+
+def quote_files(arguments: Sequence[str]) -> list[str]:
+    """Add ``+`` to files of a user's own senses, and quotes to what Hydra's grammar would misread.
+
+    ``force=FILE`` is then ``+force=FILE`` for tasks that read files, unless it resembles a key.
+    ``haptic=my file [1].wav`` then means that file, if there is one; so does a pattern that
+    matches some. Everything else stays as it is.
+    """
+    parser, quoted = OverridesParser.create(), []
+    reads = any(argument.removeprefix("task=") in READ_FILES for argument in arguments)
+    for argument in arguments:
+        if reads and _is_own_sense(argument):
+            argument = f"+{argument}"
+        key, _, value = argument.partition("=")
+        names_files = key in KEYS or OWN_SENSE.fullmatch(key)
+        if names_files and _names_files(value) and _misread(parser, argument):
+            escaped = re.sub(r'(\\*)("|$)', _escaped, value)
+            argument = f'{key}="{escaped}"'
+        quoted.append(argument)
+    return quoted
+
+
+def _is_own_sense(argument: str) -> bool:
+    """Whether it gives a file, and its name is no key, no group and nothing that resembles one."""
+    name, equals, value = argument.partition("=")
+    if not (value == "-" or _names_files(value) or Path(value).suffix[1:2].isalpha()):
+        return False
+    known = [*(each.name for each in fields(Config)), *(path.name for path in CONF.iterdir())]
+    near = get_close_matches(name, known, n=1, cutoff=MISSPELT)
+    return bool(equals) and name.isidentifier() and not near
+
+
+def _escaped(match: re.Match[str]) -> str:
+    """Hydra reads backslashes literally, except before a quote."""
+    return 2 * match[1] + ('\\"' if match[2] else "")
+
+
+def _names_files(value: str) -> bool:
+    try:
+        path = Path(value).expanduser()
+        return bool(value) and (path.exists() or bool(matches(str(path))))
+    except (OSError, RuntimeError, ValueError):  # too long, no such user, a null character
+        return False
+
+
+def _misread(parser: OverridesParser, argument: str) -> bool:
+    """Whether Hydra fails to read the value as the text that it is."""
+    try:
+        return bool(parser.parse_override(argument).value() != argument.partition("=")[2])
+    except HydraException:
+        return True

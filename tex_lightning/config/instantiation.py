@@ -1,10 +1,16 @@
-"""Build the object that a ``_target_`` of the configuration names; no other module does."""
+"""Build the object that a ``_target_`` names, in the configuration or in a card.
+
+The configuration is code: Hydra builds what it names (:func:`build`). A card is data: a class that
+it names is looked up among those that are trusted before anything of its package is imported,
+because importing a module runs its code, and is called with plain values (:func:`make`).
+"""
 
 import importlib
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from types import NoneType
 from typing import Any
 
 from hydra.errors import InstantiationException
@@ -12,7 +18,8 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.config.check_ranges import nearest
+from tex_lightning.config.keys import annotations, fits, in_words, nearest, parameters
+from tex_lightning.config.search import ENTRY_POINTS, installed_packages
 from tex_lightning.core.contract import blame_users_code, resolve
 from tex_lightning.errors import UserError, listed, shorten
 
@@ -40,9 +47,16 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     find = find_class if offered and not node.get("_partial_") else find_callable
     called = find(where, node)  # Hydra would hide what its module raises
     with making(where):
-        taken = inspect.signature(called).parameters if offered else {}
-        more = {key: value for key, value in offered.items() if key in taken and key not in node}
+        more = _accepted(called, node, offered) if offered else {}
         return instantiate({"_convert_": "all", **node}, **more)
+
+
+def _accepted(
+    called: Callable[..., Any], values: Mapping[str, Any], offered: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return those of the offered arguments that are taken and not given yet."""
+    taken = inspect.signature(called).parameters
+    return {name: item for name, item in offered.items() if name in taken and name not in values}
 
 
 def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: Any) -> Any:  # noqa: ANN401
@@ -77,12 +91,7 @@ def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
         schema = OmegaConf.structured(cls)
     except OmegaConfBaseException:
         return build(where, node)
-    for key in arguments:
-        if key not in (known := list(map(str, schema.keys()))):
-            raise UserError(
-                f"There is no key {where}.{shorten(key)}{nearest(key, known, f'{where}.')}; "
-                f"{cls.__name__} has {listed(known) or 'none'}."
-            )
+    _check_names(where, cls, arguments)
     with making(where):
         return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
 
@@ -193,3 +202,154 @@ def _reason(error: Exception) -> str:
         lines = lines[:1]
     said = " ".join(" ".join(lines).split()).rstrip(".")
     return f"{said or type(error).__name__}; correct its _target_ or arguments."
+
+
+# A new class of conf/sense, conf/model or conf/trunk is added here.
+CLASSES = frozenset(
+    f"tex_lightning.{name}"
+    for name in (
+        "senses.photo.PhotoSense",
+        "senses.signal.SignalSense",
+        "features.image.ImageFeatures",
+        "features.proportions.BandProportions",
+        "features.spectrogram.SpectrogramFeatures",
+        "networks.hapticnet.HapticNet",
+        "networks.linear.LinearNet",
+        "networks.visualnet.VisualNet",
+        "networks.trunks.alexnet.CaffeAlexNet",
+        "networks.trunks.alexnet.TorchvisionAlexNet",
+        "networks.trunks.efficientnet_lite.EfficientNetLite0",
+        "networks.trunks.efficientnet_lite.EfficientNetLite2",
+        "networks.trunks.tcnn.TcnnTrunk",
+        "networks.trunks.vgg_m.VggMTrunk",
+        "baselines.acnn.RawNetwork",
+        "baselines.fisher.FisherVectors",
+        "baselines.mfcc_gmm.MfccMixtures",
+        "baselines.mfcc_nb.MfccNaiveBayes",
+        "baselines.patterns.LocalBinaryPatterns",
+        "baselines.rocket.MiniRocket",
+    )
+)
+_TRUSTED: set[str] = set()  # packages and single classes, of the whole process
+
+
+def trust(*names: str) -> None:
+    """Trust packages or single classes in this process from now on; their code may run."""
+    _TRUSTED.update(names)
+
+
+def named_classes(node: object) -> Iterator[str]:
+    """Return all classes that a node of the configuration names for a card, at any depth."""
+    if isinstance(node, Mapping):
+        if isinstance(target := node.get(TARGET), str):
+            yield target
+        for key, value in node.items():
+            if key != "fit":  # which no card keeps
+                yield from named_classes(value)
+    elif isinstance(node, list | tuple):
+        for item in node:
+            yield from named_classes(item)
+
+
+def trusted_class(where: str, node: Mapping[str, Any]) -> type[Any]:
+    """Return the class that a node of a card names.
+
+    A trusted package cannot lend its name: the class has to be defined in it, so that a path
+    through what a module imported leads nowhere.
+
+    Args:
+        where: Key of the node, for the message.
+        node: A part of the card.
+
+    Raises:
+        UserError: If the class is not trusted; nothing of its package was imported.
+    """
+    target = str(node.get(TARGET)) if isinstance(node, Mapping) else ""
+    if target in CLASSES or target in _TRUSTED:
+        return find_class(where, node)
+    package = _package(target)
+    if package not in _TRUSTED and package not in installed_packages():  # which reads folders
+        raise _untrusted(where, target, package)
+    found = find_class(where, node)
+    if (home := _package(found.__module__)) != package:
+        raise _untrusted(where, target, home)
+    return found
+
+
+def make(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: ANN401
+    """Make the object that a node of a card describes: its class, called with its values.
+
+    Args:
+        where: Key of the node, for messages.
+        node: ``_target_`` and arguments, which may be such nodes again.
+        offered: Further arguments, of which those are passed that the class takes and the node
+            does not give.
+
+    Raises:
+        UserError: If the class is not trusted, or a value is none that a card may hold or that the
+            class takes.
+    """
+    cls = trusted_class(where, node)
+    values = make_value(where, {key: value for key, value in node.items() if key != TARGET})
+    with making(where):
+        more = _accepted(cls, values, offered)
+        _check_names(where, cls, values)
+        _check_types(where, cls, values)
+        return cls(**values, **more)
+
+
+def make_value(where: str, value: object) -> Any:  # noqa: ANN401
+    """Return a plain value of a card with the nodes in it made.
+
+    Raises:
+        UserError: If it is none, or holds what Hydra would resolve.
+    """
+    if isinstance(value, Mapping):
+        if TARGET in value:
+            return make(where, value)
+        if wrong := next((key for key in value if key in HYDRAS), None):
+            raise UserError(
+                f"{where} has the key {wrong}, which is for configurations; a checkpoint holds "
+                "classes and plain values."
+            )
+        return {key: make_value(f"{where}.{shorten(key)}", item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [make_value(f"{where}.{index}", item) for index, item in enumerate(value)]
+    if isinstance(value, str) and "${" in value:
+        raise UserError(f"{where} is {shorten(value)}; a checkpoint holds values without ${{…}}.")
+    if not isinstance(value, str | int | float | NoneType):
+        raise UserError(f"{where} is of {type(value).__name__}, which is no plain value.")
+    return value
+
+
+def _check_names(where: str, cls: type[Any], values: Mapping[str, object]) -> None:
+    """Refuse arguments that a class does not take."""
+    taken = parameters(cls)
+    if taken is None:
+        return
+    for name in values:
+        if name not in taken:
+            raise UserError(
+                f"There is no key {where}.{shorten(name)}{nearest(str(name), taken, f'{where}.')}; "
+                f"{cls.__name__} has {listed([*taken]) or 'none'}."
+            )
+
+
+def _check_types(where: str, cls: type[Any], values: Mapping[str, object]) -> None:
+    """Refuse values that are not of the types of a dataclass."""
+    for name, kind in annotations(cls).items() if is_dataclass(cls) else ():
+        if name in values and not fits(values[name], kind):
+            given = shorten(values[name])
+            raise UserError(f"{where}.{name} is {given}; give {in_words(kind)}.")
+
+
+def _untrusted(where: str, target: str, package: str) -> UserError:
+    return UserError(
+        f"{where} names the class {shorten(target)}, and the package {shorten(package)} is not "
+        f"trusted: give trusted=[{shorten(package)}] if its code may run, or install it with an "
+        f"entry point in {ENTRY_POINTS}."
+    )
+
+
+def _package(target: str) -> str:
+    return target.partition(".")[0]

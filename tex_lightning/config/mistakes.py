@@ -12,9 +12,8 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from tex_lightning.config import READ_FILES
-from tex_lightning.config.composition import compose_config
+from tex_lightning.config.composition import compose_config, keys_read
 from tex_lightning.config.instantiation import TARGET
-from tex_lightning.config.reading import keys_read
 from tex_lightning.config.search import split_config_dir, user_folders
 from tex_lightning.errors import UserError, shorten
 

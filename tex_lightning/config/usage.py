@@ -8,10 +8,9 @@ from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning import __version__
 from tex_lightning.config import READS, Config
-from tex_lightning.config.composition import compose_config
+from tex_lightning.config.composition import compose_config, keys_read
 from tex_lightning.config.keys import Key, plain, walk
 from tex_lightning.config.mistakes import config_groups, unknown_option
-from tex_lightning.config.reading import keys_read
 
 WIDTH = 79
 ALL = "all"

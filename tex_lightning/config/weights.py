@@ -7,8 +7,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
 
 from tex_lightning.config import Config
-from tex_lightning.config.check_ranges import nearest
 from tex_lightning.config.instantiation import TARGET, find_class
+from tex_lightning.config.keys import nearest
 from tex_lightning.config.model import CustomPhotoConfig, CustomSignalConfig
 from tex_lightning.errors import UserError
 from tex_lightning.networks.trunks import TRUNKS, name_trunk

@@ -1,13 +1,20 @@
-"""What a person reads on standard error, and how much of it; standard output belongs to results."""
+"""What a person reads on standard error and in the log, and how much of it.
 
+Standard output belongs to results. Libraries that read damaged files are silenced here, since one
+sentence of this package names such a file.
+"""
+
+import ctypes
 import io
 import logging
 import os
 import re
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -203,3 +210,57 @@ def print_line(line: dict[str, Any]) -> None:
         # Python writes out what is left when it ends, and would complain again
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(CLOSED_PIPE) from error
+
+
+class LogFile(logging.FileHandler):
+    """A log that ends where the disk is full; what cannot be written there is still printed."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Format a record without control characters, which ``cat`` would send to a terminal."""
+        return printable_lines(super().format(record))
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Report faults of the program alone."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
+
+
+_LOCK = threading.Lock()
+# Those before, once for each thread that reads.
+_FILTERS: list["warnings.catch_warnings[None]"] = []
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Keep what libraries warn of while they read, in any number of threads.
+
+    The filters of warnings are those of the process: the first thread sets them aside, the last
+    puts them back.
+    """
+    with _LOCK:
+        if not _FILTERS:
+            before = warnings.catch_warnings(record=False)
+            before.__enter__()
+            for category in (UserWarning, RuntimeWarning):
+                warnings.simplefilter("ignore", category)
+        else:
+            before = _FILTERS[0]
+        _FILTERS.append(before)
+    try:
+        yield
+    finally:
+        with _LOCK:
+            before = _FILTERS.pop()
+            if not _FILTERS:
+                before.__exit__(None, None, None)
+
+
+@cache
+def silence_libtiff() -> None:
+    """Let the libtiff that comes with Pillow print nothing; another one may."""
+    from PIL import _imaging  # which is loaded only where photos are read
+
+    home = Path(_imaging.__file__).parents[1]
+    for folder in ("pillow.libs", "PIL/.dylibs"):
+        for library in (home / folder).glob("libtiff*"):
+            ctypes.CDLL(str(library)).TIFFSetErrorHandler(None)

@@ -14,7 +14,7 @@ from tex_lightning.core.files import read_record, unwritable, write_text
 from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
-    from tex_lightning.config.job import Job
+    from tex_lightning.config.composition import Job
 
 log = logging.getLogger(__name__)
 

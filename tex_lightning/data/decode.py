@@ -17,8 +17,8 @@ import torch
 from PIL import Image, ImageOps, UnidentifiedImageError
 from scipy.signal import firwin, resample_poly
 
+from tex_lightning.core.console import quietly, silence_libtiff
 from tex_lightning.core.files import require_file
-from tex_lightning.core.quiet import quietly, silence_libtiff
 from tex_lightning.data.rates import SourceRate, source_rate
 from tex_lightning.data.trace_files import MOST_SAMPLES, TRACE_SUFFIXES, read_axes
 from tex_lightning.errors import UserError, reason

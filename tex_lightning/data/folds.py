@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tex_lightning.config import Folding
-from tex_lightning.config.check_ranges import nearest
+from tex_lightning.config.keys import nearest
 from tex_lightning.core.groups import divide
 from tex_lightning.data.recordings import Recording, Recordings, natural_key, plural
 from tex_lightning.errors import UserError, listed

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.config.check_ranges import nearest
+from tex_lightning.config.keys import nearest
 from tex_lightning.core.files import is_file, resolved
 from tex_lightning.data.rates import names_rate, positive_number, read_table
 from tex_lightning.errors import UserError, reason, shorten

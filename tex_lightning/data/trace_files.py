@@ -26,8 +26,8 @@ import numpy as np
 import numpy.typing as npt
 import soundfile
 
+from tex_lightning.core.console import quietly
 from tex_lightning.core.files import check_lines, is_file, require_file
-from tex_lightning.core.quiet import quietly
 from tex_lightning.data.time_column import RawTrace, choose_channel, separate_time
 from tex_lightning.errors import UserError, reason
 

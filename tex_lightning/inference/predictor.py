@@ -14,8 +14,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config
+from tex_lightning.config.instantiation import trust
 from tex_lightning.config.mistakes import MISTAKES, explain
-from tex_lightning.config.trust import trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.core.devices import is_out_of_memory, pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint

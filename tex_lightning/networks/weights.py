@@ -10,7 +10,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from tex_lightning.core.quiet import quietly
+from tex_lightning.core.console import quietly
 from tex_lightning.errors import UserError
 from tex_lightning.features.image import MEAN, STD
 from tex_lightning.networks.archives import check_archive

@@ -17,7 +17,7 @@ from torch import Tensor
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.config.trust import named_classes, trust
+from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.profiling.timing import like_weights, only_branch
 from tex_lightning.senses import Sense

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.config.recording import SourceConfig
+from tex_lightning.config.data import SourceConfig
 from tex_lightning.data.decode import LARGEST, SignalDecoder, read_trace, usable_samples
 from tex_lightning.data.trace_files import TRACE_SUFFIXES
 from tex_lightning.errors import UserError, shorten

@@ -15,9 +15,9 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning.config import SILENT
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
+from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.tasks import FiguresConfig
-from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.core.console import NORMAL, Screen, console, say
 from tex_lightning.core.files import read_record, write_rows, write_text
 from tex_lightning.core.progress import Stage, begin

@@ -9,7 +9,7 @@ import torch
 from tex_lightning.classifier.card import Card, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, lightning_state
 from tex_lightning.config import DataConfig
-from tex_lightning.config.check_ranges import nearest
+from tex_lightning.config.keys import nearest
 from tex_lightning.core.files import write_atomically
 from tex_lightning.data.folds import next_of_each, split
 from tex_lightning.data.quality import training_ranges

@@ -9,9 +9,8 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config, FrontierConfig
 from tex_lightning.config.check import check_config
-from tex_lightning.config.instantiation import INSTALL, missing_library
-from tex_lightning.config.job import Job
-from tex_lightning.config.trust import named_classes, trust
+from tex_lightning.config.composition import Job
+from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
 from tex_lightning.config.weights import read_config
 from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import stage

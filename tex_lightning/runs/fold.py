@@ -19,8 +19,8 @@ from tex_lightning.baselines.classifier import (
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config, plain_values
+from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.model import FUSION
-from tex_lightning.config.trust import named_classes, trust
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device

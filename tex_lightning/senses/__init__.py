@@ -5,8 +5,7 @@ from typing import Any
 
 from torch import nn
 
-from tex_lightning.config.instantiation import TARGET
-from tex_lightning.config.trust import make, make_value, trusted_class
+from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.senses.base import Sense
 

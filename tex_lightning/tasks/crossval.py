@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config, plain_values
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import steps
 from tex_lightning.core.ranks import is_rank_zero

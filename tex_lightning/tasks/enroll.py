@@ -11,7 +11,7 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import make_samples

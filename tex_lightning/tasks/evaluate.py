@@ -7,7 +7,7 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import load_trained
 from tex_lightning.config import Config, plain_values
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import make_samples, tested_part
 from tex_lightning.data.store import skipped_entry

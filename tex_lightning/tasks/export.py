@@ -12,7 +12,7 @@ from typing import Any
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.core.files import is_file, read_record, write_atomically, write_bytes, write_text
 from tex_lightning.data.store import cache_root

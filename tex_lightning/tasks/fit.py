@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.files import read_record
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.outcomes import write_results

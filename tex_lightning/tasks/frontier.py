@@ -13,7 +13,7 @@ from statistics import fmean
 from typing import Any
 
 from tex_lightning.config import Config, FrontierConfig
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.config.search import repeated_arguments
 from tex_lightning.core.console import say
 from tex_lightning.core.devices import pick_device

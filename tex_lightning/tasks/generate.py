@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import spec_of, with_conditions

@@ -7,7 +7,7 @@ from typing import Any
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line
 from tex_lightning.errors import UserError
 from tex_lightning.inference.evidence import refuse_baseline

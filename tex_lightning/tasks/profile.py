@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import steps
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results

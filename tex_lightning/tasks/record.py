@@ -4,7 +4,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.recording.class_folder import Camera, ClassFolder
 from tex_lightning.recording.recorder import Recorder, RunningLabel, open_tracks, record_photos
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config import Config
-from tex_lightning.config.check_ranges import choice
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
+from tex_lightning.config.keys import choice
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import stage

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
-from tex_lightning.config.job import Job
+from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line
 from tex_lightning.data.decode import read_trace, usable_samples
 from tex_lightning.errors import UserError

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config.check_ranges import choice
+from tex_lightning.config.keys import choice
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.errors import UserError, listed
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from tex_lightning.config.check_ranges import nearest
+from tex_lightning.config.keys import nearest
 from tex_lightning.data.readers.classes import GroupedReader
 from tex_lightning.data.readers.folder import class_folders
 from tex_lightning.data.recordings import Recording, Recordings, natural_key

@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from tex_lightning.config.check_ranges import choice
+from tex_lightning.config.keys import choice
 from tex_lightning.data.decode import IMAGE_SUFFIXES
 from tex_lightning.data.readers.classes import check_same_classes
 from tex_lightning.data.recordings import (

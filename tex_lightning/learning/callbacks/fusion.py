@@ -7,7 +7,7 @@ from lightning import LightningModule, Trainer
 from lightning.pytorch.callbacks import Callback
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config.fit import MAX_FACTOR, MIN_FACTOR
+from tex_lightning.config.model import MAX_FACTOR, MIN_FACTOR
 from tex_lightning.errors import UserError
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.networks.fusionnet import FusionNet
