@@ -9,7 +9,7 @@ from sklearn.dummy import DummyClassifier
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
 
-from tex_lightning.evaluation.choice import (
+from tex_lightning.evaluation.comparison import (
     MIN_SAMPLES,
     Candidate,
     one_standard_error,

@@ -3,8 +3,7 @@ import json
 import numpy as np
 from sklearn.metrics import confusion_matrix
 
-from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
-from tex_lightning.evaluation.outcomes import Outcome
+from tex_lightning.evaluation.outcomes import Outcome, confused_pairs, fragment_counts
 
 CLASSES = ["a", "b", "c"]
 

@@ -1,7 +1,7 @@
 import pytest
 from scipy.stats import binom
 
-from tex_lightning.evaluation.mcnemar import mcnemar
+from tex_lightning.evaluation.comparison import mcnemar
 
 
 def outcome(pattern: str) -> dict[str, bool]:

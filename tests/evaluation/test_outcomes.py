@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import accuracy_score, confusion_matrix
 
-from tex_lightning.evaluation.fragments import vote_counts
 from tex_lightning.evaluation.outcomes import (
     Outcome,
     environment,
     read_outcomes,
     summarise,
+    vote_counts,
     wilson_interval,
     worst_first,
     write_outcomes,

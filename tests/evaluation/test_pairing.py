@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
+from tex_lightning.evaluation.comparison import correct_shares, difference
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.evaluation.pairing import correct_shares, difference
 
 VOTES = st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=30)
 

@@ -7,8 +7,7 @@ from conftest import make_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
-from tex_lightning.learning.enrolment import add_classes, keep_classes
-from tex_lightning.learning.new_rows import fit_rows
+from tex_lightning.learning.enrolment import add_classes, fit_rows, keep_classes
 
 NEW = ["delta", "epsilon"]
 

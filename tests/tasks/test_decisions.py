@@ -10,7 +10,7 @@ from scipy.stats import beta
 
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording
-from tex_lightning.evaluation.calibrate import independent, upper_bound
+from tex_lightning.evaluation.calibration import independent, upper_bound
 from tex_lightning.evaluation.outcomes import read_outcomes
 
 

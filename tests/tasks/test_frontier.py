@@ -15,7 +15,7 @@ from PIL import Image
 
 from tex_lightning.classifier.card import read_checkpoint
 from tex_lightning.config.composition import Job
-from tex_lightning.evaluation.choice import one_standard_error, partner
+from tex_lightning.evaluation.comparison import one_standard_error, partner
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.frontier_chart import write_frontier
 from tex_lightning.runs import family, fold, latencies

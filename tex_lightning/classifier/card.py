@@ -59,8 +59,8 @@ class Card:
             empty for this package's networks.
         calibration: What was set on the validation fold: ``temperature`` of the probabilities, and
             perhaps ``confidence_threshold`` of sequential decisions; and by sense the
-            ``novelties`` of known samples (:mod:`~tex_lightning.evaluation.known`). What cannot be
-            set is not there.
+            ``novelties`` of known samples (:mod:`~tex_lightning.learning.statistics`). What cannot
+            be set is not there.
         trained_on: ``seen``, digests of the recordings behind the weights, to refuse testing on
             them, and the keys of ``data`` that say on which fold they may be tested; ``trunks``,
             what each trunk began from if not at random.

@@ -20,9 +20,8 @@ from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.linear_head import fit_linear_head
-from tex_lightning.learning.probe import probe_head
 from tex_lightning.learning.training import Training
+from tex_lightning.learning.visual_head import fit_linear_head, probe_head
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet

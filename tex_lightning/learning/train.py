@@ -1,9 +1,15 @@
-"""Train one network to one checkpoint, or go on where an earlier run stopped."""
+"""Train one network to one checkpoint, or go on where an earlier run stopped.
 
+A network that several systems of a family have in common is trained once.
+"""
+
+import hashlib
+import json
 import logging
 import shutil
 import time
 from contextlib import nullcontext
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import cast
 
@@ -13,30 +19,29 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
-from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.card import Card, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import unwritable, write_atomically
 from tex_lightning.core.progress import hidden
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import load_recording
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.calibrate import calibrated_card
-from tex_lightning.evaluation.known import card_with_novelties
+from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.callbacks.progress import ProgressBar
+from tex_lightning.learning.callbacks import ProgressBar
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.start import fits_probabilities, start_network
-from tex_lightning.learning.statistics import keep_statistics
+from tex_lightning.learning.statistics import card_with_novelties, keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 from tex_lightning.learning.training import Training
 from tex_lightning.learning.trial import check_rebuilt
 
 log = logging.getLogger(__name__)
-
 ONE_VALUE = "Expected more than 1 value per channel"  # says PyTorch of batch normalisation
 
 
@@ -238,3 +243,50 @@ def _finish(
     trainer.save_checkpoint(training.final, weights_only=True)
     if trainer.is_global_zero:
         shutil.rmtree(training.working, ignore_errors=True)
+
+
+def train_once(training: Training, folder: Path) -> Trained:
+    """Train in a folder of the family unless it was trained there, and copy the checkpoint.
+
+    Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
+    so these name the place; those of a FusionNet on its parts, too.
+
+    Args:
+        training: What is trained.
+        folder: The folder; made if it does not exist.
+
+    Raises:
+        UserError: If it cannot be made.
+    """
+    if training.final.is_file():
+        return read_trained(training.final)
+    recipe = {
+        "card": training.card.to_dict(),
+        "fit": training.fit_values,
+        "seed": training.config.seed,
+        "weights": training.weights,
+        "trainer": training.config.trainer.flags,
+    }
+    if training.unimodal:
+        recipe["model"] = asdict(training.config.model)
+        recipe["starts"] = [_digest(start) for start in training.unimodal.values()]
+    digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
+    place = folder / f"{training.card.kind}-{digest}"
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    trained = train_network(replace(training, directory=place), calibrated=False)
+    content = read_checkpoint(trained.checkpoint)
+    content["hyper_parameters"]["card"] = calibrate(training, trained).to_dict()
+    write_atomically(training.final, lambda partial: torch.save(content, partial))
+    return replace(trained, checkpoint=training.final)
+
+
+def _digest(start: Trained) -> str:
+    """Digest of the weights alone, since another calibration changes the rest."""
+    digest = hashlib.sha256()
+    for name, value in start.classifier.cpu().state_dict().items():
+        digest.update(name.encode())
+        digest.update(value.numpy().tobytes())
+    return digest.hexdigest()

@@ -24,8 +24,8 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError, reason
 from tex_lightning.learning.base import make_optimizer
-from tex_lightning.learning.callbacks.fusion import FusionStart
-from tex_lightning.learning.callbacks.progress import ProgressBar
+from tex_lightning.learning.callbacks import ProgressBar
+from tex_lightning.learning.fusion import FusionStart
 from tex_lightning.learning.loggers import make_loggers, open_loggers
 from tex_lightning.learning.training import Training
 

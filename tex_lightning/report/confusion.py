@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from tex_lightning.evaluation.fragments import Counts, Shares
+from tex_lightning.evaluation.outcomes import Counts, Shares
 from tex_lightning.report.figures import draw_shares
 from tex_lightning.report.style import brief, colour_of, styled
 

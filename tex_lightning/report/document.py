@@ -8,7 +8,7 @@ from typing import Any
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.files import read_record, write_rows, write_text
 from tex_lightning.data.folds import describe
-from tex_lightning.evaluation.fragments import confused_pairs, fragment_counts
+from tex_lightning.evaluation.outcomes import confused_pairs, fragment_counts
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
 from tex_lightning.report.figures import LearningPoint, learning_figure, picture, save_figure
 from tex_lightning.report.systems import PER_CLASS, System, read_systems, run_data

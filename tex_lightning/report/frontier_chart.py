@@ -14,7 +14,7 @@ from matplotlib.transforms import Bbox
 
 from tex_lightning.core.console import say
 from tex_lightning.core.files import write_lines
-from tex_lightning.evaluation.choice import MIN_SAMPLES
+from tex_lightning.evaluation.comparison import MIN_SAMPLES
 from tex_lightning.report.style import GUIDE, looks, styled
 from tex_lightning.report.table import make_table, paper_table, print_table, print_tables
 from tex_lightning.text import printable

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from statistics import mean, stdev
 from typing import Any
 
+from tex_lightning.evaluation.comparison import mcnemar
 from tex_lightning.evaluation.conditions import pool_conditions
-from tex_lightning.evaluation.mcnemar import mcnemar
 from tex_lightning.evaluation.outcomes import summarise
 from tex_lightning.report.systems import System
 from tex_lightning.report.table import NONE, condition_rows, paper_table, rejections, seconds

@@ -16,8 +16,7 @@ from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, listed
-from tex_lightning.learning.enrolment import add_classes, keep_classes
-from tex_lightning.learning.new_rows import Fragments
+from tex_lightning.learning.enrolment import Fragments, add_classes, keep_classes
 from tex_lightning.learning.statistics import position_features
 from tex_lightning.runs.leaks import digests
 

@@ -18,7 +18,7 @@ from tex_lightning.data.folds import make_samples
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import skipped_entry
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.choice import partner
+from tex_lightning.evaluation.comparison import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import make_inference_model
@@ -54,7 +54,7 @@ class Measured:
         fit_seconds: Mean over the trainings, parts of a FusionNet included.
         tests: Outcomes by tested fold.
         partners: Of each tested fold the outcomes of the same networks on its partner, see
-            :func:`~tex_lightning.evaluation.choice.partner`.
+            :func:`~tex_lightning.evaluation.comparison.partner`.
     """
 
     member: Member

@@ -30,13 +30,12 @@ from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import skipped_entry
-from tex_lightning.evaluation.calibrate import calibrated_card
+from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM, environment
 from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.loggers import log_test
-from tex_lightning.learning.share import train_once
 from tex_lightning.learning.start import name_source
-from tex_lightning.learning.train import input_data, train_network
+from tex_lightning.learning.train import input_data, train_network, train_once
 from tex_lightning.learning.training import Training
 from tex_lightning.learning.trial import try_baseline
 from tex_lightning.runs.explained import draw_telling

@@ -10,7 +10,7 @@ from tex_lightning.config.composition import Job
 from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.pairing import difference
+from tex_lightning.evaluation.comparison import difference
 from tex_lightning.inference.early_stopping import SEQUENTIAL
 from tex_lightning.report.frontier_chart import AddedSense
 from tex_lightning.runs.family import Measured

@@ -10,9 +10,8 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, load_sample
 from tex_lightning.evaluation.calibration import calibration, selective
 from tex_lightning.evaluation.conditions import by_condition
-from tex_lightning.evaluation.fragments import vote_counts
 from tex_lightning.evaluation.novelty import report_unknown
-from tex_lightning.evaluation.outcomes import Outcome, summarise, write_outcomes
+from tex_lightning.evaluation.outcomes import Outcome, summarise, vote_counts, write_outcomes
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.costs import count_macs
 from tex_lightning.inference.early_stopping import SequentialClassifier, make_inference_model

@@ -18,15 +18,15 @@ from tex_lightning.config.search import repeated_arguments
 from tex_lightning.core.console import say
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
-from tex_lightning.evaluation.choice import (
+from tex_lightning.evaluation.comparison import (
     Candidate,
+    correct_shares,
     one_standard_error,
     pareto,
     partner,
     within_budget,
 )
 from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
-from tex_lightning.evaluation.pairing import correct_shares
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import (
     PROCEDURE,

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise, is_builtin
-from tex_lightning.networks.probe import MAX_SIDE, map_sizes, measure_steps, smallest
+from tex_lightning.networks.geometry import MAX_SIDE, map_sizes, measure_steps, smallest
 
 Layout = Literal["caffe", "torchvision", "efficientnet"]
 

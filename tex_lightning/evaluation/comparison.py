@@ -1,0 +1,227 @@
+"""Compare systems: exact McNemar tests, paired samples of several senses, and the choice of one."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest
+
+from tex_lightning.evaluation.outcomes import Outcome
+
+
+def mcnemar(one: Mapping[str, bool], other: Mapping[str, bool]) -> tuple[int, int, float] | None:
+    """Exact McNemar test of two systems' successes by sample.
+
+    Only samples on which exactly one of them is right say anything; under the hypothesis of equal
+    accuracy each of these is a fair coin.
+
+    Args:
+        one: Whether it was right, by sample.
+        other: The same for the other system, on the same samples in any order.
+
+    Returns:
+        How often only ``one`` was right, how often only ``other`` was, and the two-sided p-value;
+        None if they have not seen the same samples.
+    """
+    if not one or one.keys() != other.keys():
+        return None
+    first = sum(one[key] and not other[key] for key in one)
+    second = sum(other[key] and not one[key] for key in one)
+    if first + second == 0:
+        return 0, 0, 1.0
+    return first, second, float(binomtest(first, first + second).pvalue)
+
+
+ROUNDING = 1e-9  # a single vote of difference is one standard error exactly, but for rounding
+MIN_SAMPLES = 50  # of fewer, the one vote that a standard error allows is more than 2 % of them
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A system to choose, as its votes show it.
+
+    Attributes:
+        name: The system's.
+        cost: What it costs, in any unit; smaller is better.
+        correct: Whether each vote is correct, by fold and sample; of samples that share a recording
+            the share of correct ones, by fold and recording.
+    """
+
+    name: str
+    cost: float
+    correct: Mapping[tuple[int, str], float]
+
+    @property
+    def accuracy(self) -> float:
+        """Share of correct votes."""
+        return float(np.mean(list(self.correct.values())))
+
+
+def partner(fold: int, folds: int) -> int:
+    """The fold that is left out of training together with ``fold``: the one half the folds away.
+
+    Networks that were trained on neither vote on both. A choice made on one fold is measured on
+    the other: no counted vote was used for the choice, or comes from a network that was trained on
+    the measured fold. On labels of pure noise nothing else is free of optimism. With an even number
+    of folds each pair needs one training.
+    """
+    return (fold + folds // 2) % folds
+
+
+def one_standard_error(candidates: Sequence[Candidate]) -> Candidate:
+    """The cheapest candidate whose accuracy is within one standard error of the best one's.
+
+    The standard error is that of the mean paired difference over the samples that both classify:
+    what both get right or wrong says nothing about which is better. Where several are best, the
+    cheapest of them is the one to compare with. Fewer samples than ``MIN_SAMPLES`` leave nothing to
+    trade: there the cheapest of the most accurate is taken.
+
+    The accuracy of the choice on the votes that it was made on is optimistic; see :func:`partner`.
+    """
+    best = min(candidates, key=lambda item: (-item.accuracy, item.cost))
+    sufficient = [item for item in candidates if _within(best, item)]
+    return min(sufficient, key=lambda item: (item.cost, -item.accuracy))
+
+
+def _within(best: Candidate, other: Candidate) -> bool:
+    first, second = best.correct, other.correct
+    shared = [key for key in first if key in second]
+    if not shared:  # different samples: compare as if independent
+        pooled = [best.accuracy, other.accuracy]
+        counts = [len(first), len(second)]
+        variance = sum(p * (1 - p) / n for p, n in zip(pooled, counts, strict=True))
+        error = np.sqrt(variance) if min(counts) >= MIN_SAMPLES else 0.0
+        return bool(best.accuracy - other.accuracy <= error + ROUNDING)
+    differences = np.array([first[key] - float(second[key]) for key in shared])
+    many = len(shared) >= MIN_SAMPLES
+    error = differences.std(ddof=1) / np.sqrt(len(shared)) if many else 0.0
+    return bool(differences.mean() <= error + ROUNDING)
+
+
+def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:
+    """Names of the points (cost, accuracy) that no other point beats in both.
+
+    Of points that are equal in both, all are kept.
+    """
+    return {
+        name
+        for name, (cost, accuracy) in points.items()
+        if not any(
+            other_cost <= cost
+            and other_accuracy >= accuracy
+            and (other_cost, other_accuracy) != (cost, accuracy)
+            for other_cost, other_accuracy in points.values()
+        )
+    }
+
+
+def within_budget(
+    candidates: Sequence[Candidate], most_cost: float | None, least_accuracy: float | None
+) -> Candidate | None:
+    """The candidate to use under a limit of cost, of accuracy on all its votes, or of both.
+
+    With a limit of cost alone the most accurate one, else the cheapest one; None if there is none.
+    """
+    left = [
+        item
+        for item in candidates
+        if (most_cost is None or item.cost <= most_cost)
+        and (least_accuracy is None or item.accuracy >= least_accuracy)
+    ]
+    if not left:
+        return None
+    if least_accuracy is None:
+        return min(left, key=lambda item: (-item.accuracy, item.cost))
+    return min(left, key=lambda item: (item.cost, -item.accuracy))
+
+
+class Difference(NamedTuple):
+    """Samples that one system classifies correctly and another does not.
+
+    Attributes:
+        test_samples: Test samples that both classify.
+        repaired: Samples that only the second gets right.
+        broken: Samples that only the first gets right.
+        p_value: p of the exact McNemar test, two-sided. Samples that share a recording count once,
+            by their majority, since a recording that misleads does so in all of them.
+    """
+
+    test_samples: int
+    repaired: int
+    broken: int
+    p_value: float
+
+
+def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return, of each sample's files by modality, that of the modality with the fewest files."""
+    recorded = [[each[modality] for each in files] for modality in files[0]]
+    return min(recorded, key=lambda names: len(set(names)))
+
+
+def pair(
+    outcomes: Sequence[Outcome], joint: Sequence[Outcome]
+) -> list[tuple[str, bool, bool]] | None:
+    """Return each joint sample's independent recording, and whether each system is correct.
+
+    That recording is of the modality with the fewest recordings, which several samples share.
+
+    Args:
+        outcomes: Outcomes of a system that uses some of the modalities.
+        joint: Outcomes of a system that uses all of them.
+
+    Returns:
+        None if no joint sample holds what the first system has classified.
+    """
+    modalities = sorted(outcomes[0].files)
+    if not set(modalities) <= set(joint[0].files):
+        return None
+    known = {each.sample: each.label == each.predicted for each in outcomes}
+    recordings = scarcest([each.files for each in joint])
+    names = ["|".join(each.files[modality] for modality in modalities) for each in joint]
+    return [
+        (recording, known[name], each.label == each.predicted)
+        for recording, name, each in zip(recordings, names, joint, strict=True)
+        if name in known
+    ] or None
+
+
+def correct_shares(outcomes: Sequence[Outcome], joint: Sequence[Outcome]) -> dict[str, float]:
+    """Share of correct votes on the joint samples, by independent recording; see :func:`pair`.
+
+    Where the joint samples do not hold the system's own, by its own samples.
+    """
+    pairs = pair(outcomes, joint)
+    if pairs is None:
+        return {each.sample: float(each.label == each.predicted) for each in outcomes}
+    votes = defaultdict(list)
+    for recording, correct, _ in pairs:
+        votes[recording].append(correct)
+    return {recording: fmean(correct) for recording, correct in votes.items()}
+
+
+def difference(before: Sequence[Outcome], after: Sequence[Outcome]) -> Difference | None:
+    """What a system gains and loses by its senses beyond those of another.
+
+    Args:
+        before: Outcomes of the system with fewer senses.
+        after: Outcomes of the system with more.
+    """
+    pairs = pair(before, after)
+    if pairs is None:
+        return None
+    net: dict[str, int] = defaultdict(int)
+    for recording, old, new in pairs:
+        net[recording] += new - old
+    tested = mcnemar(
+        {name: gain > 0 for name, gain in net.items()},
+        {name: gain < 0 for name, gain in net.items()},
+    )
+    return Difference(
+        test_samples=len(pairs),
+        repaired=sum(new and not old for _, old, new in pairs),
+        broken=sum(old and not new for _, old, new in pairs),
+        p_value=1.0 if tested is None else tested[2],
+    )
