@@ -7,7 +7,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import CONF, Config
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
-from tex_lightning.runs.workspace import configured_card
+from tex_lightning.studies.dataset import configured_card
 
 
 def configured(*overrides: str) -> Config:

@@ -20,8 +20,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import SignalDecoder, Trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.profiling.timing import interleaved
-from tex_lightning.runs.workspace import configured_card
+from tex_lightning.studies.dataset import configured_card
+from tex_lightning.studies.timing import interleaved
 from tex_lightning.synthetic import make_materials
 from tex_lightning.synthetic.specimen import Specimen
 from tex_lightning.synthetic.tool import slide_tool

@@ -30,7 +30,7 @@ from tex_lightning.config import CONF
 from tex_lightning.errors import UserError
 from tex_lightning.export.onnx_file import make_onnx, write_onnx
 from tex_lightning.export.tracing import trace
-from tex_lightning.profiling.timing import interleaved
+from tex_lightning.studies.timing import interleaved
 
 RUNTIME = CONF.parent / "runtime"
 NETWORKS = {

@@ -39,7 +39,7 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.readers.tum import PER_CLASS
 from tex_lightning.data.recordings import Recording, Recordings, write_manifest
 from tex_lightning.data.store import Store, cache_root
-from tex_lightning.runs.workspace import check_networks
+from tex_lightning.studies.dataset import check_networks
 from tex_lightning.synthetic.dataset import SyntheticSpec, photograph, record
 from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.specimen import Specimen

@@ -38,9 +38,9 @@ from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
-from tex_lightning.runs.fold import make_training
-from tex_lightning.runs.opening import Opening, trained_networks
-from tex_lightning.runs.workspace import Workspace, make_card, open_workspace
+from tex_lightning.studies.console_summary import Opening, trained_networks
+from tex_lightning.studies.dataset import Workspace, make_card, open_workspace
+from tex_lightning.studies.fold import make_training
 
 CORE = ("forward", "backward", "optimiser")  # what a training step is for
 PARTS = ("data", "augmentation", *CORE)

@@ -190,7 +190,9 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)
         if config.model.name == AUTO:
-            from tex_lightning.auto import resolve_auto  # Lightning, which predictions do without
+            from tex_lightning.studies.frontier import (
+                resolve_auto,  # Lightning, which predictions do without
+            )
 
             config = resolve_auto(config.frontier.run, config.data.test_fold, job)
         # a task is imported when it runs: most take Lightning, which predictions do without

@@ -100,7 +100,7 @@ def data(*overrides: str) -> "InputData":
 
     def run(composed: DictConfig) -> "InputData":
         from tex_lightning.dispatch import settled_config  # imports PyTorch
-        from tex_lightning.runs.fold import fold_data
+        from tex_lightning.studies.fold import fold_data
 
         config, _, job = settled_config(composed, current_job(python=True))
         if config.task != "fit" or config.model.baseline is not None:

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from tex_lightning.auto import _read
 from tex_lightning.config import CONF
 from tex_lightning.config.search import use_config_dir
 from tex_lightning.core.console import LogFile
@@ -30,6 +29,7 @@ from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.perturbations.table import SCALES, read_severities
+from tex_lightning.studies.frontier import _read_choice
 
 
 @contextmanager
@@ -128,7 +128,7 @@ def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
     ("name", "read"),
     [
         ("results.json", read_record),
-        ("results.json", lambda path: _read(path.parent)),
+        ("results.json", lambda path: _read_choice(path.parent)),
         ("haptic.csv", read_outcomes),
         ("a.wav", fingerprint),
     ],

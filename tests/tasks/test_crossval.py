@@ -64,7 +64,7 @@ def test_a_stopped_run_repeats_no_finished_fold(cli, surfaces, directory, monkey
     trained = []
     original = train.train_network
     monkeypatch.setattr(
-        "tex_lightning.runs.fold.train_network",
+        "tex_lightning.studies.fold.train_network",
         lambda training: trained.append(training.parts.test.rows[0].group) or original(training),
     )
     arguments = ["task=crossval", *tiny(surfaces), f"hydra.run.dir={directory}"]

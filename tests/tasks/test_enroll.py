@@ -9,7 +9,7 @@ import torch
 
 import tex_lightning as tl
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.runs.enrolment import write_checkpoint
+from tex_lightning.studies.enrolment import write_checkpoint
 
 
 @pytest.fixture(scope="module")

@@ -18,10 +18,9 @@ from tex_lightning.config.composition import Job
 from tex_lightning.evaluation.comparison import one_standard_error, partner
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.frontier_chart import write_frontier
-from tex_lightning.runs import family, fold, latencies
-from tex_lightning.runs.family import with_system
-from tex_lightning.runs.latencies import Latency
-from tex_lightning.tasks import frontier
+from tex_lightning.studies import family, fold, frontier
+from tex_lightning.studies import family as latencies
+from tex_lightning.studies.family import Latency, with_system
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
@@ -258,13 +257,13 @@ def test_auto_trains_the_chosen_system(measured, given, cli, tmp_path):
 
 
 def test_auto_chooses_without_the_fold_that_it_tests(given, cli, tmp_path, monkeypatch):
-    measure = frontier.run
+    measure = frontier.compare_family
 
     def measure_one(config, directory):
         only = replace(config.frontier, only=["mfcc_nb"])
         return measure(replace(config, frontier=only), directory)
 
-    monkeypatch.setattr(frontier, "run", measure_one)
+    monkeypatch.setattr(frontier, "compare_family", measure_one)
     choice = "model=auto", "data.test_fold=3", "data.val_fold=4", f"hydra.run.dir={tmp_path}/r"
     outcome = cli(*choice, *given)
     assert outcome.status == 0, outcome.err
@@ -278,7 +277,7 @@ def test_auto_goes_on_with_the_choice_that_it_made(given, cli, tmp_path, monkeyp
     def measure_again(*_: object) -> None:
         raise AssertionError("the family was measured a second time")
 
-    monkeypatch.setattr(frontier, "run", measure_again)
+    monkeypatch.setattr(frontier, "compare_family", measure_again)
     made = tmp_path / "r" / "frontier" / "results.json"
     made.parent.mkdir(parents=True)
     choice = {"fold": 0, "overrides": ["model=minirocket"]}

@@ -11,7 +11,7 @@ import pytest
 from conftest import write_forces
 from PIL import Image
 
-from tex_lightning.tasks.frontier import _tested_folds
+from tex_lightning.studies.frontier import _tested_folds
 
 SYSTEMS = {"haptic", "force", "haptic+force", "haptic+force_sequential"}
 

@@ -15,7 +15,7 @@ from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.runs.systems import load_systems
+from tex_lightning.studies.systems import load_systems
 
 ONLY = ("white_noise", "shorter_trace", "rotated_axes", "jpeg", "haptic_missing", "image_swapped")
 COLUMNS = (

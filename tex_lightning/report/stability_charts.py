@@ -1,8 +1,10 @@
 """Tables of ``task=stability`` as CSV and on the screen."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,10 +18,12 @@ from tex_lightning.report.durations import spread
 from tex_lightning.report.figures import draw_shares, make_grid
 from tex_lightning.report.style import Look, brief, looks, styled
 from tex_lightning.report.table import make_table, print_tables
-from tex_lightning.stability.system import System
-from tex_lightning.stability.trial import BreakingPoint, Trial
 
-Break = tuple[System, Perturbation, BreakingPoint]
+if TYPE_CHECKING:
+    from tex_lightning.studies.perturbed import System
+    from tex_lightning.studies.trials import Break, BreakingPoint, Trial
+
+
 COLUMNS = (
     "system", "modality", "perturbation", "severity", "test_samples", "vote_accuracy", "ci_low",
     "ci_high", "flip_rate",

@@ -16,11 +16,16 @@ from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.inference.unknown import check_unknown
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.report.table import print_results, write_conditions
-from tex_lightning.runs.explained import draw_telling
-from tex_lightning.runs.opening import Opening
-from tex_lightning.runs.tested import held_out_to_test, open_store, recordings_to_test
-from tex_lightning.runs.testing import draw_figures, report_network
-from tex_lightning.runs.usable import find_unusable
+from tex_lightning.studies.console_summary import Opening
+from tex_lightning.studies.dataset import find_unusable
+from tex_lightning.studies.evaluate_checkpoint import (
+    draw_figures,
+    held_out_to_test,
+    open_store,
+    recordings_to_test,
+    report_network,
+)
+from tex_lightning.studies.sample_maps import draw_telling
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:

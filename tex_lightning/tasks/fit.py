@@ -11,9 +11,9 @@ from tex_lightning.core.files import read_record
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.report.table import print_results, write_conditions
-from tex_lightning.runs.fold import fit_fold, results_frame
-from tex_lightning.runs.opening import Opening, trained_networks
-from tex_lightning.runs.workspace import open_workspace
+from tex_lightning.studies.console_summary import Opening, trained_networks
+from tex_lightning.studies.dataset import open_workspace
+from tex_lightning.studies.fold import fit_fold, results_frame
 
 log = logging.getLogger(__name__)
 

@@ -1,1 +1,0 @@
-"""What a network costs: time, arithmetic and memory, measured on this machine."""

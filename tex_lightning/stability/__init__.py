@@ -1,1 +1,0 @@
-"""Where classifiers fail: recordings perturbed at increasing severity, and the votes on them."""
