@@ -12,6 +12,7 @@ import numpy as np
 from tex_lightning_runtime.recordings import Array, Decoded, UserError, decode, read_trace, require
 
 FORMAT, FATAL = 2, 4  # of the file's metadata; severity of what ONNX Runtime logs
+MAX_PAIRS = 1_000_000  # of fragments that several senses vote over
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
 ABSENT = {"signal": np.zeros((1, 0), np.float32), "photo": np.zeros((0, 0, 3), np.uint8)}
 
@@ -36,9 +37,13 @@ class Runtime:
                 found = ort.InferenceSession(path, options, providers=["CPUExecutionProvider"])
             self.card = json.loads(found.get_modelmeta().custom_metadata_map["tex_lightning"])
             fits = self.card["format"] == FORMAT
+            pairs, seed = (self.card["decision"][key] for key in ("pairs", "seed"))
+            whole = isinstance(pairs, int) and isinstance(seed, int)
+            bounded = whole and 1 <= pairs <= MAX_PAIRS and 0 <= seed < 1 << 32
         except Exception as error:  # they have no class in common
             raise UserError(f"Model {path} is missing, or no file of task=export.") from error
         require(fits, f"Model {path} has another format; export it anew.")
+        require(bounded, f"Model {path} draws {pairs} pairs from {seed}; export it anew.")
         self.senses = {each["modality"]: each for each in self.card["senses"]}
         self._session, self._top_k, self._path = found, top_k, path
 

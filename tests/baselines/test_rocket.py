@@ -48,3 +48,44 @@ def test_the_strength_is_chosen_on_groups_that_are_left_out(configured):
     again = configured("minirocket", kernels=168)
     again.load_state(baseline.state())
     torch.testing.assert_close(again.logits(traces[0]), baseline.logits(traces[0]))
+
+
+@pytest.mark.parametrize(
+    ("part", "change"),
+    [
+        (2, lambda dilations: -dilations),
+        (2, lambda dilations: dilations * 10_000),
+        (2, lambda dilations: dilations[:-1]),
+        (2, lambda dilations: dilations.astype(np.int64)),
+        (3, lambda counts: -counts),
+        (3, lambda counts: counts * 1000),
+        (3, lambda counts: counts[None]),
+        (4, lambda biases: biases[:-1]),
+        (4, lambda biases: biases[:0]),
+    ],
+)
+def test_a_forged_transform_is_refused_before_compiled_code_sees_it(fitted_once, part, change):
+    baseline, again = fitted_once
+    transform = baseline.estimator[0]
+    kept = transform.parameters
+    forged = list(kept)
+    forged[part] = change(forged[part])
+    transform.parameters = tuple(forged)
+    state = baseline.state()
+    transform.parameters = kept
+    with pytest.raises(ValueError, match=r"another|longer"):
+        again.load_state(state)
+
+
+@pytest.mark.parametrize("length", [-1, 8, 1 << 40])
+def test_a_forged_length_is_refused(fitted_once, length):
+    baseline, again = fitted_once
+    with pytest.raises(ValueError, match=r"length|longer"):
+        again.load_state({**baseline.state(), "length": torch.tensor(length)})
+
+
+@pytest.fixture(scope="module")
+def fitted_once(configured):
+    baseline = configured("minirocket", kernels=168)
+    baseline.fit(TRACES, LABELS, seed=0)
+    return baseline, configured("minirocket", kernels=168)

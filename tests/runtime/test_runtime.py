@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import onnx
 import pytest
 import soundfile
 from conftest import RATE, make_photo, make_trace
@@ -113,6 +114,21 @@ def test_refuses_what_is_no_exported_file(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(UserError, match="no file of task=export"):
         Runtime(path)
+
+
+@pytest.mark.parametrize("key", ["pairs", "seed"])
+@pytest.mark.parametrize("value", [10**12, -1, 0.5, "many", None])
+def test_refuses_a_card_whose_draws_would_not_fit(tmp_path, key, value):
+    value_info = onnx.helper.make_tensor_value_info("x", onnx.TensorProto.FLOAT, [1])
+    graph = onnx.helper.make_graph([], "nothing", [value_info], [value_info])
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 17)])
+    model.ir_version = 8
+    decision = {"pairs": 200, "seed": 0, key: value}
+    card = json.dumps({"format": 2, "decision": decision, "senses": []})
+    model.metadata_props.add(key="tex_lightning", value=card)
+    onnx.save(model, tmp_path / "a.onnx")
+    with pytest.raises(UserError, match=r"pairs from .*; export it anew"):
+        Runtime(tmp_path / "a.onnx")
 
 
 @pytest.mark.parametrize("rate", [RATE, 4_410])

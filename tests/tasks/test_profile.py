@@ -16,6 +16,7 @@ CONTRACT = {
     "sliding_window_ms",
     "speedup",
     "speedup_same_engine",
+    "engine_speedup",
     "arithmetic_ratio",
     "windows",
     "label_agreement",

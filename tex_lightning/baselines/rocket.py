@@ -20,7 +20,9 @@ from torch import Tensor
 from tex_lightning.baselines.base import Array, EstimatorBaseline, State
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.groups import leave_out
+from tex_lightning.data.trace_files import MOST_SAMPLES
 
+KERNEL = 9  # its samples, before dilation
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
 ALPHAS = np.logspace(-3, 3, 10)  # of the ridge classifier, as aeon tries them
 
@@ -93,6 +95,30 @@ class MiniRocket(EstimatorBaseline):
         return {**super().state(), "length": torch.tensor(self.length), "scale": scale}
 
     def load_state(self, state: State) -> None:
-        """Read the pipeline back."""
+        """Read the pipeline back.
+
+        Raises:
+            ValueError: If aeon's compiled code, which checks no bounds, would leave its arrays.
+        """
         super().load_state(state)
         self.length, self.scale = int(state["length"]), float(state["scale"])
+        _check_transform(self.estimator[0], self.length)
+
+
+def _check_transform(transform: Any, length: int) -> None:  # noqa: ANN401
+    """Refuse what no fit to traces of one axis and this length gives."""
+    kinds = (np.int32, np.int32, np.int32, np.int32, np.float32)
+    if type(transform) is not Transform or len(transform.parameters) != len(kinds):
+        raise ValueError("no MiniRocket")
+    for values, kind in zip(transform.parameters, kinds, strict=True):
+        if not isinstance(values, np.ndarray) or (values.ndim, values.dtype) != (1, kind):
+            raise ValueError("arrays of another kind")
+    *_, dilations, counts, biases = transform.parameters
+    if not 0 < len(dilations) == len(counts) or counts.min() < 0:
+        raise ValueError("another number of dilations")
+    if len(biases) != MIN_KERNELS * counts.sum(dtype=np.int64):
+        raise ValueError("another number of biases")
+    if not KERNEL <= length <= MOST_SAMPLES or dilations.min() < 1:
+        raise ValueError("traces of another length")
+    if (KERNEL - 1) * int(dilations.max()) >= length:
+        raise ValueError("kernels longer than the traces")

@@ -70,15 +70,24 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     classes, count = logits.shape
     if count == 0:
         raise ValueError("a vote needs at least one fragment")
-    if not bool(logits.isfinite().all()):
-        raise UserError(
-            "The class scores of this sample are NaN or infinite, so there is no decision; leave "
-            "it out, or correct the network or baseline that gives them."
-        )
+    check_finite(logits)
     fragments = logits.argmax(dim=0)
     votes = torch.bincount(fragments, minlength=classes)
     sums = probabilities(logits, temperature)
     return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
+
+
+def check_finite(scores: Tensor) -> None:
+    """Refuse class scores that would win or lose every vote.
+
+    Raises:
+        UserError: If one is NaN or infinite.
+    """
+    if not bool(scores.isfinite().all()):
+        raise UserError(
+            "The class scores of this sample are NaN or infinite, so there is no decision; leave "
+            "it out, or correct the network or baseline that gives them."
+        )
 
 
 def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:

@@ -241,3 +241,14 @@ def test_a_checkpoint_that_averages_does_so_live():
             assert voted.label == int(voted.probabilities.argmax())
             counted += voted.label != int(voted.shares.argmax())
     assert counted  # votes alone would have given another label
+
+
+@pytest.mark.parametrize("wait", [0, 1.0])
+def test_scores_that_are_nan_are_no_vote(wait):
+    classifier = make_classifier()
+    stream = StreamingClassifier(classifier, wait=wait)
+    assert stream.push(recording(2.0, None, 1, 0)) is not None
+    torch.nn.init.constant_(classifier.network.head.score_layer.bias, torch.nan)
+    stream = StreamingClassifier(classifier, wait=wait)
+    with pytest.raises(UserError, match="NaN or infinite, so there is no decision"):
+        stream.push(recording(2.0, None, 1, 0))

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.decision.early_stopping import StoppingRule
-from tex_lightning.decision.voting import Vote, probabilities, winner
+from tex_lightning.decision.voting import Vote, check_finite, probabilities, winner
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import (
     KNOWN_SECONDS,
@@ -206,7 +206,11 @@ class StreamingClassifier:
         Args:
             scores: (classes, fragments), those settled before left out.
             settled: The first so many of them are settled now.
+
+        Raises:
+            UserError: If a score is NaN or infinite.
         """
+        check_finite(scores)
         labels = scores.argmax(dim=0).cpu()  # where votes are, see decision.voting
         fragments = self._noted(labels)
         votes, sums = self.votes, self.probabilities
