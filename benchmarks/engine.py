@@ -16,8 +16,7 @@ from omegaconf import OmegaConf
 
 from benchmarks._classifiers import make_classifier
 from tex_lightning.config import CONF, EngineConfig
-from tex_lightning.inference.costs import count_macs
-from tex_lightning.inference.engine import accelerate
+from tex_lightning.inference.engine import accelerate, count_macs
 from tex_lightning.studies.timing import gemm_gflops, gflops, interleaved, products
 
 OFF = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "reference.yaml")))

@@ -16,7 +16,7 @@ from benchmarks.engine import DEFAULT
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.inference.stream_classifier import StreamingClassifier
 
 RATE = 10_000
 SECONDS = 60

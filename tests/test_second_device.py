@@ -28,7 +28,7 @@ from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.inference.early_stopping import make_inference_model
-from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.inference.stream_classifier import StreamingClassifier
 from tex_lightning.learning.enrolment import add_classes
 from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.networks.trunks import TRUNKS

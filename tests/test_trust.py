@@ -14,8 +14,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
 import tex_lightning as tl
+from tex_lightning.baselines.base import dump_estimator, load_estimator
 from tex_lightning.baselines.classifier import load_classifier
-from tex_lightning.baselines.estimators import dump_estimator, load_estimator
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.config.instantiation import CLASSES, named_classes, trust

@@ -3,7 +3,7 @@
 import pytest
 from omegaconf import OmegaConf
 
-from tex_lightning.baselines.making import make_baseline
+from tex_lightning.baselines.classifier import make_baseline
 from tex_lightning.config import CONF
 
 

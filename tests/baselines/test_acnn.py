@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.baselines.acnn import STRIDE, fragment_length, make_network
-from tex_lightning.baselines.autoencoder import divergence, draw_patches, learn_filters
+from tex_lightning.baselines.acnn import (
+    STRIDE,
+    divergence,
+    draw_patches,
+    fragment_length,
+    learn_filters,
+    make_network,
+)
 from tex_lightning.errors import UserError
 
 

@@ -14,8 +14,8 @@ from tex_lightning.config import DecisionConfig
 from tex_lightning.decision.voting import RULES, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.inference import early_stopping
-from tex_lightning.inference.costs import Costs
 from tex_lightning.inference.early_stopping import SequentialClassifier, decide, needs_threshold
+from tex_lightning.inference.engine import Costs
 
 NEVER = 1.0
 SENSES = {

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.inference.costs import count_macs
+from tex_lightning.inference.engine import count_macs
 from tex_lightning.studies.timing import SHAPES, Timing, gemm_gflops, products
 
 

@@ -12,7 +12,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 from scipy.signal import resample_poly
 
-from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.inference.stream_classifier import StreamingClassifier
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """A convolutional network on the raw trace that begins with a sparse auto-encoder's filters.
 
 After Ji, Fang, Zheng, Strese and Steinbach (MLSP 2015), of which layers, window and training are
-not public: those here are choices.
+not public: those here are choices. The auto-encoder learns from raw patches.
 """
 
 from collections.abc import Sequence
@@ -13,9 +13,67 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.baselines.autoencoder import learn_filters
 from tex_lightning.baselines.base import Array, Baseline, State
 from tex_lightning.errors import UserError
+
+FILTER_STEPS = 200
+FILTER_BATCH = 256
+FILTER_LEARNING_RATE = 1e-2
+FILTER_WEIGHT_DECAY = 1.0  # lets the noise of the initial weights go
+SPARSITY_WEIGHT = 1.0  # of the penalty, beside the squared error of the reconstruction
+
+
+def learn_filters(
+    traces: Sequence[Tensor], length: int, units: int, patches: int, sparsity: float
+) -> Tensor:
+    """Weights (units, length) of the encoder, by PyTorch's global generator.
+
+    Hidden units are sigmoids of a linear layer, the decoder is linear, and the Kullback-Leibler
+    divergence between ``sparsity`` and each unit's mean activation in a batch is a penalty (Ng
+    2011). Patches have no mean and, but for silence, unit deviation.
+
+    Args:
+        traces: (samples,) each, at least ``length`` long.
+        length: Length of a patch in samples.
+        units: Hidden units.
+        patches: How many patches are drawn, of all traces alike.
+        sparsity: Mean activation to aim at, between 0 and 1.
+    """
+    data = draw_patches(traces, length, patches)
+    encoder, decoder = nn.Linear(length, units), nn.Linear(units, length)
+    parameters = [*encoder.parameters(), *decoder.parameters()]
+    optimizer = torch.optim.AdamW(
+        parameters, FILTER_LEARNING_RATE, weight_decay=FILTER_WEIGHT_DECAY
+    )
+    for _ in range(FILTER_STEPS):
+        batch = data[torch.randint(len(data), (FILTER_BATCH,))]
+        hidden = encoder(batch).sigmoid()
+        error = (decoder(hidden) - batch).square().mean()
+        optimizer.zero_grad()
+        (error + SPARSITY_WEIGHT * divergence(hidden.mean(dim=0), sparsity).mean()).backward()
+        optimizer.step()
+    return encoder.weight.detach()
+
+
+def draw_patches(traces: Sequence[Tensor], length: int, count: int) -> Tensor:
+    """Patches (count, length) from random places, with mean 0 and deviation 1."""
+    pieces = []
+    for _ in range(count):
+        trace = traces[int(torch.randint(len(traces), ()))]
+        start = int(torch.randint(len(trace) - length + 1, ()))
+        pieces.append(trace[start : start + length])
+    data = torch.stack(pieces)
+    data = data - data.mean(dim=1, keepdim=True)
+    deviation = data.std(dim=1, keepdim=True)
+    return data / torch.where(deviation > 0, deviation, 1.0)
+
+
+def divergence(activation: Tensor, sparsity: float) -> Tensor:
+    """Kullback-Leibler divergence of Bernoulli variables, each activation from ``sparsity``."""
+    activation = activation.clamp(1e-6, 1 - 1e-6)
+    on = sparsity * torch.log(sparsity / activation)
+    return on + (1 - sparsity) * torch.log((1 - sparsity) / (1 - activation))
+
 
 FIRST_LENGTH, FIRST_STRIDE = 64, 8  # samples: 6.4 ms and 0.8 ms at 10 kHz
 CHANNELS = (32, 64, 128)

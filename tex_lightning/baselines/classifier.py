@@ -1,6 +1,6 @@
 """A fitted baseline as a classifier of raw recordings, saved and loaded like a network."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.baselines.making import WHERE, make_baseline
 from tex_lightning.classifier.card import Card, damaged, named, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
-from tex_lightning.config.instantiation import make_value, trusted_class
+from tex_lightning.config.instantiation import (
+    INSTALL,
+    TARGET,
+    make,
+    make_value,
+    missing_library,
+    trusted_class,
+)
 from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording
@@ -28,6 +34,34 @@ from tex_lightning.senses.signal import SignalSense
 
 if TYPE_CHECKING:
     from tex_lightning.baselines.base import Array, Baseline
+
+
+WHERE = "model.baseline"
+
+
+def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baseline":
+    """A baseline that is not fitted yet.
+
+    Args:
+        name: Name of the model, for messages.
+        node: ``model.baseline``.
+        budget: ``model.budget``.
+
+    Raises:
+        UserError: If a library is missing, or a key is unknown or of the wrong type.
+    """
+    if (library := missing_library(node)) is not None:
+        raise UserError(f"model={name} needs {library}, which is not installed; run: {INSTALL}")
+    made = make(WHERE, node)
+    from tex_lightning.baselines.base import Baseline
+
+    if not isinstance(made, Baseline):
+        raise UserError(
+            f"{WHERE} names {node[TARGET]}, which is no baseline; derive it from "
+            f"{Baseline.__module__}.{Baseline.__name__}."
+        )
+    return made.with_budget(budget) if budget != 1 else made
+
 
 MEDIA = {"haptic": "signal", "visual": "photo"}  # by the kind of a baseline
 MIN_SECONDS = 0.05  # of movement: the paper's window

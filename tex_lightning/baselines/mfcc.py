@@ -1,16 +1,35 @@
-"""Mel-frequency cepstral coefficients of a trace, and a bank whose filters narrow upwards."""
+"""Two baselines on Mel-frequency cepstral coefficients of a trace.
 
-from dataclasses import dataclass
-from typing import Any
+- Frames and a mixture of Gaussians for each class, after the TUM haptic texture database (Strese
+  et al., Haptics Symposium and HAVE 2014), whose numbers of coefficients and components are not
+  public.
+- Modified coefficients, averaged over the movement, and Gaussian naive Bayes, after Strese,
+  Schuwerk and Steinbach (World Haptics 2015). What they call decreasing is not defined there; here
+  it is a bank whose filters narrow upwards.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
+import torch
 from scipy.fft import dct
 from scipy.signal import get_window
+from sklearn.mixture import GaussianMixture
+from sklearn.naive_bayes import GaussianNB
+from torch import Tensor
 
+from tex_lightning.baselines.base import (
+    Array,
+    Baseline,
+    EstimatorBaseline,
+    State,
+    dump_estimator,
+    load_estimator,
+)
 from tex_lightning.errors import UserError
-
-Array = npt.NDArray[Any]
 
 SPACINGS = ("mel", "decreasing")
 MAX_SECONDS, MAX_OVERLAP, MAX_FILTERS = 1, 20, 1000  # far beyond any use, little memory
@@ -117,3 +136,91 @@ def filter_edges(filters: int, highest_hz: float, spacing: str) -> Array:
     highest_mel = 2595 * np.log10(1 + highest_hz / 700)
     edges: Array = 700 * (10 ** (np.linspace(0, highest_mel, filters + 2) / 2595) - 1)
     return edges if spacing == "mel" else (highest_hz - edges)[::-1]
+
+
+MAX_ITERATIONS = 500  # enough to converge: a hundred are not always
+
+
+@dataclass
+class MfccMixtures(Baseline, Cepstra):
+    """Log-likelihoods of all frames are summed, so that a whole trace is one fragment.
+
+    Attributes:
+        components: Gaussians with diagonal covariance for each class, at most one for each frame.
+        min_variance: Added to every variance, so that no component shrinks to one frame.
+    """
+
+    components: int
+    min_variance: float
+
+    kind: ClassVar = "haptic"
+
+    def __post_init__(self) -> None:
+        self.check()
+        if self.components < 1 or self.min_variance <= 0:
+            raise UserError(
+                "model.baseline: components must be at least 1 and min_variance exceed 0."
+            )
+        self.mixtures: list[Any] = []
+
+    def with_budget(self, budget: float) -> Self:
+        """Fewer components."""
+        return replace(self, components=max(1, int(self.components * budget)))
+
+    def fit(self, recordings: Sequence[Array], labels: npt.NDArray[np.int64], seed: int) -> None:
+        """Fit each class's mixture to the frames of its recordings by expectation-maximisation."""
+        frames = [self.coefficients(trace, self.sampling_rate) for trace in recordings]
+        self.mixtures = []
+        for label in range(int(labels.max()) + 1):
+            own = np.concatenate(
+                [part for part, of in zip(frames, labels, strict=True) if of == label]
+            )
+            mixture = GaussianMixture(
+                min(self.components, len(own)),
+                covariance_type="diag",
+                reg_covar=self.min_variance,
+                max_iter=MAX_ITERATIONS,
+                random_state=seed,
+            )
+            self.mixtures.append(mixture.fit(own))
+
+    def logits(self, recording: Array) -> Tensor:
+        """Log-likelihoods (classes, 1) of the whole movement."""
+        frames = self.coefficients(recording, self.sampling_rate)
+        sums = [mixture.score_samples(frames).sum() for mixture in self.mixtures]
+        return torch.tensor(sums, dtype=torch.float64)[:, None]
+
+    def state(self) -> State:
+        """The mixtures as bytes."""
+        return {"mixtures": dump_estimator(self.mixtures)}
+
+    def load_state(self, state: State) -> None:
+        """Read the mixtures back."""
+        self.mixtures = load_estimator(state["mixtures"])
+
+    def count_parameters(self) -> int:
+        """Weights, means and variances; what scikit-learn derives from them does not count."""
+        return sum(
+            mixture.weights_.size + mixture.means_.size + mixture.covariances_.size
+            for mixture in self.mixtures
+        )
+
+
+@dataclass
+class MfccNaiveBayes(EstimatorBaseline, Cepstra):
+    """One mean and one variance for each class and coefficient; a whole trace is one fragment."""
+
+    kind: ClassVar = "haptic"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check()
+
+    def features(self, recording: Array) -> Array:
+        """Mean of the frames' coefficients (last - first + 1,)."""
+        mean: Array = self.coefficients(recording, self.sampling_rate).mean(axis=0)
+        return mean
+
+    def make_estimator(self, seed: int) -> Any:  # noqa: ANN401  (nothing is random)
+        """Naive Bayes with normal densities."""
+        return GaussianNB()

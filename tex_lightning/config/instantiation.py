@@ -224,8 +224,8 @@ CLASSES = frozenset(
         "networks.trunks.vgg_m.VggMTrunk",
         "baselines.acnn.RawNetwork",
         "baselines.fisher.FisherVectors",
-        "baselines.mfcc_gmm.MfccMixtures",
-        "baselines.mfcc_nb.MfccNaiveBayes",
+        "baselines.mfcc.MfccMixtures",
+        "baselines.mfcc.MfccNaiveBayes",
         "baselines.patterns.LocalBinaryPatterns",
         "baselines.rocket.MiniRocket",
     )

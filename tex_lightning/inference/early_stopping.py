@@ -27,11 +27,11 @@ from tex_lightning.decision.early_stopping import StoppingRule, is_confident
 from tex_lightning.decision.voting import Vote, max_vote, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import movement_start
-from tex_lightning.inference.costs import Costs, count_macs
-from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.inference.engine import Costs, accelerate, count_macs
+from tex_lightning.inference.stream_classifier import StreamingClassifier
 from tex_lightning.senses import Sense
 
+log = logging.getLogger(__name__)
 STREAMED = 3.0  # time of a multiply-accumulate here over that in a full pass; measured 2.3 to 3
 
 
@@ -87,7 +87,6 @@ def _lengths(sense: Sense, frames: int) -> Iterator[int]:
     yield frames
 
 
-log = logging.getLogger(__name__)
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
 BATCH = 16  # windows computed at once
 

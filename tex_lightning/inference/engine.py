@@ -1,17 +1,21 @@
 """Turn a trained classifier into the accelerated one that tests and predicts.
 
 Layers are rewritten by exact algebra, so that only the rounding of float32 differs.
+:class:`Costs` counts the multiply-accumulates of a decision before it is made.
 """
 
 import logging
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
+from functools import lru_cache
 from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.utils.flop_counter import FlopCounterMode
 
+from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
@@ -19,6 +23,9 @@ from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.senses import Sense
 
 PIECE = 1 << 19  # elements; with three float32 buffers of this size the cache is not exceeded
+
+
+log = logging.getLogger(__name__)
 
 
 class FastResponseNorm(nn.Module):
@@ -139,7 +146,6 @@ def _scaled(conv: nn.Conv2d, scale: Tensor, shift: Tensor) -> nn.Conv2d:
     return conv
 
 
-log = logging.getLogger(__name__)
 BFLOAT16 = ("avx512_bf16", "amx_bf16", "bf16")  # what processors call it
 
 
@@ -243,4 +249,40 @@ def _warn_of_slow_bf16(device: torch.device) -> None:
         log.warning(
             "engine.precision=bf16: this processor has no bfloat16 arithmetic, so it will be "
             "slower than fp32."
+        )
+
+
+def count_macs(function: Callable[[], object]) -> int:
+    """Multiply-accumulates of the convolutions and matrix products that a function runs.
+
+    PyTorch counts two operations for each; normalisation, pooling and Fourier transforms are not
+    counted.
+    """
+    with FlopCounterMode(display=False) as counter, torch.no_grad():
+        function()
+    return int(counter.get_total_flops()) // 2
+
+
+class Costs:
+    """Multiply-accumulates of a card's network, counted on tensors that hold nothing.
+
+    Convolutions and matrix products are counted; features, pooling and normalisation are not.
+
+    Args:
+        card: Card of one of this package's networks.
+
+    Attributes:
+        of: Multiply-accumulates of one sense with its part of a fusion layer, by its name and the
+            height and width of its input.
+    """
+
+    def __init__(self, card: Card) -> None:
+        self.classifier = SurfaceClassifier(card).eval().to("meta")
+        self.of = lru_cache(self._of)
+
+    def _of(self, sense: str, height: int, width: int) -> int:
+        classifier, branch = self.classifier, self.classifier.sense(sense)
+        x = branch.blank(height, width).to("meta")
+        return count_macs(
+            lambda: classifier.project(sense, branch.dense(x, classifier.level(sense)))
         )

@@ -25,9 +25,8 @@ from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SequentialClassifier, make_inference_model
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.evidence import Evidence, classify_with_maps, refuse_baseline
-from tex_lightning.inference.prediction import Prediction, describe
-from tex_lightning.inference.streaming.live import LiveStream
-from tex_lightning.inference.unknown import check_unknown
+from tex_lightning.inference.prediction import Prediction, check_unknown, describe
+from tex_lightning.inference.stream_live import LiveStream
 
 if TYPE_CHECKING:
     from tex_lightning.report.explanation import Explanation

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tex_lightning.baselines.classifier import new_classifier
-from tex_lightning.baselines.making import make_baseline
+from tex_lightning.baselines.classifier import make_baseline, new_classifier
 from tex_lightning.classifier.card import DECISION, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.config import Config, DataConfig
@@ -17,7 +16,7 @@ from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.decision.calibration import LABEL
 from tex_lightning.errors import UserError, listed
-from tex_lightning.inference.unknown import taken
+from tex_lightning.inference.prediction import taken
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.learning.trainer import try_parts_of_training
 from tex_lightning.learning.trial import try_branch

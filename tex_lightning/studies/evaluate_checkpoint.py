@@ -27,14 +27,14 @@ from tex_lightning.evaluation.early_stopping import (
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import Outcome, summarise, vote_counts, write_outcomes
 from tex_lightning.evaluation.samples import run_test
-from tex_lightning.inference.costs import count_macs
 from tex_lightning.inference.early_stopping import (
     SEQUENTIAL,
     SequentialClassifier,
     make_inference_model,
     needs_threshold,
 )
-from tex_lightning.inference.unknown import warn_of_few
+from tex_lightning.inference.engine import count_macs
+from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
 from tex_lightning.report.figures import calibration_figure, save_figure, sequential_figure
 from tex_lightning.studies.dataset import hold_out

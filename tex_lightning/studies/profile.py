@@ -21,8 +21,7 @@ from tex_lightning.data.decode import Array, SignalDecoder, to_rate
 from tex_lightning.decision.voting import max_vote
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
-from tex_lightning.inference.costs import count_macs
-from tex_lightning.inference.engine import accelerate, has_bf16
+from tex_lightning.inference.engine import accelerate, count_macs, has_bf16
 from tex_lightning.learning.loggers import log_profile
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows, dense_grid, scores
 from tex_lightning.report.figures import save_figure

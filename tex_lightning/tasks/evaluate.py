@@ -13,7 +13,7 @@ from tex_lightning.data.folds import make_samples, tested_part
 from tex_lightning.data.store import skipped_entry
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import environment, write_results
-from tex_lightning.inference.unknown import check_unknown
+from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.report.table import print_results, write_conditions
 from tex_lightning.studies.console_summary import Opening

@@ -23,7 +23,7 @@ from tex_lightning.export.model_card import model_card
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
 from tex_lightning.export.tracing import trace
 from tex_lightning.export.web_page import page_files, runtime_files
-from tex_lightning.inference.unknown import check_unknown
+from tex_lightning.inference.prediction import check_unknown
 
 RECORD = "export.json"
 

@@ -14,7 +14,7 @@ from tex_lightning.features.spectrogram import (
     SpectrogramFeatures,
     movement_start,
 )
-from tex_lightning.inference.streaming.layers import Columns, streaming_layers
+from tex_lightning.inference.stream_layers import Columns, streaming_layers
 from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.senses.signal import SignalSense
 

@@ -11,7 +11,7 @@ import tex_lightning as tl
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import StreamConfig
 from tex_lightning.errors import UserError
-from tex_lightning.inference.streaming.window import WindowVote
+from tex_lightning.inference.stream_window import WindowVote
 
 CHUNK = RATE // 10
 

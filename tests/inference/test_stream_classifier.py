@@ -12,7 +12,7 @@ from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.streaming.classifier import StreamingClassifier
+from tex_lightning.inference.stream_classifier import StreamingClassifier
 from tex_lightning.networks.hapticnet import HapticNet
 
 RATE = 10_000

@@ -1,7 +1,7 @@
 """A live recording: samples in, predictions out.
 
 Samples are resampled to the rate of the training. The vote is over everything so far
-(:class:`WholeVote`), or over the last seconds (:class:`.window.WindowVote`).
+(:class:`WholeVote`), or over the last seconds (:class:`.stream_window.WindowVote`).
 """
 
 import logging
@@ -24,9 +24,11 @@ from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, together
 from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, describe
-from tex_lightning.inference.streaming.classifier import StreamingClassifier
-from tex_lightning.inference.streaming.window import WindowVote
+from tex_lightning.inference.stream_classifier import StreamingClassifier
+from tex_lightning.inference.stream_window import WindowVote
 from tex_lightning.senses.signal import SignalSense
+
+log = logging.getLogger(__name__)
 
 
 class WholeVote:
@@ -196,9 +198,6 @@ class LiveSignal:
             return Quality()
         measures = self.measures if level is None else {"level": level, **self.measures}
         return self.monitor.quality(self.ranges, **measures)
-
-
-log = logging.getLogger(__name__)
 
 
 class LiveStream:

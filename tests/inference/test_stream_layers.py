@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from torch import nn
 
 from tex_lightning.inference.engine import FastResponseNorm
-from tex_lightning.inference.streaming.layers import StreamingLayer, streaming_layers
+from tex_lightning.inference.stream_layers import StreamingLayer, streaming_layers
 
 
 def pushed(layers: list[StreamingLayer], columns, settled):

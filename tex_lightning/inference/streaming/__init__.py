@@ -1,1 +1,0 @@
-"""Classification of a recording that is still going on."""
