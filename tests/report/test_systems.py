@@ -1,7 +1,6 @@
 """Systems of any senses side by side."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ from omegaconf import OmegaConf
 from tex_lightning.evaluation.comparison import mcnemar
 from tex_lightning.evaluation.outcomes import RANDOM, Outcome, write_outcomes
 from tex_lightning.report.systems import System, _start, read_systems
-from tex_lightning.report.tables import accuracy_tables, profiling_table, rejections_table
+from tex_lightning.report.tables import accuracy_tables, profiling_table
 
 ENTRY = {"fit_seconds": 1.0, "parameters": 7}
 
@@ -49,24 +48,6 @@ def test_the_papers_columns_stay_out_of_ones_own_data():
     network = {"reference_ms": 1.0, "sliding_window_ms": 10.0, "speedup": 10.0, "kind": "haptic",
                "speedup_same_engine": 5.0, "label_agreement": 1.0}  # fmt: skip
     assert "paper" not in profiling_table({"haptic": network}, paper=False)
-
-
-def test_what_was_rejected_is_a_row_of_each_run_that_was_asked_to():
-    entry = {
-        **ENTRY,
-        "selective": {"reject_below": 0.8, "coverage": 0.5, "selective_accuracy": 1.0},
-        "unknown": {"rate": 0.05, "threshold": 2.0, "accepted_unknown": None, "auroc": 0.75,
-                    "false_rejections": {"count": 1, "of": 40, "share": 0.025}},
-    }  # fmt: skip
-    system = make("haptic", "++-", "haptic")
-    assert rejections_table([system]) == ""
-    table = rejections_table([replace(system, entries=[entry]), system])
-    assert table.splitlines()[2:] == [
-        "| system | labelled (from 0.8) | correct of these | known rejected (asked 5%) | "
-        "unknown accepted | AUROC of unknown |",
-        "|---|---|---|---|---|---|",
-        "| haptic | 50.0% | 100.0% | 1/40 (2.5%) | - | 0.750 |",
-    ]
 
 
 def test_a_system_of_fewer_senses_is_compared_on_its_part_of_each_sample():

@@ -122,8 +122,8 @@ def swept(run_once, manifest, tmp_path_factory) -> Path:
 
 def test_a_sweep_tests_one_speed_after_the_other(swept):
     report = (swept / "report.md").read_text()
-    assert "- haptic_bands tested fold 0 of 10: 3 samples once." in report
-    assert "- haptic_bands tested speed 40, speed 50 or 60: 30 samples once." in report
+    assert "- fold 0 of 10, 3 samples: haptic_bands" in report
+    assert "- speed 40, speed 50 or 60, 30 samples: haptic_bands" in report
     (table,) = (line for line in report.splitlines() if line.startswith("| speed | 60 |"))
     assert "| condition | value | haptic_bands | haptic_bands (unseen speed) |" in report
     assert table.count("(9/9)") == 1

@@ -1,6 +1,5 @@
 """``report.md``: tables, confusion matrices and confused pairs of one run or of a whole sweep."""
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,13 +12,7 @@ from tex_lightning.report.confusion import class_accuracy_figure, confusion_figu
 from tex_lightning.report.figures import LearningPoint, learning_figure, picture, save_figure
 from tex_lightning.report.systems import PER_CLASS, System, read_systems, run_data
 from tex_lightning.report.table import TINY, is_tiny, run_overrides
-from tex_lightning.report.tables import (
-    accuracy_tables,
-    conditions_table,
-    profiling_table,
-    rejections_table,
-    seeds_table,
-)
+from tex_lightning.report.tables import accuracy_tables, conditions_table, profiling_table
 from tex_lightning.text import to_markdown
 
 NOTES = """\
@@ -67,9 +60,9 @@ def write_report(
     if any(is_tiny(run_overrides(run)) for run in runs):
         parts.append(f"> **{TINY}**")
     parts += ["This command repeats the report:", f"```bash\n{command}\n```"]
-    parts += [_tested(systems), NOTES, COLUMNS if paper else "", seeds_table(systems)]
+    parts += [_tested(systems), NOTES, COLUMNS if paper else ""]
     parts.append(accuracy_tables(systems, complete=complete and paper, paper=paper))
-    parts += [conditions_table(systems), rejections_table(systems)]
+    parts.append(conditions_table(systems))
     profiles = _profiles(runs)
     if profiles:
         parts.append(profiling_table(profiles, paper=paper))
@@ -89,44 +82,30 @@ def _concerns_paper(systems: Sequence[System]) -> bool:
 
 
 def _tested(systems: Sequence[System]) -> str:
-    """Numbers of folds and samples that each row tested, and how often; equal rows are joined."""
+    """List the folds, or conditions, and the number of samples that each row tested."""
     rows: dict[str, list[str]] = {}
     for system in systems:
-        times = Counter(Counter(outcome.sample for outcome in system.outcomes).values())
-        counts = " and ".join(
-            f"{number} samples {_times(often)}" for often, number in sorted(times.items())
-        )
         name = f"{system.model} in {system.inside}" if system.inside else system.model
-        rows.setdefault(f"{_folds(system)}: {counts}", []).append(name)
-    lines = []
-    for what, names in rows.items():
-        who = "Every row" if len(rows) == 1 else ", ".join(dict.fromkeys(names))
-        lines.append(f"- {to_markdown(f'{who} tested {what}.')}")
-    return "\n".join(["Test samples, and how often each was tested in a row:", "", *lines])
-
-
-def _times(often: int) -> str:
-    return {1: "once", 2: "twice"}.get(often, f"{often} times")
+        rows.setdefault(f"{_folds(system)}, {len(system.outcomes)} samples", []).append(name)
+    lines = [
+        f"- {to_markdown(what)}: {to_markdown(', '.join(dict.fromkeys(names)))}"
+        for what, names in rows.items()
+    ]
+    return "\n".join(["What each row tested:", "", *lines])
 
 
 def _folds(system: System) -> str:
-    """Which folds, or conditions, a system's runs tested."""
-    wheres = [run_data(run).get("test_where") for run in system.directories]
-    if any(wheres):
-        return ", ".join(dict.fromkeys(describe(where) for where in wheres if where))
-    tested: Counter[int | None] = Counter()
+    """Return which folds, or conditions, the runs of a system tested."""
+    tested: dict[str, None] = {}
     for run, entry in zip(system.directories, system.entries, strict=True):
         data = run_data(run)
-        own = [data.get("test_fold")]
-        tested.update([fold["fold"] for fold in entry["folds"]] if "folds" in entry else own)
-    if None in tested:
-        return "all recordings"
-    every = run_data(system.directories[0]).get("folds")
-    total = f" of {every}" if every is not None else ""
-    names = ", ".join(map(str, sorted(tested)))  # type: ignore[type-var]  # None is not there
-    often = {_times(number) for number in tested.values()}
-    runs = "" if often == {"once"} else f" ({' or '.join(sorted(often))})"
-    return f"fold{'s' * (len(tested) > 1)} {names}{total}{runs}"
+        if where := data.get("test_where"):
+            tested[describe(where)] = None
+            continue
+        folds = [fold["fold"] for fold in entry.get("folds", [{"fold": data.get("test_fold")}])]
+        of = f" of {data['folds']}" if data.get("folds") is not None else ""
+        tested |= {"all" if fold is None else f"fold {fold}{of}": None for fold in folds}
+    return ", ".join(tested)
 
 
 def _learning_curve(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:

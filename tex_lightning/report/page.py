@@ -15,7 +15,7 @@ from markdown_it import MarkdownIt
 
 from tex_lightning.core.files import read_record, read_rows, write_text
 from tex_lightning.report.figures import SUFFIXES
-from tex_lightning.report.page_media import LEGEND, embedded, is_broad, map_folder, shown_samples
+from tex_lightning.report.page_media import LEGEND, embedded, map_folder, shown_samples
 from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
     TINY,
@@ -142,7 +142,7 @@ def _rendered(report: Path, directory: Path) -> str:
 
 
 def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
-    """Name and source of every figure that the report does not show, and whether it is broad.
+    """Return name and source of every figure that the report does not show.
 
     No browser shows a PDF in a page: without a PNG or SVG of the figure the source is its file.
     """
@@ -155,7 +155,7 @@ def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
     paths = [found[stem] for stem in sorted(found, key=lambda stem: (len(stem.parts), stem))]
     sources = {path: embedded(path) or path.relative_to(directory).as_posix() for path in paths}
     return [
-        {"name": path.stem.replace("_", " "), "source": source, "broad": is_broad(path)}
+        {"name": path.stem.replace("_", " "), "source": source}
         for path, source in sources.items()
         if source not in shown
     ]

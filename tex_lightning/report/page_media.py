@@ -86,7 +86,6 @@ def draw_map(evidence: Evidence, key: Key) -> Image.Image:
 
 
 MOST_SAMPLES = 10
-BROAD = 1300  # pixels of a figure
 SECONDS = 5.0  # of a signal
 IMAGE_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}  # of figures that a page shows
 STRIP = 14  # pixels that the label map of a signal is high
@@ -136,14 +135,6 @@ def embedded(path: Path) -> str:
     """A PNG or SVG as a data URI; empty of other files, which no browser shows in a page."""
     kind = IMAGE_TYPES.get(path.suffix)
     return _data_uri(kind, path.read_bytes()) if kind else ""
-
-
-def is_broad(path: Path) -> bool:
-    """Whether a PNG is too wide to be read beside another one."""
-    if path.suffix != ".png":
-        return False
-    with Image.open(path, formats=IMAGE_FORMATS) as image:
-        return image.width > BROAD
 
 
 def _data_uri(kind: str, content: bytes) -> str:

@@ -1,4 +1,4 @@
-"""Tables of ``task=stability`` as CSV and on the screen."""
+"""Tables and charts of ``task=stability``."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.outcomes import wilson_interval
-from tex_lightning.perturbations.table import SEVERITIES, Perturbation
+from tex_lightning.perturbations.table import SEVERITIES
 from tex_lightning.report.durations import spread
 from tex_lightning.report.figures import draw_shares, make_grid
 from tex_lightning.report.style import Look, brief, looks, styled
 from tex_lightning.report.table import make_table, print_tables
 
 if TYPE_CHECKING:
-    from tex_lightning.studies.perturbed import System
-    from tex_lightning.studies.trials import Break, BreakingPoint, Trial
+    from tex_lightning.studies.trials import Break, Trial
 
 
 COLUMNS = (
@@ -32,6 +31,8 @@ DETAILS = (
     "system", "modality", "perturbation", "severity", "value", "unit", "refused",
     "probability_when_wrong", "probability_when_correct", "worst_class", "worst_class_accuracy",
 )  # fmt: skip
+CHARTS_IN_ROW = 5  # of small charts
+ENTRY = 1.7  # inches of a system in the legend
 BREAKS = (
     "system", "modality", "perturbation", "unit", "clean_accuracy", "least_accuracy", "reached",
     "severity", "value", "vote_accuracy", "refused", "first_classes",
@@ -40,52 +41,35 @@ BREAKS = (
 
 def write_trials(trials: Sequence[Trial], directory: Path) -> None:
     """Write ``stability.csv`` and, with what else is known of each trial, ``details.csv``."""
-    write_rows(directory / "stability.csv", COLUMNS, map(_line, trials))
-    write_rows(directory / "details.csv", DETAILS, map(_detail, trials))
+    lines, details = [], []
+    for trial in trials:
+        perturbation, count = trial.perturbation, len(trial.labels)
+        place = (trial.system.name, perturbation.modality, perturbation.name, trial.severity)
+        interval = wilson_interval(trial.correct, count)
+        lines.append((*place, count, trial.accuracy, *interval, trial.flip_rate))
+        classes = trial.class_accuracy()
+        worst = min(classes, key=lambda name: classes[name])
+        value = perturbation.value(trial.severity) if trial.severity > 0 else ""
+        probabilities = [trial.probability_when(correct) for correct in (False, True)]
+        shown = ["" if probability is None else probability for probability in probabilities]
+        details.append(
+            (*place, value, perturbation.unit, trial.refused, *shown, worst, classes[worst])
+        )
+    write_rows(directory / "stability.csv", COLUMNS, lines)
+    write_rows(directory / "details.csv", DETAILS, details)
 
 
 def write_breaks(breaks: Sequence[Break], directory: Path) -> None:
     """Write ``breaking_points.csv``; what never broke has ``reached`` false and no value."""
-    write_rows(directory / "breaking_points.csv", BREAKS, (_break(*each) for each in breaks))
-
-
-def _line(trial: Trial) -> tuple[Any, ...]:
-    count = len(trial.labels)
-    interval = wilson_interval(trial.correct, count)
-    return (*_place(trial), count, trial.accuracy, *interval, trial.flip_rate)
-
-
-def _detail(trial: Trial) -> tuple[Any, ...]:
-    classes = trial.class_accuracy()
-    worst = min(classes, key=lambda name: classes[name])
-    harmed = trial.severity > 0
-    value = trial.perturbation.value(trial.severity) if harmed else ""
-    probabilities = (trial.probability_when(False), trial.probability_when(True))
-    return (
-        *_place(trial),
-        value,
-        trial.perturbation.unit,
-        trial.refused,
-        *("" if value is None else value for value in probabilities),
-        worst,
-        classes[worst],
-    )
-
-
-def _place(trial: Trial) -> tuple[Any, ...]:
-    perturbation = trial.perturbation
-    return trial.system.name, perturbation.modality, perturbation.name, trial.severity
-
-
-def _break(system: System, perturbation: Perturbation, found: BreakingPoint) -> tuple[Any, ...]:
-    head = (system.name, perturbation.modality, perturbation.name, perturbation.unit)
-    bounds = (found.clean, found.least)
-    trial = found.below
-    if trial is None:
-        return (*head, *bounds, "false", "", "", "", "", "")
-    value = perturbation.value(trial.severity)
-    first = " ".join(found.classes)
-    return (*head, *bounds, "true", trial.severity, value, trial.accuracy, trial.refused, first)
+    lines = []
+    for system, perturbation, point in breaks:
+        head = (system.name, perturbation.modality, perturbation.name, perturbation.unit)
+        found: tuple[Any, ...] = ("false", "", "", "", "", "")
+        if trial := point.below:
+            value, classes = perturbation.value(trial.severity), " ".join(point.classes)
+            found = ("true", trial.severity, value, trial.accuracy, trial.refused, classes)
+        lines.append((*head, point.clean, point.least, *found))
+    write_rows(directory / "breaking_points.csv", BREAKS, lines)
 
 
 def print_stability(results: dict[str, Any], directory: Path) -> None:
@@ -110,10 +94,6 @@ def print_stability(results: dict[str, Any], directory: Path) -> None:
         error = f"{harm['mean_error']:.0%}"
         worst.add_row(name, harm["name"], error, entry["worst_class"]["name"])
     print_tables(directory, figures, worst)
-
-
-CHARTS_IN_ROW = 5  # of small charts
-ENTRY = 1.7  # inches of a system in the legend
 
 
 def stability_figures(trials: Sequence[Trial]) -> dict[str, Figure]:
@@ -173,22 +153,18 @@ def _counted(trials: Sequence[Trial]) -> str:
 
 
 def _curve(axes: Axes, trials: Sequence[Trial], drawn: Mapping[str, Look]) -> None:
+    """Draw accuracy over the severities of one perturbation."""
     for system, look in drawn.items():
-        own = [trial for trial in trials if trial.system.name == system]
-        severities = [trial.severity for trial in own]
-        shares = [trial.accuracy for trial in own]
+        points = [
+            (trial.severity, trial.accuracy) for trial in trials if trial.system.name == system
+        ]
         axes.plot(
-            severities,
-            shares,
-            color=look.colour,
-            marker=look.marker,
-            markersize=3,
+            *np.reshape(points, (-1, 2)).T, color=look.colour, marker=look.marker, markersize=3,
             label=brief(system),
-        )
+        )  # fmt: skip
     perturbation = trials[0].perturbation
     values = ["clean", *(f"{perturbation.value(severity):g}" for severity in SEVERITIES)]
     axes.set_xticks(range(len(values)), values, fontsize=6)
     axes.set_ylim(-0.03, 1.03)
     axes.yaxis.set_major_formatter(PercentFormatter(1))
-    axes.set_title(perturbation.name)
-    axes.set_xlabel(perturbation.unit)
+    axes.set(title=perturbation.name, xlabel=perturbation.unit)

@@ -49,18 +49,6 @@ class System:
     directories: list[Path]
 
     @property
-    def seed(self) -> str:
-        """The seed, if the command gave one and runs differ in it; else empty."""
-        items = [item for item in self.variant.split(", ") if item.startswith(SEED_KEYS)]
-        return items[0].partition("=")[2] if items else ""
-
-    @property
-    def but_seed(self) -> str:
-        """The variant without the seed."""
-        items = self.variant.split(", ")
-        return ", ".join(item for item in items if not item.startswith(SEED_KEYS))
-
-    @property
     def successes(self) -> dict[str, bool]:
         """Whether each sample's label is correct, by sample."""
         return {outcome.sample: outcome.label == outcome.predicted for outcome in self.outcomes}

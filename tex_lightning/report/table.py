@@ -1,7 +1,7 @@
-"""The closing table of a run."""
+"""The closing table of a run, votes by condition, and what tables are made with."""
 
 import shlex
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,72 +14,22 @@ from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.conditions import KEY, pool_conditions
 
+PAPER = Path(__file__).with_name("paper.yaml")
+TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
+WIDE = 1000  # columns, for which no table is too wide
+NONE = "-"
+OLD, NEW = "old_classes", "new_classes"  # of an entry of task=enroll
+ENROLLED = {OLD: "old classes", NEW: "new classes"}
 CONDITIONS_FILE = "conditions.csv"
 CONDITIONS_COLUMNS = (
     "condition", "value", "network", "correct", "test_samples", "vote_accuracy", "ci_low",
     "ci_high",
 )  # fmt: skip
 MAX_LISTED = 12  # values of a condition that a table does not list
+
+Network = dict[str, Any]
 Networks = Mapping[str, Mapping[str, Any]]  # entries of results.json, by name
 Counts = Mapping[str, Any]
-
-
-def write_conditions(networks: Networks, directory: Path) -> None:
-    """Write ``conditions.csv``; nothing without conditions."""
-    lines = [
-        [name, value, network, counts["correct"], counts["test_samples"], counts["vote_accuracy"],
-         *counts["vote_ci95"]]
-        for name, value, of in _condition_values(networks)
-        for network, counts in of.items()
-    ]  # fmt: skip
-    if lines:
-        write_rows(directory / CONDITIONS_FILE, CONDITIONS_COLUMNS, lines)
-
-
-def condition_rows(networks: Networks, say: Callable[[Counts], str]) -> list[list[str]]:
-    """Rows of a table: condition, value and what ``say`` makes of the votes of each network.
-
-    A condition of many values, such as a date, has one row that names the file with all of them;
-    one of a single value has none, as its votes are those of all samples.
-    """
-    rows: dict[str, list[list[str]]] = {}
-    for name, value, of in _condition_values(networks):
-        cells = [say(of[network]) if network in of else "" for network in networks]
-        rows.setdefault(name, []).append([name, value, *cells])
-    return [
-        line
-        for name, lines in rows.items()
-        if len(lines) > 1
-        for line in (
-            lines
-            if len(lines) <= MAX_LISTED
-            else [[name, f"{len(lines)} values, see {CONDITIONS_FILE}", *[""] * len(networks)]]
-        )
-    ]
-
-
-def _condition_values(networks: Networks) -> Iterator[tuple[str, str, dict[str, Counts]]]:
-    """Conditions and their values, and for each what the networks made of it."""
-    every = pool_conditions(networks.values()).get(KEY, {})
-    for name, values in every.items():
-        for value in values:
-            yield (
-                name,
-                value,
-                {
-                    network: entry[KEY][name][value]
-                    for network, entry in networks.items()
-                    if value in entry.get(KEY, {}).get(name, {})
-                },
-            )
-
-
-TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
-WIDE = 1000  # columns, for which no table is too wide
-NONE = "-"
-Network = dict[str, Any]
-OLD, NEW = "old_classes", "new_classes"  # of an entry of task=enroll
-ENROLLED = {OLD: "old classes", NEW: "new classes"}
 
 
 def facts(results: dict[str, Any]) -> dict[str, dict[str, str]]:
@@ -159,6 +109,51 @@ def _by_condition(results: dict[str, Any], directory: Path) -> list[Table]:
     for row in rows:
         table.add_row(*row)
     return [table] if rows else []
+
+
+def write_conditions(networks: Networks, directory: Path) -> None:
+    """Write ``conditions.csv``; nothing without conditions."""
+    lines = [
+        (*place, network, counts["correct"], counts["test_samples"], counts["vote_accuracy"],
+         *counts["vote_ci95"])
+        for place, votes in _condition_votes(networks).items()
+        for network, counts in votes.items()
+    ]  # fmt: skip
+    if lines:
+        write_rows(directory / CONDITIONS_FILE, CONDITIONS_COLUMNS, lines)
+
+
+def condition_rows(networks: Networks, say: Callable[[Counts], str]) -> list[list[str]]:
+    """Return rows of a table: condition, value and what ``say`` makes of each network's votes.
+
+    A condition of many values, such as a date, has one row that names the file with all of them;
+    one of a single value has none, as its votes are those of all samples.
+    """
+    rows: dict[str, list[list[str]]] = {}
+    for (name, value), votes in _condition_votes(networks).items():
+        cells = [say(votes[network]) if network in votes else "" for network in networks]
+        rows.setdefault(name, []).append([name, value, *cells])
+    for name, lines in rows.items():
+        if len(lines) > MAX_LISTED:
+            file = f"{len(lines)} values, see {CONDITIONS_FILE}"
+            rows[name] = [[name, file, *[""] * len(networks)]]
+        elif len(lines) == 1:
+            rows[name] = []
+    return [line for lines in rows.values() for line in lines]
+
+
+def _condition_votes(networks: Networks) -> dict[tuple[str, str], dict[str, Counts]]:
+    """Return votes by condition and value, and there by network."""
+    pooled = pool_conditions(networks.values()).get(KEY, {})
+    places = [(name, value) for name, values in pooled.items() for value in values]
+    return {
+        (name, value): {
+            network: entry[KEY][name][value]
+            for network, entry in networks.items()
+            if value in entry.get(KEY, {}).get(name, {})
+        }
+        for name, value in places
+    }
 
 
 def make_table(title: str, names: list[str], figures: list[str]) -> Table:
@@ -241,11 +236,8 @@ def _millions(macs: int | None) -> str:
     return "not counted" if macs is None else f"{macs / 1e6:,.0f}"
 
 
-PAPER = Path(__file__).with_name("paper.yaml")
-
-
 def paper_table(name: str) -> dict[str, Any]:
-    """One table of the paper, as it stands in ``paper.yaml``; empty if it has none of this name."""
+    """Return one table of the paper from ``paper.yaml``; empty if it has none of this name."""
     tables: Any = OmegaConf.to_container(OmegaConf.load(PAPER))
-    found: dict[str, Any] = tables.get(name, {})
-    return found
+    table: dict[str, Any] = tables.get(name, {})
+    return table

@@ -95,7 +95,7 @@ def compare_family(config: Config, job: Job) -> dict[str, Any]:
     tiny = is_tiny(list(job.overrides))
     if tiny:  # nothing is recommended
         shown = [replace(point, chosen=False) for point in shown]
-    figure = frontier_figure(shown, steps)
+    figure = frontier_figure(shown)
     save_figure(figure, directory / "frontier", config.figures.formats)
     if frontier.senses is not None:
         write_added_senses(added, directory / "senses.csv")
