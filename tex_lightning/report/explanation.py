@@ -1,4 +1,4 @@
-"""Why a sample got its label: the dense scores of every sense, and a picture of them."""
+"""Explanations: the dense scores of every sense behind a label, drawn over its recordings."""
 
 import textwrap
 from collections import Counter
@@ -23,6 +23,12 @@ from tex_lightning.report.figures import write_figure
 from tex_lightning.report.style import brief, styled
 from tex_lightning.text import printable, printable_lines
 
+# Tol's bright palette for colour-blind readers, the winner's first, and two of his vibrant one
+COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
+WIDTH = 12.0  # inches
+HEIGHTS = {"signal": 3.7, "photo": 3.1, "fused": 1.3, "line": 0.22}
+LINE = 150  # characters
+DPI = 100
 OTHERS = "#bbbbbb"  # of classes without a colour of their own
 SHOWN = 300  # pixels of a photo's longer side that are drawn
 BINS = 1200  # of a waveform, each drawn from its lowest to its highest sample
@@ -209,14 +215,6 @@ def _mark(axes: Axes, corner: tuple[float, float], size: tuple[float, float], st
     axes.add_patch(frame)
 
 
-# Tol's bright palette for colour-blind readers, the winner's first, and two of his vibrant one
-COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#ee7733", "#332288")
-WIDTH = 12.0  # inches
-HEIGHTS = {"signal": 3.7, "photo": 3.1, "fused": 1.3, "line": 0.22}
-LINE = 150  # characters
-DPI = 100
-
-
 @dataclass(frozen=True)
 class Explanation:
     """The dense scores of every sense behind a label.
@@ -287,7 +285,10 @@ class Explanation:
         key = Key(self.classes, self.label, self._colours())
         legend = self._legend(key)
         columns = max(1, LINE // (8 + max(len(str(each.get_label())) for each in legend)))
-        heights = [HEIGHTS[_medium(each)] for each in self.senses.values()]
+        heights = [
+            HEIGHTS["signal" if isinstance(sense, SignalEvidence) else "photo"]
+            for sense in self.senses.values()
+        ]
         fused = [HEIGHTS["fused"]] if len(self.senses) > 1 else []
         ratios = [*heights, *fused, HEIGHTS["line"] * (1 + -(-len(legend) // columns))]
         total = sum(ratios) + HEIGHTS["line"] * (title.count("\n") + 1)
@@ -320,17 +321,15 @@ class Explanation:
         return dict(zip([self.label, *others], COLOURS, strict=False))
 
     def _legend(self, key: Key) -> list[Patch]:
-        """An entry for each class that occurs, and one for all without a colour of their own."""
-        found = [
+        """Return an entry for each coloured class, and one for all others that occur."""
+        entries = [
             Patch(color=colour, label=brief(self.classes[label], LINE))
             for label, colour in key.colours.items()
         ]
-        occurring = {
-            int(label) for each in self.senses.values() for label in np.unique(each.labels)
-        }
+        occurring = {label for sense in self.senses.values() for label in sense.labels.flat}
         if rest := len(occurring - key.colours.keys()):
-            found.append(Patch(color=OTHERS, label=f"{rest} other classes"))
-        return found
+            entries.append(Patch(color=OTHERS, label=f"{rest} other classes"))
+        return entries
 
     def _draw(self, part: SubFigure, evidence: Evidence, key: Key) -> None:
         rival, margin = key.name(self.rival), self.contributions[evidence.name]
@@ -360,10 +359,6 @@ class Explanation:
         _bars(votes, [key.name(label) for label in labels], shares, colours)
         votes.set_xlim(0, 1)
         votes.set_xlabel("share of the votes of all senses together", fontsize=SMALL)
-
-
-def _medium(evidence: Evidence) -> str:
-    return "signal" if isinstance(evidence, SignalEvidence) else "photo"
 
 
 def _bars(axes: Axes, names: list[str], values: list[float], colours: str | list[str]) -> None:
