@@ -250,7 +250,7 @@ def test_kth_tips2b_names_what_is_wrong(copy):
         (["data=folder", "data.group_by=surface"], "is not read by data=folder"),
         (["data=kylberg", "data.group_by=surfaces"], "did you mean surface?"),
         (["data=lmt108", "data.reader.split=both"], "choose training, testing"),
-        (["data=tum", "data.reader.splt=testing"], "no key data.reader.splt"),
+        (["data=tum", "data.reader.splt=testing"], "data.reader.splt is no argument"),
         (["data=folder", "data.resize=256"], "turn one off"),
         (["data=cluster", "data.folds=2"], "give data.val_fold=null"),
         (["task=evaluate", "checkpoint=a", "data.inverted=true", "data.test_fold=null"], "number"),
