@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 from tex_lightning.config import READS, Config, DataConfig, ModelConfig
-from tex_lightning.config.instantiation import TARGET, find_callable
+from tex_lightning.config.instantiation import TARGET, find_callable, missing_library
 from tex_lightning.config.keys import (
     Key,
     annotations,
@@ -86,7 +86,8 @@ def check_nodes(config: Config) -> Iterator[str]:
     reads, model = READS[config.task], config.model
     yield from check_node("data.reader", config.data.reader)
     if "model" in reads and model.baseline is not None:
-        if isinstance(model.baseline, Mapping):  # check_model complains of anything else
+        # check_model complains of anything else, and whoever makes it of a missing library
+        if isinstance(model.baseline, Mapping) and missing_library(model.baseline) is None:
             yield from check_node("model.baseline", model.baseline)
     elif "model" in reads:
         for sense in model.senses:

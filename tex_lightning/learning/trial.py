@@ -3,13 +3,12 @@
 import io
 import logging
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.baselines.base import Array
 from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -23,6 +22,9 @@ from tex_lightning.learning.start import fit_closed_form
 from tex_lightning.networks.blocks import score_layer_of
 from tex_lightning.senses import Sense
 from tex_lightning.senses.base import as_tensor
+
+if TYPE_CHECKING:
+    from tex_lightning.baselines.base import Array
 
 log = logging.getLogger(__name__)
 
@@ -206,7 +208,7 @@ def try_baseline(classifier: BaselineClassifier, recordings: Loaded) -> None:
 
 
 @torch.inference_mode()
-def _scores(classifier: BaselineClassifier, recording: Array) -> Tensor:
+def _scores(classifier: BaselineClassifier, recording: "Array") -> Tensor:
     torch.manual_seed(0)  # of what draws
     network: Any = classifier.sense(classifier.card.kind).network
     scores: Tensor = network.scores(recording)
