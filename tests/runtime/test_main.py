@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from PIL import Image
 
 from tex_lightning_runtime import runtime as module
 from tex_lightning_runtime.__main__ import main
+
+RUNTIME = Path(module.__file__).parents[1]
 
 
 @pytest.fixture
@@ -55,7 +58,7 @@ def test_names_of_files_steer_no_terminal_and_keep_their_letters(folder, exporte
     ended = [
         subprocess.run(
             [*command, f"haptic={name}"], capture_output=True, check=False,
-            env={**os.environ, "PYTHONIOENCODING": "ascii"},
+            env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONPATH": str(RUNTIME)},
         )
         for name in names
     ]  # fmt: skip
