@@ -70,7 +70,7 @@ class DataConfig(Folding):
     sampling_rate: float | None = key(
         "rate that every trace is resampled to; null is their own rate in training (the highest "
         "of several), at most the paper's 10 kHz",
-        unit="Hz", least=500, most=1_000_000,
+        unit="Hz", least=20, most=1_000_000,
     )  # fmt: skip
     file_rate: float | None = key(
         "rate of traces whose rate is in neither file, manifest, sidecar nor rates.csv; null is "
