@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.vote import max_vote
 from tex_lightning.config import EngineConfig
-from tex_lightning.decision.voting import max_vote
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 ENGINE = EngineConfig(
     fold_batch_norm=True,

@@ -19,9 +19,9 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.config.instantiation import CLASSES, named_classes, trust
-from tex_lightning.features.proportions import BandProportions
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.archives import SizeLimit
+from tex_lightning.senses.features.proportions import BandProportions
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)
 PLAN = {"fit": {"head_factor": 1.0}, "seed": 0, "pieces": {"haptic": 200}}

@@ -4,7 +4,7 @@ import torch
 from conftest import make_card
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
-from tex_lightning.decision.voting import random_tuples
+from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.errors import UserError
 
 SENSES = {

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.data.folds import Sample
-from tex_lightning.decision.voting import Vote
 from tex_lightning.evaluation.calibration import calibration
 from tex_lightning.evaluation.outcomes import KEPT_CLASSES, Outcome
 from tex_lightning.evaluation.samples import kept_probabilities, run_test

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import RULES
 from tex_lightning.data.decode import halve
-from tex_lightning.decision.voting import RULES
 from tex_lightning.export.graph import Part, PhotoGraph, is_unknown, joined, thresholds, traced_vote
 from tex_lightning.export.tracing import draws
 

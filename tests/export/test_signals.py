@@ -13,8 +13,8 @@ from tex_lightning.export.signals import (
     factors,
     traced_start,
 )
-from tex_lightning.features.proportions import BandProportions
-from tex_lightning.features.spectrogram import SpectrogramFeatures, movement_start
+from tex_lightning.senses.features.proportions import BandProportions
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures, movement_start
 
 RATE = 2_000.0
 

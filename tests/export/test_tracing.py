@@ -5,7 +5,7 @@ import torch
 from conftest import make_card
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.decision.voting import random_tuples
+from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.export.tracing import draws, trace
 from tex_lightning.networks.hapticnet import HapticNet

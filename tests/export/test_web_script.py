@@ -14,10 +14,10 @@ import soundfile
 from scipy.signal import resample_poly
 
 from tex_lightning.classifier.classifier import content_seed
+from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.data.decode import halve, rate_ratio
 from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
 from tex_lightning.data.trace_files import read_axes, read_text_trace
-from tex_lightning.decision.voting import random_tuples
 from tex_lightning.export import web_page
 
 SOURCES = Path(web_page.__file__).parent / "web"

@@ -10,8 +10,8 @@ from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import RULES, random_tuples
 from tex_lightning.config import DecisionConfig
-from tex_lightning.decision.voting import RULES, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.inference import early_stopping
 from tex_lightning.inference.early_stopping import SequentialClassifier, decide, needs_threshold

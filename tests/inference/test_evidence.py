@@ -9,8 +9,8 @@ from torch.nn.functional import avg_pool2d
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.inference.evidence import cell_edges, classify_with_maps, nearest
+from tex_lightning.senses.features.spectrogram import movement_start
 
 
 class Brightness(nn.Module):

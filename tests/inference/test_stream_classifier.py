@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream_classifier import StreamingClassifier
 from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 RATE = 10_000
 ENGINE = EngineConfig(True, True, True, True, "fp32", False, None)

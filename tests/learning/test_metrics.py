@@ -10,12 +10,12 @@ from lightning import Trainer
 from own_parts import MemoryLogger
 from sklearn.metrics import accuracy_score, confusion_matrix, roc_auc_score
 
+from tex_lightning.classifier.vote import Vote, max_vote
 from tex_lightning.config import Folding
 from tex_lightning.data.datamodule import SampleSet, SurfaceData
 from tex_lightning.data.folds import make_samples, split
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.store import Store
-from tex_lightning.decision.voting import Vote, max_vote
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.metrics import HistogramAUROC, train_metrics, vote_metrics

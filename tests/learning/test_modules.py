@@ -8,7 +8,7 @@ from conftest import make_card, make_photo, make_trace
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.decision.voting import random_tuples
+from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.fusion import FusionModule, FusionStart

@@ -9,11 +9,11 @@ from sklearn.model_selection import LeaveOneGroupOut
 import tex_lightning as tl
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.classifier.unknown import novelty_threshold
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.core.groups import leave_out
-from tex_lightning.decision.calibration import novelty_threshold
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.statistics import left_out_novelties
 

@@ -7,9 +7,8 @@ from sklearn.linear_model import Ridge
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 from torchmetrics.functional.classification import multiclass_calibration_error
 
-from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.linear import LinearNet, _ridge
+from tex_lightning.networks.linear import LinearNet, _ridge, fit_temperature
 
 CLASSES, BANDS = 3, 12
 

@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import nn
 
-from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.report.figures import picture, save_figure, spectrogram_figure
 from tex_lightning.report.page import write_page
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 
 def test_a_spectrogram_is_over_seconds_and_hertz():

@@ -14,7 +14,7 @@ from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import MEAN, STD
+from tex_lightning.networks.blocks import MEAN, STD
 
 FIT = {"perturb": [], "perturbed_share": 0.5, "rotation": 180.0}
 

@@ -5,7 +5,7 @@ import soundfile
 import torch
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.dft321 import dft321
+from tex_lightning.senses.features.dft321 import dft321
 from tex_lightning.synthetic import SyntheticSpec, make_materials, write_folder, write_tum
 from tex_lightning.synthetic.camera import _draw_view
 from tex_lightning.synthetic.dataset import listen, photograph, record, recorded_under

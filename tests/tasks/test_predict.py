@@ -13,8 +13,8 @@ from conftest import make_trace
 from PIL import Image
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import max_vote
 from tex_lightning.data.decode import decode_image
-from tex_lightning.decision.voting import max_vote
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.report.page_media import shown_samples
 

@@ -23,12 +23,11 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
-from tex_lightning.features.dft321 import dft321, quick_length
-from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.networks.archives import SizeLimit
 from tex_lightning.networks.blocks import Level
-from tex_lightning.senses import Sense
-from tex_lightning.senses.base import as_tensor
+from tex_lightning.senses.base import Sense, as_tensor
+from tex_lightning.senses.features.dft321 import dft321, quick_length
+from tex_lightning.senses.features.spectrogram import movement_start
 from tex_lightning.senses.photo import PhotoSense
 from tex_lightning.senses.signal import SignalSense
 

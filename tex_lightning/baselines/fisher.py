@@ -23,9 +23,9 @@ from torch import Tensor, nn
 from tex_lightning.baselines.base import Array, Baseline, State
 from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import ImageFeatures
 from tex_lightning.networks.trunks import TRUNKS, Trunk, published
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
+from tex_lightning.senses.features.image import ImageFeatures
 
 PREFIX = "trunk."
 

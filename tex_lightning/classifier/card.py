@@ -9,18 +9,18 @@ from typing import Any, Self, get_args
 
 import torch
 
+from tex_lightning.classifier.unknown import novelty_threshold
+from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, LARGEST, kind_of
 from tex_lightning.config.tasks import MAX_PAIRS
 from tex_lightning.core.console import quietly
 from tex_lightning.core.contract import fault_of
-from tex_lightning.decision.calibration import novelty_threshold
-from tex_lightning.decision.voting import RULES
 from tex_lightning.errors import UserError, shorten
-from tex_lightning.features.spectrogram import Axes, Normalisation, Scale
 from tex_lightning.networks.archives import check_archive
 from tex_lightning.networks.blocks import NORMS, Level
+from tex_lightning.senses.features.spectrogram import Axes, Normalisation, Scale
 
 SUFFIX = ".ckpt"  # of checkpoints of this package
 
@@ -49,7 +49,7 @@ class Card:
     Attributes:
         classes: Class names; the network's outputs in order.
         senses: By the name of each sense what
-            :func:`~tex_lightning.senses.make_sense` makes its sense of: ``_target_``,
+            :func:`~tex_lightning.senses.base.make_sense` makes its sense of: ``_target_``,
             ``modality``, ``decode``, ``features``, ``network`` and their arguments.
         decision: ``pairs`` and ``seed`` of FusionNet's vote, ``rule``, ``reject_below`` and
             ``unknown``.

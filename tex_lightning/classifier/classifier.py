@@ -18,14 +18,13 @@ from torch import Tensor, nn
 
 from tex_lightning.classifier.card import LEFT_OUT, Card, damaged, named, read_checkpoint
 from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
-from tex_lightning.decision.voting import RULES, Vote, random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import Head, Level, score_layer_of
 from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.senses import Sense, make_sense
-from tex_lightning.senses.base import content
+from tex_lightning.senses.base import Sense, content, make_sense
 
 PREFIX = "classifier."  # in the state of a LightningModule
 STATISTICS = "statistics."  # in its own

@@ -210,9 +210,9 @@ CLASSES = frozenset(
     for name in (
         "senses.photo.PhotoSense",
         "senses.signal.SignalSense",
-        "features.image.ImageFeatures",
-        "features.proportions.BandProportions",
-        "features.spectrogram.SpectrogramFeatures",
+        "senses.features.image.ImageFeatures",
+        "senses.features.proportions.BandProportions",
+        "senses.features.spectrogram.SpectrogramFeatures",
         "networks.hapticnet.HapticNet",
         "networks.linear.LinearNet",
         "networks.visualnet.VisualNet",

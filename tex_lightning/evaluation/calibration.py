@@ -22,12 +22,12 @@ from tex_lightning.config import Config, DecisionConfig
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store, load_sample
-from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.evaluation.comparison import scarcest
 from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.inference.early_stopping import SEQUENTIAL, needs_threshold
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.networks.linear import fit_temperature
 
 BINS = 15
 MIN_PROBABILITY = 1e-12  # that a logarithm is taken of

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import DecisionConfig
 from tex_lightning.core.files import read_rows, write_lines
 from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
-from tex_lightning.decision.voting import Vote
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.evaluation.samples import classify_sample
 from tex_lightning.inference.early_stopping import SequentialClassifier

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.unknown import novelty_threshold
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
-from tex_lightning.decision.calibration import novelty_threshold
 from tex_lightning.evaluation.calibration import unknown_auroc
 from tex_lightning.evaluation.outcomes import (
     Outcome,

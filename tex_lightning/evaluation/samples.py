@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, load_sample
-from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import KEPT_CLASSES, Outcome
 from tex_lightning.text import to_json

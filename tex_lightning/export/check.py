@@ -21,9 +21,9 @@ from tex_lightning.data.store import Store, cache_root, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import DRAWS
 from tex_lightning.export.tracing import draws, example
-from tex_lightning.features.proportions import BandProportions
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
+from tex_lightning.senses.features.proportions import BandProportions
 
 MADE_UP = "synthetic"  # data: no files are read
 SHORTEST = 0.5  # of the example that is traced

@@ -1,7 +1,7 @@
 """A trained classifier as one traceable module from decoded recordings to a label.
 
 The senses of a FusionNet are joined in one graph, in which some may be absent, and the decision is
-that of :mod:`~tex_lightning.decision.voting`, with its rule for ties.
+that of :mod:`~tex_lightning.classifier.vote`, with its rule for ties.
 """
 
 import math
@@ -20,7 +20,7 @@ from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 from tex_lightning.export.layers import exportable
 from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
 
 
 class Part(NamedTuple):
@@ -108,7 +108,7 @@ def thresholds(card: Card) -> dict[str, float | None]:
 
 
 class TracedVote(NamedTuple):
-    """See :class:`~tex_lightning.decision.voting.Vote`; ``label`` is int64 ()."""
+    """See :class:`~tex_lightning.classifier.vote.Vote`; ``label`` is int64 ()."""
 
     label: Tensor
     shares: Tensor

@@ -9,8 +9,8 @@ from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.quality import limits
 from tex_lightning.export.graph import thresholds
 from tex_lightning.export.tracing import AXES
-from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 KEY = "tex_lightning"  # of the metadata
 FORMAT = 2  # of what stands there

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from tex_lightning.features.dft321 import quick_length
-from tex_lightning.features.proportions import FLOOR, OVERLAP, BandProportions
-from tex_lightning.features.spectrogram import (
+from tex_lightning.senses.features.dft321 import quick_length
+from tex_lightning.senses.features.proportions import FLOOR, OVERLAP, BandProportions
+from tex_lightning.senses.features.spectrogram import (
     IMPACT_FACTOR,
     KNOWN_SECONDS,
     QUIET_SECONDS,
@@ -28,7 +28,7 @@ from tex_lightning.features.spectrogram import (
 
 
 def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
-    """:func:`~tex_lightning.features.spectrogram.movement_start` as one graph for any length.
+    """:func:`.movement_start` as one graph for recordings of any length.
 
     The beginning is filled up with zeros to the time after which nothing changes the start, and
     a touch that would need the zeros does not count.
@@ -77,7 +77,7 @@ AXES = 3
 
 
 def joined_axes(trace: Tensor, least: int) -> Tensor:
-    """:func:`~tex_lightning.features.dft321.dft321` of three axes; one axis stays as it is.
+    """:func:`~tex_lightning.senses.features.dft321.dft321` of three axes; one axis stays as it is.
 
     Transforms are of float64: ONNX Runtime's of any length (Bluestein 1970) lose half the digits.
 
@@ -234,7 +234,7 @@ class Heard(NamedTuple):
 
 
 class SpectrogramGraph(nn.Module):
-    """:class:`~tex_lightning.features.spectrogram.SpectrogramFeatures` by products of matrices.
+    """:class:`.SpectrogramFeatures` by products of matrices.
 
     Args:
         features: Trained.
@@ -263,7 +263,7 @@ class SpectrogramGraph(nn.Module):
 
 
 class ProportionsGraph(nn.Module):
-    """:class:`~tex_lightning.features.proportions.BandProportions` likewise.
+    """:class:`~tex_lightning.senses.features.proportions.BandProportions` likewise.
 
     Args:
         features: Trained.

@@ -15,8 +15,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.export.graph import DRAWS, ClassifierGraph
-from tex_lightning.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
+from tex_lightning.senses.features.spectrogram import KNOWN_SECONDS, SpectrogramFeatures
 
 WINDOWS = 3  # of the network, that the recordings have with which it is traced
 SIDE = 400  # pixels of a photo for a network that does not say what it needs
@@ -85,7 +85,7 @@ def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
 def default_draws(classifier: SurfaceClassifier) -> Tensor:
     """Words of 32 random bits (K, senses), int64, by which positions are drawn.
 
-    They are those of :func:`~tex_lightning.decision.voting.random_tuples` at the card's seed.
+    They are those of :func:`~tex_lightning.classifier.vote.random_tuples` at the card's seed.
     """
     card = classifier.card
     return draws(card.decision["seed"], card.decision["pairs"], len(card.sense_names))

@@ -22,14 +22,14 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.early_stopping import StoppingRule, is_confident
+from tex_lightning.classifier.vote import Vote, max_vote, random_tuples
 from tex_lightning.config import DecisionConfig, EngineConfig
-from tex_lightning.decision.early_stopping import StoppingRule, is_confident
-from tex_lightning.decision.voting import Vote, max_vote, random_tuples
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import movement_start
 from tex_lightning.inference.engine import Costs, accelerate, count_macs
 from tex_lightning.inference.stream_classifier import StreamingClassifier
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
+from tex_lightning.senses.features.spectrogram import movement_start
 
 log = logging.getLogger(__name__)
 STREAMED = 3.0  # time of a multiply-accumulate here over that in a full pass; measured 2.3 to 3

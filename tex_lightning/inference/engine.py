@@ -19,8 +19,8 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SpectrogramFeatures
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 PIECE = 1 << 19  # elements; with three float32 buffers of this size the cache is not exceeded
 

@@ -16,11 +16,11 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.decision.voting import Vote
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import FLOOR, SpectrogramFeatures, movement_start
 from tex_lightning.networks.blocks import is_builtin
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
+from tex_lightning.senses.features.spectrogram import FLOOR, SpectrogramFeatures, movement_start
 from tex_lightning.senses.signal import SignalSense
 
 Floats = npt.NDArray[np.floating[Any]]

@@ -11,6 +11,7 @@ from torch import Tensor
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import compose_config
@@ -20,7 +21,6 @@ from tex_lightning.config.weights import read_config
 from tex_lightning.core.devices import is_out_of_memory, pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.quality import Quality, together
-from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SequentialClassifier, make_inference_model
 from tex_lightning.inference.engine import accelerate

@@ -6,16 +6,16 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.decision.early_stopping import StoppingRule
-from tex_lightning.decision.voting import Vote, check_finite, probabilities, winner
+from tex_lightning.classifier.early_stopping import StoppingRule
+from tex_lightning.classifier.vote import Vote, check_finite, probabilities, winner
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import (
+from tex_lightning.inference.stream_layers import Columns, streaming_layers
+from tex_lightning.networks.hapticnet import HapticNet
+from tex_lightning.senses.features.spectrogram import (
     KNOWN_SECONDS,
     SpectrogramFeatures,
     movement_start,
 )
-from tex_lightning.inference.stream_layers import Columns, streaming_layers
-from tex_lightning.networks.hapticnet import HapticNet
 from tex_lightning.senses.signal import SignalSense
 
 MIN_ROOM = 1000  # labels

@@ -14,10 +14,10 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import StreamConfig
-from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SETTLING_SECONDS
+from tex_lightning.senses.features.spectrogram import SETTLING_SECONDS
 from tex_lightning.senses.signal import SignalSense
 
 STEP_SECONDS = 0.1  # between votes

@@ -12,16 +12,16 @@ from torchmetrics import MetricCollection
 
 from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, own_state
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.core.contract import breach, calling, check_batch, describe
 from tex_lightning.data.datamodule import Batch
-from tex_lightning.decision.voting import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import log_figures
 from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.report.confusion import confusion_figure
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span

@@ -13,7 +13,7 @@ from tex_lightning.core.progress import Stage, begin
 from tex_lightning.learning.base import REFRESH, SurfaceModule
 from tex_lightning.learning.loggers import log_figures
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
 
 SHOWN = 8
 

@@ -12,7 +12,7 @@ from torchmetrics.classification import (
 )
 from torchmetrics.wrappers.abstract import WrapperMetric
 
-from tex_lightning.decision.voting import Vote
+from tex_lightning.classifier.vote import Vote
 from tex_lightning.evaluation.calibration import BINS
 
 CONFUSION = "confusion"  # a matrix, which is drawn and not logged

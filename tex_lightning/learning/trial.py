@@ -20,8 +20,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.start import fit_closed_form
 from tex_lightning.networks.blocks import score_layer_of
-from tex_lightning.senses import Sense
-from tex_lightning.senses.base import as_tensor
+from tex_lightning.senses.base import Sense, as_tensor
 
 if TYPE_CHECKING:
     from tex_lightning.baselines.base import Array

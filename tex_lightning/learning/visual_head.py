@@ -28,8 +28,8 @@ from torch import Tensor, nn
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
 from tex_lightning.data.banks import PhotoBank, mirrored, random_corner
-from tex_lightning.decision.calibration import fit_temperature
 from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.networks.linear import fit_temperature
 from tex_lightning.networks.trunks.textures import TextureFeatures
 from tex_lightning.networks.visualnet import VisualNet
 

@@ -15,8 +15,8 @@ from torch import Tensor
 
 from tex_lightning.core.console import quietly
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import MEAN, STD
 from tex_lightning.networks.archives import check_archive
+from tex_lightning.networks.blocks import MEAN, STD
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
 from tex_lightning.networks.weight_files import fold_statistics, read_caffemodel, read_matconvnet

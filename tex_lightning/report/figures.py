@@ -17,9 +17,9 @@ from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes, risk_coverage
 from tex_lightning.evaluation.early_stopping import Setting
 from tex_lightning.evaluation.outcomes import Outcome, wilson_interval
-from tex_lightning.features.image import MEAN, STD
-from tex_lightning.features.spectrogram import SpectrogramFeatures
+from tex_lightning.networks.blocks import MEAN, STD
 from tex_lightning.report.style import GUIDE, brief, colour_of, looks, styled
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable, to_markdown
 
 SUFFIXES = (".png", ".svg", ".pdf")  # by a browser, the first of them rather

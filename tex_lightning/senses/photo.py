@@ -14,10 +14,10 @@ from tex_lightning.data.quality import Quality, Ranges, photo_quality
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import ImageFeatures, crop_side, rotated_photos
 from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense
+from tex_lightning.senses.features.image import ImageFeatures, crop_side, rotated_photos
 
 SIDE = 64  # pixels of an example
 

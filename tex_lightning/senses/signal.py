@@ -17,10 +17,10 @@ from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_meas
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import SpectrogramFeatures
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.perturbations.table import Augmentation
 from tex_lightning.senses.base import Change, Sense, as_tensor
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 SECONDS = 4  # of an example
 

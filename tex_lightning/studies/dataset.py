@@ -7,6 +7,7 @@ from pathlib import Path
 from tex_lightning.baselines.classifier import make_baseline, new_classifier
 from tex_lightning.classifier.card import DECISION, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
+from tex_lightning.classifier.unknown import LABEL
 from tex_lightning.config import Config, DataConfig
 from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
@@ -14,14 +15,13 @@ from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
-from tex_lightning.decision.calibration import LABEL
 from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.prediction import taken
 from tex_lightning.learning.start import start_trunk
 from tex_lightning.learning.trainer import try_parts_of_training
 from tex_lightning.learning.trial import try_branch
 from tex_lightning.networks.blocks import is_builtin
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
 from tex_lightning.studies.console_summary import Opening
 from tex_lightning.studies.leaks import refuse_leak, trained_on, trained_on_parts
 

@@ -19,7 +19,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
 from tex_lightning.studies.timing import like_weights, only_branch
 
 STATUS = Path("/proc/self/status")

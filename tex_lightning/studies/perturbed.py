@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.vote import probabilities
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, write_part
 from tex_lightning.data.store import Store, Unusable, fingerprint
-from tex_lightning.decision.voting import probabilities
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations.pixels import Array, Scene
 from tex_lightning.perturbations.table import BOTH, FEWER, MISSING, Perturbation

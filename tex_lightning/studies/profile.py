@@ -13,12 +13,12 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.vote import max_vote
 from tex_lightning.config import Config, DataConfig, EngineConfig, ProfileConfig
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import steps
 from tex_lightning.data.decode import Array, SignalDecoder, to_rate
-from tex_lightning.decision.voting import max_vote
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.inference.engine import accelerate, count_macs, has_bf16
@@ -26,7 +26,7 @@ from tex_lightning.learning.loggers import log_profile
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows, dense_grid, scores
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.profile_table import print_profile, ways_figure
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
 from tex_lightning.studies.dataset import configured_card
 from tex_lightning.studies.memory import forward_peak_mib
 from tex_lightning.studies.timing import (

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.progress import track
-from tex_lightning.senses import Sense
+from tex_lightning.senses.base import Sense
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.config.keys import Key, walk
 from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
-from tex_lightning.features.dft321 import dft321
+from tex_lightning.senses.features.dft321 import dft321
 from tex_lightning.synthetic.camera import Light, draw_distance, render_photo
 from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.microphone import hear_stroke

@@ -8,10 +8,11 @@ from efficientnet_lite_pytorch import EfficientNet
 from torch.nn.functional import conv2d, pad
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.image import MEAN, ImageFeatures
+from tex_lightning.networks.blocks import MEAN
 from tex_lightning.networks.trunks import TRUNKS, published
 from tex_lightning.networks.trunks.efficientnet_lite import STAGES, EfficientNetLite0
 from tex_lightning.networks.weights import load_trunk_weights
+from tex_lightning.senses.features.image import ImageFeatures
 
 VARIANTS = ["efficientnet_lite0", "efficientnet_lite2"]
 

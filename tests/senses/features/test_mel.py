@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tex_lightning.features.spectrogram import mel_centres, mel_filters
+from tex_lightning.senses.features.spectrogram import mel_centres, mel_filters
 
 
 def test_filters_are_triangles_whose_corners_are_even_on_the_mel_scale():

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tex_lightning.features.dft321 import dft321, quick_length
+from tex_lightning.senses.features.dft321 import dft321, quick_length
 
 
 def reference(axes: np.ndarray) -> np.ndarray:

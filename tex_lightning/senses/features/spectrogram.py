@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.dft321 import dft321, quick_length
+from tex_lightning.senses.features.dft321 import dft321, quick_length
 
 MAX_WINDOW = 1 << 16  # samples: 6 s at 10 kHz, a third of a second at 200 kHz
 MAX_OVERLAP = 100  # hops in a window

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tex_lightning.decision.voting import max_vote, mean_vote, random_tuples, score_vote
+from tex_lightning.classifier.vote import max_vote, mean_vote, random_tuples, score_vote
 from tex_lightning.errors import UserError
 
 LOGITS = arrays(

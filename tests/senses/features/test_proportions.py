@@ -7,7 +7,7 @@ from scipy.signal import ShortTimeFFT
 from scipy.signal.windows import hann
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.proportions import FLOOR, BandProportions, octave_filters
+from tex_lightning.senses.features.proportions import FLOOR, BandProportions, octave_filters
 
 WINDOWS = (0.032, 0.256)
 

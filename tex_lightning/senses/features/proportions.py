@@ -13,7 +13,7 @@ from scipy.fft import next_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import (
+from tex_lightning.senses.features.spectrogram import (
     check_window,
     mean_filters,
     movement_start,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta
 
-from tex_lightning.decision.early_stopping import StoppingRule, is_confident, log_density
+from tex_lightning.classifier.early_stopping import StoppingRule, is_confident, log_density
 
 POPULATIONS = st.lists(st.integers(0, 3), min_size=1, max_size=60)
 

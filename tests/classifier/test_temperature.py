@@ -3,8 +3,8 @@ import pytest
 import torch
 from scipy.special import softmax
 
-from tex_lightning.decision.calibration import fit_temperature
-from tex_lightning.decision.voting import max_vote
+from tex_lightning.classifier.vote import max_vote
+from tex_lightning.networks.linear import fit_temperature
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.0, 3.0])

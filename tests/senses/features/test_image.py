@@ -5,7 +5,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.features.image import MEAN, STD, ImageFeatures, crop_side
+from tex_lightning.networks.blocks import MEAN, STD
+from tex_lightning.senses.features.image import ImageFeatures, crop_side
 
 
 def test_normalisation_is_per_colour():

@@ -7,8 +7,7 @@ import torch
 from kornia.geometry.transform import remap
 from torch import Tensor, nn
 
-MEAN = (0.485, 0.456, 0.406)  # of ImageNet's photos, R G B in [0, 1]
-STD = (0.229, 0.224, 0.225)
+from tex_lightning.networks.blocks import MEAN, STD
 
 
 class ImageFeatures(nn.Module):

@@ -7,7 +7,7 @@ from scipy.signal import ShortTimeFFT, spectrogram
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.errors import UserError
-from tex_lightning.features.spectrogram import (
+from tex_lightning.senses.features.spectrogram import (
     SpectrogramFeatures,
     mel_filters,
     movement_start,

@@ -1,1 +1,0 @@
-"""How fragments become one label: votes, early stopping, calibration, unknown materials."""
