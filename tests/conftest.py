@@ -2,6 +2,9 @@
 
 import copy
 import functools
+import hashlib
+import os
+import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -13,6 +16,7 @@ import numpy as np
 import pytest
 import soundfile
 import torch
+from filelock import FileLock
 from hydra._internal.hydra import Hydra
 from hypothesis import settings
 from PIL import Image
@@ -30,14 +34,29 @@ from tex_lightning.networks.visualnet import VisualNet
 # A job that a shell put in the background ignores Ctrl-C, and so do all processes it starts
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The same examples every time, and no deadline: machines that run tests are often busy.
-# 40 examples of each property: 100 took more than a minute longer, and the suite has ten
-settings.register_profile("suite", derandomize=True, deadline=None, max_examples=40)
-settings.load_profile("suite")
+# The same examples every time, and no deadline: machines that run tests are often busy
+settings.register_profile("few", derandomize=True, deadline=None, max_examples=10)
+settings.register_profile("many", settings.get_profile("few"), max_examples=100)
+settings.load_profile("few")
 
 RATE = 10_000
 CLASSES = ("alpha", "beta", "gamma")
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_configure(config) -> None:
+    """The slow suite tries many examples of each property."""
+    if config.option.markexpr == "slow":
+        settings.load_profile("many")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items) -> None:
+    """The slow suite has the properties in it, too."""
+    if config.option.markexpr == "slow":
+        for item in items:
+            if item.get_closest_marker("hypothesis"):
+                item.add_marker("slow")
 
 
 @pytest.fixture(scope="session")
@@ -49,9 +68,31 @@ def shared() -> Path:
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory) -> Path:
+def common(tmp_path_factory) -> Path:
+    """A folder that all processes of this run of the tests share."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "common"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+def make_once(folder: Path, make: Callable[[Path], object]) -> Path:
+    """A folder that the first process that asks for it fills."""
+    with FileLock(f"{folder}.lock"):
+        if not folder.exists():
+            try:
+                make(folder)
+            except BaseException:
+                shutil.rmtree(folder, ignore_errors=True)
+                raise
+    return folder
+
+
+@pytest.fixture(scope="session")
+def cache(common) -> Path:
     """One cache for all tests, so that synthetic surfaces are rendered once."""
-    return tmp_path_factory.mktemp("cache")
+    (common / "cache").mkdir(exist_ok=True)
+    return common / "cache"
 
 
 @pytest.fixture(autouse=True)
@@ -102,9 +143,12 @@ def make_photo(kind: int, recording: int, side: int = 240) -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
-def surfaces(tmp_path_factory) -> Path:
+def surfaces(common) -> Path:
     """ROOT/CLASS/{haptic,image}: three classes, ten recordings each, easily told apart."""
-    root = tmp_path_factory.mktemp("surfaces")
+    return make_once(common / "surfaces", write_surfaces)
+
+
+def write_surfaces(root: Path) -> None:
     for kind, label in enumerate(CLASSES):
         for modality in ("haptic", "image"):
             (root / label / modality).mkdir(parents=True)
@@ -113,7 +157,6 @@ def surfaces(tmp_path_factory) -> Path:
             soundfile.write(wav, make_trace(kind, recording), RATE, subtype="FLOAT")
             photo = Image.fromarray(make_photo(kind, recording))
             photo.save(root / label / "image" / f"{label}_{recording}.png")
-    return root
 
 
 @dataclass(frozen=True)
@@ -171,17 +214,59 @@ def cli(cache, monkeypatch, tmp_path_factory, capfd) -> Callable[..., Outcome]:
 
 
 @pytest.fixture(scope="session")
-def run_once(cache, tmp_path_factory) -> Callable[..., Path]:
-    """Run the command line for a fixture that several tests share; gives its run folder."""
+def run_once(cache, common) -> Callable[..., Path]:
+    """The run folder of a command, which runs once for all tests that give the same arguments.
+
+    Nobody writes into it: a test that goes on in a run copies it first.
+    """
+    runs = common / "runs"
+    runs.mkdir(exist_ok=True)
 
     def run(*arguments: object) -> Path:
-        directory = tmp_path_factory.mktemp("shared") / "run"
-        common = [f"data.cache_dir={cache}", f"hydra.run.dir={directory}"]
-        with pytest.MonkeyPatch.context() as patch:
-            assert run_main(patch, *arguments, *common) == 0
-        return directory
+        digest = hashlib.sha256("\0".join(map(str, arguments)).encode()).hexdigest()[:16]
+
+        def make(directory: Path) -> None:
+            folders = [f"data.cache_dir={cache}", f"hydra.run.dir={directory}"]
+            with pytest.MonkeyPatch.context() as patch:
+                assert run_main(patch, *arguments, *folders) == 0
+
+        return make_once(runs / digest, make)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def tiny(surfaces) -> list[str]:
+    """The arguments of a small run on the surfaces."""
+    return [
+        "data=folder", f"data.root={surfaces}", "data.half_scale=false", "debug=tiny",
+        "trainer.threads=1",
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def fused(run_once, tiny) -> Path:
+    """HapticNet and VisualNet, trained and fused."""
+    return run_once("model=fusion", *tiny)
+
+
+@pytest.fixture(scope="session")
+def crossvalidated(run_once, tiny) -> Path:
+    """HapticNet on two folds of ten."""
+    return run_once("task=crossval", "model=haptic", "crossval.only=[0,3]", *tiny)
+
+
+@pytest.fixture(scope="session")
+def frontier(run_once, tiny) -> Path:
+    """Two systems on both folds that ``debug=tiny`` tests."""
+    return run_once("task=frontier", "frontier.only=[mfcc_gmm,mfcc_nb]", *tiny)
+
+
+@pytest.fixture(scope="session")
+def swept(run_once, tiny) -> Path:
+    """A sweep over two folds."""
+    folds = ("data.test_fold=0,1", "data.val_fold=null")
+    return run_once("-m", "hydra.sweep.dir=${hydra.run.dir}", "model=mfcc_nb", *folds, *tiny)
 
 
 @functools.cache

@@ -1,0 +1,139 @@
+"""How many of sixty one-line faults the tests find.
+
+``python -m benchmarks mutants``, or ``--only=3,14`` for some of them. The faults were drawn with
+the seed 0 from the lines that compute or decide something, and made plausible by hand: an end that
+is off by one, a swapped axis, a wrong sign, a label of the wrong sample. Each is put into a copy of
+the checkout, and the test files that belong to the module run until the first failure. A line is
+found by its content, and by a part of its path where several are alike; one that there is no
+longer counts as gone.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+SECONDS = 400  # for the tests of one fault
+FAULTS = """
+number % count if whole else at ==> (number + 1) % count if whole and number else at
+(row.fold - fold) % folds, ==> (row.fold - fold - 1) % folds,
+each[i % len(each)] for name ==> each[0] for name
+("train", "test") if by.inverted ==> ("test", "train") if by.inverted
+"val" if row.fold == by.val_fold else ==> "val" if row.fold != by.val_fold else
+resample_poly(kept, self.up, self.down, ==> resample_poly(kept, self.down, self.up,
+self.squares / self.count - np.square( ==> self.squares / self.count + np.square(
+[n / totals[kind] for kind, n in ==> [n for kind, n in
+parts if min(seen.values()) > 1 else ==> parts if min(seen.values()) > 0 else
+- features.mean) / features.std ==> - features.mean) * features.std
+samples - self.window_length) // self.hop_length + 1 ==> samples) // self.hop_length + 1
+features/spectrogram: frames = frames - frames.mean(dim=-1, keepdim=True) ==> frames = frames
+(frequencies - below) / (centres - below) ==> (frequencies - below) / (centres + below)
+std = self._mean(count - 1, away).sqrt() ==> std = self._mean(count - 1, away)
+(squares[..., 0] + squares[..., 1]).sum(dim=0) ==> (squares[..., 0] - squares[..., 1]).sum(dim=0)
+features/proportions: (bands - bands.mean(dim=0), ==> (bands - bands.mean(),
+@ filters / window.sum().square() ==> @ filters / window.sum()
+- (patch - 1) / 2) / half ==> - patch / 2) / half
+torch.fft.rfft(trace - trace.mean(dim=-1, keepdim=True)) ==> torch.fft.rfft(trace)
+(high - low) / (2**bits - 1) ==> (high - low) / 2**bits
+(decibel - decibel / 2 * decades) / 20) ==> (decibel - decibel / 2 * decades) / 10)
+/ own / 10 ** (snr / 10)) ==> / own / 10 ** (snr / 20))
+Window(kernel, stride, (kernel - stride) // 2, ==> Window(kernel, stride, kernel // 2,
+.bias"] = shift - scale * mean ==> .bias"] = shift + scale * mean
+weight = weight.flip(1) ==> weight = weight.flip(0)
+last = (last - 1) * window.stride ==> last = last * window.stride
+networks: total = total + part ==> total = total - part
+if index == len(self.sizes) - 1 ==> if index < len(self.sizes)
+(1 + 1 / self.counts).sqrt() ==> (1 / self.counts).sqrt()
+rows - means[labels], len(rows) - classes ==> rows - means[labels], len(rows)
+apart.square().sum(dim=-1) ==> apart.abs().sum(dim=-1)
+return classifier.eval() ==> return classifier
+sums = probabilities(logits, temperature) ==> sums = probabilities(logits, 1.0)
+key=lambda label: (sums[label], -label) ==> key=lambda label: (-sums[label], -label)
+int((len(known) + 1) * rate + ==> int(len(known) * rate +
+log(self.alpha / (self.classes - 1)) ==> log(self.alpha)
+first - second > remaining ==> first - second >= remaining
+torch.full((count, classes), rest / (classes - 1), ==> torch.full((count, classes), rest / classes,
+return torch.stack(drawn, dim=1) ==> return torch.stack(drawn[::-1], dim=1)
+learning/statistics: classifier.eval() ==> classifier.train()
+InputData(data, module.eval()) ==> InputData(data, module)
+inputs = (inputs - mean) / std ==> inputs = inputs / std
+biases.detach() - weights @ origin ==> biases.detach() + weights @ origin
+/ (known + added) + penalty ==> / (known + added) - penalty
+(draw * len(parts) / dropout).long() ==> (draw * len(parts)).long()
+"lr": rate * fit["head_factor"] ==> "lr": rate / fit["head_factor"]
+cross_entropy(scores.T, label.expand( ==> cross_entropy(-scores.T, label.expand(
+np.arange(1, len(order) + 1)[last] ==> np.arange(len(order))[last]
+best.accuracy - other.accuracy <= error ==> best.accuracy - other.accuracy <= 4 * error
+sum(p * (1 - p) / n for ==> sum(p * (1 - p) for
+net[recording] += new - old ==> net[recording] += new + old
+(1 - share) * old.fragments ==> share * old.fragments
+vote.probability < least ==> vote.probability > least
+shift + scale * conv.bias.double() ==> shift + conv.bias.double()
+cepstrum[:, self.first - 1 : self.last] ==> cepstrum[:, self.first : self.last]
+- 2 * features @ (means * precision).T ==> - features @ (means * precision).T
+self.network.eval() ==> self.network.train()
+if places[row][0] == fold ==> if places[row][0] >= fold
+novelty.double() > torch.tensor(above ==> novelty.double() < torch.tensor(above
+features/proportions: above @ (member / member.sum(dim=0)) ==> above @ member
+""".strip().splitlines()
+
+
+def measure(only: str = "", tree: str = str(ROOT)) -> dict[str, Any]:
+    """Count the faults that tests found, and name those that they did not.
+
+    Args:
+        only: Numbers of faults, separated by commas; else all.
+        tree: The checkout that is tested.
+    """
+    found: dict[str, list[int]] = {"caught": [], "survived": [], "gone": []}
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "copy"
+        shutil.copytree(tree, copy, ignore=shutil.ignore_patterns(".git", ".*_cache", "outputs"))
+        for number in map(int, only.split(",") if only else range(len(FAULTS))):
+            outcome = _try(copy, FAULTS[number])
+            found[outcome].append(number)
+            print(number, outcome, FAULTS[number], file=sys.stderr, flush=True)
+    return {
+        **{name: len(numbers) for name, numbers in found.items()},
+        "surviving": {str(number): FAULTS[number] for number in found["survived"]},
+    }
+
+
+def _try(copy: Path, fault: str) -> str:
+    old, new = fault.split(" ==> ")
+    hint, old = re.fullmatch(r"(?:([a-z_/]+): )?(.*)", old).groups()  # type: ignore[union-attr]
+    texts = {path: path.read_text() for path in sorted(copy.glob("tex_lightning/**/*.py"))}
+    having = [path for path, text in texts.items() if old in text]
+    if not having:
+        return "gone"
+    module = max(having, key=lambda path: f"tex_lightning/{hint}" in path.as_posix())
+    module.write_text(texts[module].replace(old, new, 1))
+    try:
+        return "survived" if _pass(copy, module) else "caught"
+    finally:
+        module.write_text(texts[module])
+
+
+def _pass(copy: Path, module: Path) -> bool:
+    """Whether the tests of a module pass: its own file first, then its package's and users'."""
+    name = ".".join(module.relative_to(copy).with_suffix("").parts)
+    package = copy / "tests" / module.parent.name
+    using = re.compile(rf"{re.escape(name)}\b")
+    files = [path for path in copy.glob("tests/**/test_*.py") if using.search(path.read_text())]
+    own = package / f"test_{module.stem}.py"
+    files = sorted({*files, *package.glob("test_*.py")}, key=lambda path: (path != own, path))
+    command = ["-m", "pytest", "-q", "-x", "-n0", "-pno:cacheprovider"]
+    environment = {**os.environ, "PYTHONPATH": f"{copy}:{copy / 'runtime'}", "OMP_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(
+            [sys.executable, *command, *map(str, files)],
+            cwd=copy, env=environment, capture_output=True, timeout=SECONDS, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return True
+    return done.returncode == 0
