@@ -8,14 +8,13 @@ import re
 import select
 import struct
 import termios
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import pyte
 
 MOMENT = 0.2  # seconds between two looks at the screen
-BAR = re.compile(r"^[━╸╺ ]*\d+ % (?!interval)")
+BAR = re.compile(r"^[━╸╺ ]*(\d+|-+):(\d\d|--) ")
 SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
@@ -72,19 +71,17 @@ class Session:
     Attributes:
         screen: At the end.
         status: It ended with this.
-        looks: The screen at several moments.
     """
 
     screen: Screen
     status: int
-    looks: list[str] = field(default_factory=list)
 
 
 def run_in_terminal(
     command: Sequence[str], columns: int, rows: int, interrupt_at: str | None = None, **env: str
 ) -> Session:
     """Run a program in a pseudo-terminal; Ctrl-C is pressed when a text is on the screen."""
-    screen, looks, looked = Screen(columns, rows), [], 0.0
+    screen = Screen(columns, rows)
     pid, terminal = pty.fork()
     if pid == 0:  # the child
         fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
@@ -102,8 +99,5 @@ def run_in_terminal(
         if interrupt_at is not None and interrupt_at in screen.text:
             os.write(terminal, b"\x03")
             interrupt_at = None
-        if time.monotonic() - looked > MOMENT:
-            looked = time.monotonic()
-            looks.append(screen.text)
     os.close(terminal)
-    return Session(screen, os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), looks)
+    return Session(screen, os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))

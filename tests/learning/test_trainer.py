@@ -10,7 +10,7 @@ from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
-from tex_lightning.core.progress import Work, share
+from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks import ProgressBar
 from tex_lightning.learning.train import _fit, _refuse_diverged, train_network
@@ -62,7 +62,7 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
     assert [*tmp_path.iterdir()] == [path]
 
 
-def test_the_progress_bar_is_a_level_of_the_line_from_the_epoch_that_it_resumes_at() -> None:
+def test_the_progress_bar_counts_from_the_epoch_that_it_resumes_at() -> None:
     metrics = {"train/loss": torch.tensor(0.5), "val/vote_accuracy": torch.tensor(0.4), "lr": 1}
     trainer = SimpleNamespace(
         max_epochs=4, current_epoch=2, num_training_batches=10, num_val_batches=[3],
@@ -70,19 +70,18 @@ def test_the_progress_bar_is_a_level_of_the_line_from_the_epoch_that_it_resumes_
     )  # fmt: skip
     bar = ProgressBar()
     bar.on_train_start(trainer, None)
-    (epochs,) = Work.stages
-    assert (epochs.label, epochs.first) == ("epoch 3/4", 2)
+    (epochs,) = Stage.levels
+    assert (epochs.label, epochs.done) == ("epoch 3/4", 2)
     bar.on_train_batch_end(trainer, None, None, None, 4)
-    assert share([epochs]) == (2 + 5 / 10) / 4
-    assert [*epochs.notes] == ["loss 0.5", "votes 40%"]
+    assert (epochs.label, epochs.done) == ("epoch 3/4, loss 0.5, votes 40%", 2.5)
     bar.on_validation_start(trainer, None)
     bar.on_validation_batch_end()
-    assert Work.stages[-1].label == "validation 2/3"
+    assert Stage.levels[-1].label == "validation 2/3"
     bar.on_validation_end(trainer, None)
     bar.on_train_epoch_end(trainer, None)
-    assert share(Work.stages) == 3 / 4
+    assert (Stage.levels, epochs.done) == ([epochs], 3)
     bar.on_exception(trainer, None, KeyboardInterrupt())
-    assert Work.stages == []
+    assert Stage.levels == []
 
 
 def test_another_progress_bar_takes_its_place_and_none_is_none() -> None:

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import re
 import shutil
 import sys
 from dataclasses import replace
@@ -198,7 +197,7 @@ def test_later_systems_and_folds_join_what_the_folder_holds(
     assert results["folds"] == [0, 2, 5]
     assert {row["test_samples"] for row in read_csv(run / "frontier.csv")} == {"6"}
     assert "System 1 of 3 (hapticnet_w0.125), trained without folds 2 and 7." in outcome.err
-    assert re.search(r"2 of 3 \(mfcc_gmm\), trained without .*, about \d+ s left\.", outcome.err)
+    assert "System 2 of 3 (mfcc_gmm), trained without folds" in outcome.err
 
 
 def test_missing_libraries_are_named_before_anything_is_trained(given, cli, tmp_path, monkeypatch):

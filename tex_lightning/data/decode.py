@@ -10,12 +10,12 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-import kornia
 import numpy as np
 import numpy.typing as npt
+import scipy  # whose parts are loaded when they are used
 import torch
 from PIL import Image, ImageOps, UnidentifiedImageError
-from scipy.signal import firwin, resample_poly
+from torch.nn import functional
 
 from tex_lightning.core.console import quietly, silence_libtiff
 from tex_lightning.core.files import require_file
@@ -171,7 +171,7 @@ def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name:
             f"{float(count):g} samples at {target:g} Hz; correct that rate, or divide the file."
         )
     if ratio != 1:
-        trace = resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
+        trace = scipy.signal.resample_poly(trace, ratio.numerator, ratio.denominator, axis=1)
     return np.ascontiguousarray(trace, dtype=np.float32)
 
 
@@ -284,15 +284,15 @@ def _resized(photo: Photo, side: int) -> Photo:
 def halve(photo: Photo) -> Photo:
     """Half-scale an RGB photo: each pixel is the rounded mean of a 2x2 block.
 
-    Kornia's ``rescale`` by 0.5 without anti-aliasing is exactly that mean on even sizes. It is
-    done in strips, because its pixels are float32.
+    Bilinear interpolation to half the size is exactly that mean on even sizes. It is done in
+    strips, because its pixels are float32.
     """
     height, width = photo.shape[0] // 2 * 2, photo.shape[1] // 2 * 2
     half = np.empty((height // 2, width // 2, 3), np.uint8)
     for top in range(0, height, STRIP):
         strip = torch.from_numpy(photo[top : min(top + STRIP, height), :width])
         pixels = strip.permute(2, 0, 1)[None].float()
-        small = kornia.geometry.transform.rescale(pixels, 0.5, antialias=False)
+        small = functional.interpolate(pixels, scale_factor=0.5, mode="bilinear")
         half[top // 2 : top // 2 + small.shape[2]] = small[0].add_(0.5).byte().permute(1, 2, 0)
     return half
 
@@ -339,7 +339,7 @@ class Resampler:
         self.up, self.down = ratio.numerator, ratio.denominator
         widest = max(self.up, self.down)
         self.half = REACH * widest  # of the filter, in samples of the common multiple of the rates
-        self.filter = firwin(2 * self.half + 1, 1 / widest, window=KAISER)
+        self.filter = scipy.signal.firwin(2 * self.half + 1, 1 / widest, window=KAISER)
         self.kept: Samples | None = None  # (axes, samples), begins at a multiple of `down`
         self.begin = 0  # of what is kept, in samples that came
         self.given = 0  # samples that were given back
@@ -370,7 +370,7 @@ class Resampler:
         offset = self.begin // self.down * self.up
         found = np.empty((len(kept), 0))
         if end > self.given:
-            found = resample_poly(kept, self.up, self.down, axis=1, window=self.filter)
+            found = scipy.signal.resample_poly(kept, self.up, self.down, axis=1, window=self.filter)
             found = found[:, self.given - offset : end - offset]
         self.given = end
         return np.ascontiguousarray(found, dtype=np.float32)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy  # whose parts are loaded when they are used
 import torch
-from scipy.stats import binomtest
 
 from tex_lightning import __version__
 from tex_lightning.core.files import read_rows, write_rows, write_text
@@ -141,7 +141,9 @@ def optimized_value(results: dict[str, Any], metric: str | None) -> float:
 
 def wilson_interval(correct: int, count: int) -> list[float]:
     """Wilson's 95 % interval of a share."""
-    interval = binomtest(correct, count).proportion_ci(confidence_level=0.95, method="wilson")
+    interval = scipy.stats.binomtest(correct, count).proportion_ci(
+        confidence_level=0.95, method="wilson"
+    )
     return [float(interval.low), float(interval.high)]
 
 

@@ -9,7 +9,7 @@ from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from tex_lightning.core.progress import Stage, begin
+from tex_lightning.core.progress import Stage
 from tex_lightning.learning.base import REFRESH, SurfaceModule
 from tex_lightning.learning.loggers import log_figures
 from tex_lightning.report.figures import patch_figure, spectrogram_figure
@@ -54,7 +54,7 @@ log = logging.getLogger(__name__)
 class ProgressBar(LightningProgressBar):
     """Epochs, loss and votes; what a validation does beside them."""
 
-    shown: ClassVar = {  # most important last
+    shown: ClassVar = {
         "train/loss": "loss {:.3g}".format,
         "val/loss": "val {:.3g}".format,
         "val/vote_accuracy": "votes {:.0%}".format,
@@ -70,7 +70,7 @@ class ProgressBar(LightningProgressBar):
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Begin to count, after the epochs that an earlier run has done."""
-        self.epochs = begin("epoch", trainer.max_epochs, trainer.current_epoch)
+        self.epochs = Stage("epoch", trainer.max_epochs, trainer.current_epoch)
 
     def on_train_batch_end(
         self,
@@ -95,7 +95,7 @@ class ProgressBar(LightningProgressBar):
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show that a validation takes its time."""
-        self.validation = begin("validation", int(sum(trainer.num_val_batches)), counted=False)
+        self.validation = Stage("validation", int(sum(trainer.num_val_batches)))
 
     def on_validation_batch_end(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401
         """Count a sample."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.io
+import scipy  # whose parts are loaded when they are used
 import torch
 from torch import Tensor
 

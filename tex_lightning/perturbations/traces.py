@@ -7,9 +7,7 @@ signal, without its mean, over that of the disturbance.
 from fractions import Fraction
 
 import numpy as np
-from scipy.ndimage import map_coordinates
-from scipy.signal import fftconvolve, resample_poly
-from scipy.spatial.transform import Rotation
+import scipy  # whose parts are loaded when they are used
 
 from tex_lightning.perturbations.pixels import Array, Scene, power, scaled
 
@@ -106,7 +104,7 @@ def reverberation(trace: Array, ratio: float, scene: Scene) -> Array:
     decay = 10 ** (-3 * np.arange(samples) / samples)
     answer = decay * scene.rng.standard_normal(samples)
     centred = trace - trace.mean(axis=1, keepdims=True)
-    echoes = fftconvolve(centred, answer[None], axes=1)[:, : trace.shape[1]]
+    echoes = scipy.signal.fftconvolve(centred, answer[None], axes=1)[:, : trace.shape[1]]
     return trace + scaled(echoes, trace, ratio)
 
 
@@ -146,7 +144,7 @@ def drifting_rate(trace: Array, percent: float, scene: Scene) -> Array:
     speed = np.linspace(1, 1 + percent / 100, samples)
     places = np.cumsum(speed) - speed[0]
     places = places[places <= samples - 1]
-    return np.stack([map_coordinates(axis, places[None], order=3) for axis in trace])
+    return np.stack([scipy.ndimage.map_coordinates(axis, places[None], order=3) for axis in trace])
 
 
 def force(trace: Array, decibel: float, scene: Scene) -> Array:
@@ -165,7 +163,7 @@ def rotated_axes(trace: Array, degrees: float, scene: Scene) -> Array:
     """The sensor is turned about any axis; three axes only."""
     direction = scene.rng.standard_normal(3)
     turn = np.deg2rad(degrees) * direction / np.linalg.norm(direction)
-    turned: Array = Rotation.from_rotvec(turn).as_matrix() @ trace
+    turned: Array = scipy.spatial.transform.Rotation.from_rotvec(turn).as_matrix() @ trace
     return turned
 
 
@@ -203,6 +201,6 @@ def shorter_trace(trace: Array, seconds: float, scene: Scene) -> Array:
 def _resampled(trace: Array, longer: float) -> Array:
     ratio = Fraction(longer).limit_denominator(FINEST)
     mean = trace.mean(axis=1, keepdims=True)  # a step at the ends would ring
-    longest = resample_poly(trace - mean, ratio.numerator, ratio.denominator, axis=1)
+    longest = scipy.signal.resample_poly(trace - mean, ratio.numerator, ratio.denominator, axis=1)
     result: Array = longest + mean
     return result

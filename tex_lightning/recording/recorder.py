@@ -17,7 +17,6 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.check_tasks import RECORDED
 from tex_lightning.core.console import console, print_line, say
-from tex_lightning.core.progress import NARROW, Cell, one_line
 from tex_lightning.data.quality import Ranges, photo_quality
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
@@ -243,14 +242,13 @@ class Meter:
     def _line(self, name: str | None, time: float, level: float, found: dict[str, Any]) -> Table:
         label, probability = found.get("label"), found.get("probability")
         said = f"{probability:.2f} {label}" if label is not None else ""
-        cells: list[Cell] = [
-            (LEVEL, f"{level:.3g}"),
-            (TIME, f"{time:.1f}/{self.seconds:g} s" if name else "no contact"),
-        ]
-        if console.width >= NARROW:
-            bar = ProgressBar(total=1.0, completed=self._share(level), width=BAR)
-            cells = [(NAME, name or "waiting for contact"), (BAR, bar), *cells]
-        return one_line(cells, lambda _: said, console.width)
+        clock = f"{time:.1f}/{self.seconds:g} s" if name else "no contact"
+        bar = ProgressBar(total=1.0, completed=self._share(level), width=BAR)
+        grid = Table.grid(padding=(0, 1))
+        for width in (NAME, BAR, LEVEL, TIME, None):
+            grid.add_column(width=width, no_wrap=True, overflow="ellipsis")
+        grid.add_row(name or "waiting for contact", bar, f"{level:.3g}", clock, said)
+        return grid
 
     def _share(self, level: float) -> float:
         """Of the bar: logarithmic, full at the largest level so far."""

@@ -20,7 +20,7 @@ from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.tasks import FiguresConfig
 from tex_lightning.core.console import NORMAL, Screen, console, say
 from tex_lightning.core.files import read_record, write_rows, write_text
-from tex_lightning.core.progress import Stage, begin
+from tex_lightning.core.progress import Stage
 from tex_lightning.core.run_folder import locked_folder
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
@@ -107,7 +107,7 @@ class SweepSummary(Callback):
         verbose = OmegaConf.select(config, "verbose")
         Screen.verbose = verbose if isinstance(verbose, int) else NORMAL  # it may be swept
         if not runs_side_by_side(config):
-            SweepSummary.jobs = begin("job", count_jobs(config))
+            SweepSummary.jobs = Stage("job", count_jobs(config))
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:  # noqa: ANN401
         """Count a job, and forget its configuration, half a megabyte that Hydra would keep."""

@@ -34,7 +34,6 @@ from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.studies.console_summary import Opening
 from tex_lightning.studies.dataset import Workspace, open_workspace
 from tex_lightning.studies.fold import fit_fold
-from tex_lightning.studies.remaining import Remaining
 from tex_lightning.studies.timing import interleaved, waiting
 
 TASK_KEYS = ("task=", "frontier", "hydra")
@@ -161,17 +160,20 @@ def measure_family(
         name: [pair for pair in dict.fromkeys(own.values()) if not _done(directory / name, pair)]
         for name, own in pairs.items()
     }
-    left = [(name, pair) for name, own in missing.items() for pair in own]
-    remaining = Remaining(list(pairs), left)
-    with stage("training", len(left), seconds_left=remaining.seconds_left) as trainings:
-        for member in members:
+    left = sum(map(len, missing.values()))
+    with stage("training", left) as trainings:
+        for number, member in enumerate(members):
             workspace: Workspace | None = None
+            home = directory / member.name
             for pair in missing[member.name]:
-                trainings.update(len(left) - len(remaining.left), title=member.name)
-                with remaining.measuring(member.name, pair):
-                    home = directory / member.name
-                    workspace = workspace or open_workspace(member.config, home, opening)
-                    _measure_pair(workspace, pair, _place(home, pair), directory.parent / NETWORKS)
+                log.info(
+                    "System %d of %d (%s), trained without folds %d and %d.",
+                    number + 1, len(members), member.name, *pair,
+                )  # fmt: skip
+                trainings.update(trainings.done, title=member.name)
+                workspace = workspace or open_workspace(member.config, home, opening)
+                _measure_pair(workspace, pair, _place(home, pair), directory.parent / NETWORKS)
+                trainings.update(trainings.done + 1)
     return [_read(member, pairs[member.name], directory / member.name) for member in members]
 
 

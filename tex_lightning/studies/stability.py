@@ -138,8 +138,8 @@ def _run_trials(
     record, settings = Record(directory / RECORD), config.stability
     pairs = [(system, each) for each in chosen for system in systems if system.meets(each)]
     severities = len(SEVERITIES) + 1
-    with stage("trial", len(pairs) * (severities + settings.bisections)) as level:
-        level.first = len(record.trials)  # of an earlier run
+    total = len(pairs) * (severities + settings.bisections)
+    with stage("trial", total, len(record.trials)) as level:
         bench, trials = Bench(systems, record), []
         for trial in bench.grid(chosen):
             trials.append(trial)

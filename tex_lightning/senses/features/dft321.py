@@ -4,8 +4,8 @@ Landin et al. (2010), used in the paper's section III-A. Per frequency, the magn
 of the summed squared magnitudes and the phase is that of the complex sum of the axes.
 """
 
+import scipy  # whose parts are loaded when they are used
 import torch
-from scipy.fft import prev_fast_len
 from torch import Tensor
 
 
@@ -41,4 +41,4 @@ def quick_length(samples: int) -> int:
     From a few seconds one sample in 600 is left out, and one in 100 at most. With all samples the
     transform takes three to five times as long where their number has a large factor.
     """
-    return int(prev_fast_len(samples))
+    return int(scipy.fft.prev_fast_len(samples))

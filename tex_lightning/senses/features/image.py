@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 
 import torch
-from kornia.geometry.transform import remap
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import MEAN, STD
@@ -73,6 +72,8 @@ def _turned(crops: Tensor, degrees: Tensor, patch: int) -> Iterator[Tensor]:
     half = (crops.shape[-1] - 1) / 2  # from the centre to the middle of the last pixel
     offset = (torch.arange(patch, device=crops.device) - (patch - 1) / 2) / half
     angle = torch.deg2rad(degrees)[:, None, None]
+    from kornia.geometry.transform import remap  # half a second, which predictions do without
+
     places = angle.cos() * offset, angle.sin() * offset  # of one row (batch, 1, patch) at its angle
     pieces = (torch.split(each, _together(crops)) for each in (crops, *places))
     for some, cos, sin in zip(*pieces, strict=True):

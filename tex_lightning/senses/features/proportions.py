@@ -8,8 +8,8 @@ frequency and a threshold, and the window and its bands depend on the data's own
 import math
 from collections.abc import Iterable, Sequence
 
+import scipy  # whose parts are loaded when they are used
 import torch
-from scipy.fft import next_fast_len
 from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
@@ -74,7 +74,9 @@ class BandProportions(nn.Module):
             check_window(round(length), max(1, round(length / OVERLAP)), sampling_rate)
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
         self.fragment_seconds, self.gap = fragment_seconds, max(1, bands_per_octave // 3)
-        self.lengths = [next_fast_len(max(2, round(each * sampling_rate))) for each in windows]
+        self.lengths = [
+            scipy.fft.next_fast_len(max(2, round(each * sampling_rate))) for each in windows
+        ]
         self.bands = 0
         self.register_buffer("level", torch.ones(()))
         for index, length in enumerate(self.lengths):
