@@ -22,7 +22,7 @@ from benchmarks._commands import output, run
 from tex_lightning.core.files import write_text
 
 SURFACES = ("data=folder", "data.root={surfaces}")
-TINY = ("debug=tiny", "figures.format=png", "trainer.threads=1", "logger.tensorboard=null")
+TINY = ("debug=tiny", "trainer.threads=1", "logger.tensorboard=null")
 LMT16 = ("data=folder", "data.root={real}/lmt16", "data.classes=4")
 PAIRED = ("data=manifest", "data.manifest={real}/surfaces10.csv", "data.classes=3",
           "data.half_scale=false")  # fmt: skip

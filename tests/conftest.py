@@ -177,14 +177,12 @@ def write_forces(surfaces: Path, manifest: Path) -> Path:
 
 
 def run_main(patch: pytest.MonkeyPatch, *arguments: object) -> int:
-    """The exit status of a command, without two things that take time and are tested elsewhere.
+    """The exit status of a command, without a thing that takes time and is tested elsewhere.
 
-    It draws PNG alone where it asks for no figures: a PDF takes as long again. And Hydra does not
-    compose once more to learn a mode that nothing but ``-m`` and some experiments ask for.
+    Hydra does not compose once more to learn a mode that nothing but ``-m`` and some experiments
+    ask for.
     """
     given = ["tex_lightning", *map(str, arguments)]
-    if not any(item.startswith("figures.format=") for item in given):
-        given.append("figures.format=png")
     patch.setattr(sys, "argv", given)
     with patch.context() as alone:
         if not any(item.startswith(("-m", "experiment=")) for item in given):

@@ -65,7 +65,6 @@ def test_python_trains_what_the_command_line_does(cli, given, tmp_path, monkeypa
         "model=haptic",
         "debug=tiny",
         "model.haptic.width=0.1",
-        "figures.format=png",
         *given,
     ]
     monkeypatch.setattr(VersionBase.instance(), "version_base", Version("1.2"))

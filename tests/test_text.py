@@ -92,13 +92,12 @@ def run(run_once, tmp_path_factory) -> Path:
     return run_once(
         "model=haptic", "task=crossval", "data=manifest", f"data.manifest={root / 'manifest.csv'}",
         "data.folds=3", "crossval.only=[0,1]", "debug=tiny", "explained_samples=1",
-        "figures.format=svg",
     )  # fmt: skip
 
 
 def test_no_file_of_a_run_has_what_steers_a_terminal_or_a_spreadsheet(run):
-    paths = [path for path in run.rglob("*") if path.suffix in (".csv", ".md", ".log", ".svg")]
-    assert {path.suffix for path in paths} == {".csv", ".md", ".log", ".svg"}
+    paths = [path for path in run.rglob("*") if path.suffix in (".csv", ".md", ".log")]
+    assert {path.suffix for path in paths} == {".csv", ".md", ".log"}
     for path in paths:
         text = path.read_text(encoding="utf-8")
         assert not STEERING.search(text), path
@@ -106,8 +105,6 @@ def test_no_file_of_a_run_has_what_steers_a_terminal_or_a_spreadsheet(run):
             cells = [cell for line in csv.reader(text.splitlines()) for cell in line]
             wrong = [cell for cell in cells if cell.startswith(FORMULA) and not _is_number(cell)]
             assert not wrong, path
-    svg = "".join(path.read_text() for path in paths if path.suffix == ".svg")
-    assert "mathdefault" not in svg
 
 
 def _is_number(cell: str) -> bool:
@@ -140,13 +137,13 @@ def test_terminal_figure_and_card_take_such_names(run, cli, tmp_path):
     again = cli(
         "model=haptic", "task=crossval", "data=manifest", "data.folds=3", "crossval.only=[0,1]",
         f"data.manifest={_manifest(run)}", "debug=tiny", "explained_samples=1",
-        "figures.format=svg", f"hydra.run.dir={run}",
+        f"hydra.run.dir={run}",
     )  # fmt: skip
     assert again.status == 0, again.err
     assert not STEERING.search(again.err)
     one = cli(
         "task=predict", f"checkpoint={run / 'folds' / '0'}", "verbose=0",
-        f"haptic={_manifest(run).parent}/*_0.wav", f"predict.figure={tmp_path / 'why.svg'}",
+        f"haptic={_manifest(run).parent}/*_0.wav", f"predict.figure={tmp_path / 'why.png'}",
     )  # fmt: skip
     assert one.status == 0, one.err
     assert not STEERING.search(one.out)

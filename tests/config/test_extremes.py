@@ -37,7 +37,7 @@ CASES = [
         "data.hold_out=[alpha,beta]", "data.folds=100000", "decision.reject_below=1",
         "decision.unknown=0.9 data.per_class=1", "decision=sequential decision.confidence=0",
         "decision=sequential decision.alphas=[] decision.confidence_thresholds=[]",
-        "logger.tensorboard=false", "callbacks=[]", "figures.format=[]", "model.budget=1000",
+        "logger.tensorboard=false", "callbacks=[]", "model.budget=1000",
         "task=crossval crossval.only=[0,0]",
         "task=crossval data.inverted=true", "model=minirocket model.baseline.kernels=1",
     )],

@@ -100,7 +100,7 @@ def test_a_confidence_rounded_beyond_1_is_no_logit():
 
 
 def test_the_figure_is_drawn(outcomes, tmp_path):
-    save_figure(calibration_figure(outcomes, "t"), tmp_path / "c", ["png"])
+    save_figure(calibration_figure(outcomes, "t"), tmp_path / "c")
     assert (tmp_path / "c.png").stat().st_size > 5000
 
 

@@ -141,6 +141,6 @@ def test_the_environment_names_the_commit_of_a_checkout_alone(tmp_path, monkeypa
 def test_figures_are_drawn_at_any_number_of_classes(tmp_path, count):
     classes = [f"class {i}" for i in range(count)]
     counts = np.eye(count, dtype=np.int64)
-    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c", ["png"])
-    save_figure(class_accuracy_figure(counts, classes, "n", "t"), tmp_path / "f" / "a", ["png"])
+    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c")
+    save_figure(class_accuracy_figure(counts, classes, "n", "t"), tmp_path / "f" / "a")
     assert all(path.stat().st_size > 5000 for path in (tmp_path / "f").iterdir())

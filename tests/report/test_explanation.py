@@ -157,8 +157,7 @@ def _axes(part):
     return [*part.axes] if not part.subfigs else [each for sub in part.subfigs for each in sub.axes]
 
 
-@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
-def test_files_are_small_however_large_the_input(suffix, tmp_path):
+def test_files_are_small_however_large_the_input(tmp_path):
     rng = np.random.default_rng(0)
     labels = rng.integers(0, 3, (70, 95))
     photo = photo_evidence(labels, 12)
@@ -172,12 +171,11 @@ def test_files_are_small_however_large_the_input(suffix, tmp_path):
         RATE, 0.0, rng.standard_normal((50, 1996)), np.arange(50) * 20.0,
         np.arange(1996) / 100 + 0.025, True,
     )  # fmt: skip
-    path = tmp_path / f"why.{suffix}"
+    path = tmp_path / "why.png"
     explanation(signal, photo).save(path)
     assert path.stat().st_size < 1e6
-    if suffix == "png":
-        with Image.open(path) as picture:
-            assert picture.size[0] == 1200
+    with Image.open(path) as picture:
+        assert picture.size[0] == 1200
 
 
 def test_a_rejected_sample_is_drawn_and_what_cannot_be_written_is_said(fused, tmp_path):

@@ -14,7 +14,7 @@ def swept(surfaces, run_once):
     return run_once(
         "-m", "hydra.sweep.dir=${hydra.run.dir}", "model=mfcc_nb", "task=crossval",
         "data=folder", f"data.root={surfaces}",
-        "data.per_class=1,3", "crossval.only=[0,1,2]", "figures.format=[png,pdf]",
+        "data.per_class=1,3", "crossval.only=[0,1,2]",
     )  # fmt: skip
 
 
@@ -33,7 +33,6 @@ def test_each_count_of_recordings_is_a_point_with_its_interval(swept):
 
 def test_the_chart_stands_in_the_report(swept):
     assert "figures/learning_curve.png" in (swept / "report.md").read_text()
-    assert (swept / "figures" / "learning_curve.pdf").read_bytes().startswith(b"%PDF-")
     with Image.open(swept / "figures" / "learning_curve.png") as image:
         assert image.width > 500
 

@@ -22,5 +22,5 @@ def test_the_chart_has_both_ways_beside_the_papers(tmp_path):
     assert [bar.get_width() for bar in ways.axes[0].patches] == [100.0, 10.0, 195.4, 20.5]
     sound = ways_figure("sound", network)  # which the paper does not have
     assert [bar.get_width() for bar in sound.axes[0].patches] == [100.0, 10.0]
-    save_figure(ways, tmp_path / "ways", ["png"])
+    save_figure(ways, tmp_path / "ways")
     assert (tmp_path / "ways.png").stat().st_size > 1000

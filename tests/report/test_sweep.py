@@ -12,8 +12,6 @@ from omegaconf import OmegaConf
 from tex_lightning.evaluation.outcomes import RANDOM, Outcome, summarise, write_outcomes
 from tex_lightning.report.sweep import SweepSummary
 
-FIGURES = {"figures": {"format": "png"}}
-
 
 def job(folder: Path, task: str, results: dict | None) -> None:
     (folder / ".hydra").mkdir(parents=True)
@@ -27,7 +25,7 @@ def ended(monkeypatch):
     monkeypatch.setattr(SweepSummary, "failures", 0)
 
     def end(folder: Path) -> dict[str, str]:
-        config = {"hydra": {"sweep": {"dir": str(folder)}}, **FIGURES}
+        config = {"hydra": {"sweep": {"dir": str(folder)}}}
         SweepSummary().on_multirun_end(OmegaConf.create(config))
         with (folder / "sweep.csv").open() as stream:
             return {row["job"]: row["status"] for row in csv.DictReader(stream)}
@@ -55,7 +53,7 @@ def test_overrides_that_only_a_job_can_resolve_are_kept_as_they_are(tmp_path):
     asked = ["hydra.sweep.subdir=${hydra.job.num}", "data.root=${oc.env:NOWHERE_SET}"]
     OmegaConf.save(asked[1:], tmp_path / "0" / ".hydra" / "overrides.yaml")
     config = {"sweep": {"dir": str(tmp_path)}, "overrides": {"hydra": asked[:1], "task": asked[1:]}}
-    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config, **FIGURES}))
+    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config}))
     with (tmp_path / "sweep.csv").open() as stream:
         assert [row["overrides"] for row in csv.DictReader(stream)] == asked[1:]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -82,7 +80,7 @@ def finish(folder: Path, seed: int, correct: int, fold: int = 0) -> None:
 
 def swept(folder: Path) -> list[dict[str, str]]:
     config = {"sweep": {"dir": str(folder)}, "overrides": {"task": ["seed=0,1,2", "debug=tiny"]}}
-    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config, **FIGURES}))
+    SweepSummary().on_multirun_end(OmegaConf.create({"hydra": config}))
     with (folder / "sweep.csv").open() as stream:
         return list(csv.DictReader(stream))
 
@@ -123,7 +121,7 @@ def test_a_search_shows_its_objective_and_the_best_trial(tmp_path, capfd):
         finish(tmp_path / str(trial), trial, correct)
     sweeper = {"_target_": "a.search.Sweeper"}
     hydra = {"sweep": {"dir": str(tmp_path)}, "sweeper": sweeper}
-    config = {"hydra": hydra, "optimized_metric": "vote_error", **FIGURES}
+    config = {"hydra": hydra, "optimized_metric": "vote_error"}
     SweepSummary().on_multirun_end(OmegaConf.create(config))
     with (tmp_path / "sweep.csv").open() as stream:
         rows = [row for row in csv.DictReader(stream) if row["job"] in "012"]
@@ -137,7 +135,7 @@ def test_a_search_shows_its_objective_and_the_best_trial(tmp_path, capfd):
 def test_a_second_sweep_in_the_folder_is_refused_until_the_first_has_ended(tmp_path, capsys):
     trainer = {"devices": 1, "num_nodes": 1}
     hydra = {"sweep": {"dir": str(tmp_path)}}
-    values = {"hydra": hydra, "trainer": trainer, "trusted": [], "model": {}, **FIGURES}
+    values = {"hydra": hydra, "trainer": trainer, "trusted": [], "model": {}}
     config = OmegaConf.create(values)
     first, second = SweepSummary(), SweepSummary()
     first.on_multirun_start(config)

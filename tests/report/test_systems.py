@@ -67,7 +67,7 @@ def test_rows_say_which_trunks_did_not_begin_at_random():
 
 
 def test_what_runs_draw_makes_no_other_system(tmp_path):
-    for name, asked in (("a", []), ("b", ["figures.format=pdf", "explained_samples=0"])):
+    for name, asked in (("a", []), ("b", ["explained_samples=0"])):
         entry = {"fit_seconds": 1.0, "vote_accuracy": 1.0}
         results = {"model": "haptic", "data": "folder", "classes": ["a"]}
         write_outcomes([Outcome({"haptic": name}, "a", "a", 1, 1, 1, 2.0)],

@@ -32,7 +32,6 @@ from tex_lightning.config.tasks import (
     EngineConfig,
     EnrollConfig,
     ExportConfig,
-    FiguresConfig,
     FrontierConfig,
     GenerateConfig,
     PredictConfig,
@@ -44,7 +43,7 @@ from tex_lightning.config.tasks import (
 
 __all__ = [
     "READS", "READ_FILES", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig",
-    "EngineConfig", "EnrollConfig", "ExportConfig", "FiguresConfig", "Folding", "FrontierConfig",
+    "EngineConfig", "EnrollConfig", "ExportConfig", "Folding", "FrontierConfig",
     "GenerateConfig",
     "ModelConfig", "PredictConfig", "ProfileConfig", "RecordConfig", "SourceConfig",
     "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten",
@@ -118,7 +117,6 @@ class Config:
     logger: dict[str, Any] = key("loggers by name, each with its _target_", factory=dict)
     crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
     enroll: EnrollConfig = field(default_factory=EnrollConfig)
-    figures: FiguresConfig = field(default_factory=FiguresConfig)
     predict: PredictConfig = field(default_factory=PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     record: RecordConfig = field(default_factory=RecordConfig)

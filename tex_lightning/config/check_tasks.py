@@ -7,7 +7,7 @@ from pathlib import PurePath
 from tex_lightning.config import READ_FILES, Config
 from tex_lightning.config.keys import Key, beyond, choice, plain
 from tex_lightning.config.model import ModelConfig
-from tex_lightning.config.tasks import EVERY_SENSE, FIGURE_FORMATS
+from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.errors import shorten
 from tex_lightning.perturbations.table import (
     perturbations,
@@ -158,13 +158,9 @@ def _stream(config: Config) -> Iterator[str]:
 
 
 def _figure(config: Config) -> Iterator[str]:
-    formats = config.figures.format
-    if formats is None or formats == [] or (isinstance(formats, list) and None in formats):
-        yield f"figures.format names nothing: choose some of {', '.join(FIGURE_FORMATS)}"
-    given, allowed = config.predict.figure, [f".{name}" for name in FIGURE_FORMATS]
-    if given is not None and PurePath(given).suffix.lower() not in allowed:
-        *others, last = allowed
-        yield f"predict.figure={shorten(given)} must end in {', '.join(others)} or {last}"
+    given = config.predict.figure
+    if given is not None and PurePath(given).suffix.lower() != ".png":
+        yield f"predict.figure={shorten(given)} must end in .png"
 
 
 def _unread(config: Config) -> Iterator[str]:

@@ -13,7 +13,6 @@ CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
 EXPORT_FORMATS = ("onnx", "web", "card")
-FIGURE_FORMATS = ("png", "pdf", "svg")
 READ_FILES = ("predict", "profile", "record", "stream")  # tasks that read files, by modality
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
@@ -158,27 +157,12 @@ class EnrollConfig:
 
 
 @dataclass
-class FiguresConfig:
-    """File formats of figures."""
-
-    format: Any = key(
-        "formats of figures, one or several: png, pdf or svg; the last two are vector graphics",
-        choices=FIGURE_FORMATS,
-    )
-
-    @property
-    def formats(self) -> tuple[str, ...]:
-        """Each format once."""
-        return tuple(dict.fromkeys(self.format if isinstance(self.format, list) else [self.format]))
-
-
-@dataclass
 class PredictConfig:
     """Prediction."""
 
     fast_decode: bool = key("let the JPEG decoder halve photos: half the time, nearly the same")
     figure: str | None = key(
-        "PNG, PDF or SVG file for a drawing of why the label was chosen (docs/why.md); of several "
+        "PNG file for a drawing of why the label was chosen (docs/why.md); of several "
         "samples each has its own, FILE_NAME.png; null draws nothing",
         default=None,
     )
@@ -341,7 +325,7 @@ class ExportConfig:
 _TRAINING = (
     "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
 )  # fmt: skip
-_REPORTED = ("optimized_metric", "explained_samples", "figures")
+_REPORTED = ("optimized_metric", "explained_samples")
 _RUNNING = (  # all of it that is read without training
     "trainer.accelerator", "trainer.tf32", "trainer.threads",
 )  # fmt: skip
@@ -351,7 +335,7 @@ READS = {
     "crossval": ("weights", *_TRAINING, "crossval", *_REPORTED),
     "evaluate": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",
-        "figures", "logger", *_RUNNING,
+        "logger", *_RUNNING,
     ),
     "enroll": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "enroll", "figures",
@@ -366,11 +350,11 @@ READS = {
         "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
         *_RUNNING, "decision.reject_below", "decision.unknown",
     ),
-    "stability": ("stability", "trusted", "seed", "data", "engine", "figures", "logger", *_RUNNING),
-    "frontier": ("weights", *_TRAINING, "crossval.only", "figures", "frontier"),
+    "stability": ("stability", "trusted", "seed", "data", "engine", "logger", *_RUNNING),
+    "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
     "profile": (
         *_CLASSIFYING, "image", "sound", "seed", "profile", "model", "data.sampling_rate",
-        "data.half_scale", "data.resize", "figures", "logger",
+        "data.half_scale", "data.resize", "logger",
     ),
     "export": (
         "checkpoint", "trusted", "seed", "export", "data", "engine", *_RUNNING, "decision.pairs",

@@ -40,16 +40,13 @@ invariant local binary patterns with 8 neighbours stand in for it. What the sour
 rows leave unknown is said in their file in `conf/model`."""
 
 
-def write_report(
-    directory: Path, runs: Sequence[Path], command: str, formats: Sequence[str]
-) -> None:
+def write_report(directory: Path, runs: Sequence[Path], command: str) -> None:
     """Write ``report.md`` and its figures; nothing where no run tested anything.
 
     Args:
         directory: Where they go.
         runs: Finished run folders.
         command: What repeats them.
-        formats: Formats of figures.
     """
     systems = read_systems(runs)
     if not systems:
@@ -66,8 +63,8 @@ def write_report(
     profiles = _profiles(runs)
     if profiles:
         parts.append(profiling_table(profiles, paper=paper))
-    parts.append(_learning_curve(directory, systems, formats))
-    parts += [_confusions(directory, systems, formats), _pairs(systems)]
+    parts.append(_learning_curve(directory, systems))
+    parts += [_confusions(directory, systems), _pairs(systems)]
     if paper:
         parts += ["### Where the paper leaves a choice", CHOICES]
     write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
@@ -108,13 +105,13 @@ def _folds(system: System) -> str:
     return ", ".join(tested)
 
 
-def _learning_curve(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:
+def _learning_curve(directory: Path, systems: Sequence[System]) -> str:
     """Draw accuracy over the recordings of a class, where runs differ in that."""
     curves = _learning_curves(systems)
     if not curves:
         return ""
     path = directory / "figures" / "learning_curve"
-    file = save_figure(learning_figure(curves), path, formats)
+    file = save_figure(learning_figure(curves), path)
     rows = [
         (name, *point, point.accuracy, *point.interval)
         for name, points in curves.items()
@@ -165,7 +162,7 @@ def _networks(systems: Sequence[System]) -> list[System]:
     return list(chosen.values())
 
 
-def _confusions(directory: Path, systems: Sequence[System], formats: Sequence[str]) -> str:
+def _confusions(directory: Path, systems: Sequence[System]) -> str:
     """Fragments by class, as in the paper's figures of HapticNet, VisualNet and FusionNet."""
     lines = []
     for system in _networks(systems):
@@ -177,7 +174,7 @@ def _confusions(directory: Path, systems: Sequence[System], formats: Sequence[st
             "fragment_accuracy": class_accuracy_figure(counts, classes, name, heading, "fragment"),
         }
         for title, figure in figures.items():
-            file = save_figure(figure, directory / "figures" / f"{name}_{title}", formats)
+            file = save_figure(figure, directory / "figures" / f"{name}_{title}")
             lines.append(picture(f"{name}, {title.replace('_', ' ')}", file))
     return "\n".join(["### Fragments by class", "", *lines]) if lines else ""
 

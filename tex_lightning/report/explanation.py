@@ -303,7 +303,7 @@ class Explanation:
         return figure
 
     def save(self, path: str | Path, heading: str = "") -> None:
-        """Write the figure as PNG, PDF or SVG, by the suffix.
+        """Write the figure as PNG.
 
         Raises:
             UserError: If it cannot be written.

@@ -22,10 +22,8 @@ from tex_lightning.report.style import GUIDE, brief, colour_of, looks, styled
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable, to_markdown
 
-SUFFIXES = (".png", ".svg", ".pdf")  # by a browser, the first of them rather
 KNOBS = {"alpha": "o-", "confidence_threshold": "s--", "used": "*"}  # styles of their lines
 PANELS = {"agreed": "same label as the full decision", "correct": "correct votes"}
-UNDATED = {"pdf": "CreationDate", "svg": "Date"}  # so that the same figure gives the same file
 
 
 def draw_shares(
@@ -93,44 +91,31 @@ def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: Path, formats: Sequence[str]) -> Path:
-    """Save in every one of the formats, making the folder.
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Save as PNG, whole or not at all, and return the file.
 
     Args:
-        figure: Is laid out by the first, and then not again.
+        figure: Is laid out once; loggers, which draw it again, find it so.
         path: Without a suffix.
-        formats: ``png``, ``pdf``, ``svg``; at least one.
-
-    Returns:
-        The file that a browser shows best.
-    """
-    files = [path.with_name(f"{path.name}.{name}") for name in formats]
-    for file in files:
-        write_figure(figure, file)
-        figure.set_layout_engine("none")  # also for loggers, which draw it again
-    return min(files, key=lambda file: SUFFIXES.index(file.suffix))
-
-
-def picture(words: str, file: Path) -> str:
-    """Markdown for a figure in ``figures/``: shown, or of a PDF, which no browser shows, a link."""
-    link = f"[{to_markdown(words)}]({file.parent.name}/{quote(file.name)})"
-    return link if file.suffix == ".pdf" else f"!{link}"
-
-
-@styled
-def write_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as its suffix says, whole or not at all.
 
     Raises:
         UserError: If it cannot be written.
     """
-    kind = path.suffix.lower().removeprefix(".")
-    undated = {UNDATED[kind]: None} if kind in UNDATED else {}
+    file = path.with_name(f"{path.name}.png")
+    write_figure(figure, file)
+    figure.set_layout_engine("none")
+    return file
 
-    def write(partial: Path) -> None:
-        figure.savefig(partial, format=kind, metadata=undated)
 
-    write_atomically(path, write)
+def picture(words: str, file: Path) -> str:
+    """Markdown that shows a figure in ``figures/``."""
+    return f"![{to_markdown(words)}]({file.parent.name}/{quote(file.name)})"
+
+
+@styled
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG; see :func:`save_figure`."""
+    write_atomically(path, lambda partial: figure.savefig(partial, format="png"))
 
 
 def make_grid(

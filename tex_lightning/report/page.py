@@ -14,7 +14,6 @@ from jinja2 import Environment, StrictUndefined
 from markdown_it import MarkdownIt
 
 from tex_lightning.core.files import read_record, read_rows, write_text
-from tex_lightning.report.figures import SUFFIXES
 from tex_lightning.report.page_media import LEGEND, embedded, map_folder, shown_samples
 from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
@@ -142,18 +141,9 @@ def _rendered(report: Path, directory: Path) -> str:
 
 
 def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
-    """Return name and source of every figure that the report does not show.
-
-    No browser shows a PDF in a page: without a PNG or SVG of the figure the source is its file.
-    """
-    found: dict[Path, Path] = {}
-    for suffix in reversed(SUFFIXES):
-        for pattern in (f"*{suffix}", f"figures/*{suffix}"):
-            found |= {
-                path.with_suffix(""): path for path in directory.glob(pattern) if path.is_file()
-            }
-    paths = [found[stem] for stem in sorted(found, key=lambda stem: (len(stem.parts), stem))]
-    sources = {path: embedded(path) or path.relative_to(directory).as_posix() for path in paths}
+    """Return name and source of every figure that the report does not show."""
+    paths = [*sorted(directory.glob("*.png")), *sorted(directory.glob("figures/*.png"))]
+    sources = {path: embedded(path) for path in paths}
     return [
         {"name": path.stem.replace("_", " "), "source": source}
         for path, source in sources.items()

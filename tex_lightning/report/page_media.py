@@ -87,7 +87,6 @@ def draw_map(evidence: Evidence, key: Key) -> Image.Image:
 
 MOST_SAMPLES = 10
 SECONDS = 5.0  # of a signal
-IMAGE_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}  # of figures that a page shows
 STRIP = 14  # pixels that the label map of a signal is high
 GAP = 2  # pixels between it and what is above
 AUDIBLE = 8_000.0  # Hz; browsers refuse much lower rates
@@ -132,9 +131,8 @@ class Shown:
 
 
 def embedded(path: Path) -> str:
-    """A PNG or SVG as a data URI; empty of other files, which no browser shows in a page."""
-    kind = IMAGE_TYPES.get(path.suffix)
-    return _data_uri(kind, path.read_bytes()) if kind else ""
+    """A PNG as a data URI."""
+    return _data_uri("image/png", path.read_bytes())
 
 
 def _data_uri(kind: str, content: bytes) -> str:

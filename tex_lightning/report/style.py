@@ -26,7 +26,7 @@ STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with Matplotlib, so that every machine draws alike
     "font.size": 8,
     "text.parse_math": False,  # a dollar sign in a name is one
-    "figure.dpi": 120,  # of a PNG, and of what a PDF holds in pixels
+    "figure.dpi": 120,
     "axes.titlesize": 9,
     "axes.labelsize": 8,
     "figure.titlesize": 10,
@@ -38,8 +38,6 @@ STYLE: Any = {
     "lines.markersize": 4,
     "grid.alpha": 0.3,
     "grid.linewidth": 0.5,
-    "pdf.fonttype": 42,  # TrueType: publishers refuse the Type 3 that is Matplotlib's default
-    "svg.hashsalt": "tex_lightning",  # the same figure gives the same file
 }
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -17,7 +17,6 @@ from omegaconf import DictConfig, OmegaConf
 from tex_lightning.config import SILENT
 from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import named_classes, trust
-from tex_lightning.config.tasks import FiguresConfig
 from tex_lightning.core.console import NORMAL, Screen, console, say
 from tex_lightning.core.files import read_record, write_rows, write_text
 from tex_lightning.core.progress import Stage
@@ -144,8 +143,7 @@ class SweepSummary(Callback):
         from tex_lightning.report.page import write_page
 
         command = rerun_command(config, directory)
-        chosen: Any = OmegaConf.to_container(OmegaConf.select(config, "figures"))
-        write_report(directory, jobs, command, FiguresConfig(**chosen).formats)
+        write_report(directory, jobs, command)
         write_page(directory, command)
 
 

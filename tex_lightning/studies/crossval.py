@@ -76,7 +76,7 @@ def cross_validate(config: Config, job: Job) -> dict[str, Any]:
     write_results(directory / "results.json", results)
     overrides = [*run_overrides(directory), f"hydra.run.dir={directory}"]
     command = python_command(*run_flags(directory), *overrides)
-    write_report(directory, [directory], command, config.figures.formats)
+    write_report(directory, [directory], command)
     print_results(results, directory)
     return results
 
@@ -179,9 +179,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     }
     outcomes = [outcome for fold in by_fold.values() for outcome in fold]
     write_outcomes(outcomes, workspace.directory / "predictions" / f"{name}.csv")
-    figures = draw_figures(
-        outcomes, workspace.classes, name, workspace.directory, config.figures.formats
-    )
+    figures = draw_figures(outcomes, workspace.classes, name, workspace.directory)
     if name == workspace.kind:
         figures |= _explain(workspace, entries, by_fold)
     directories = [_fold_directory(workspace, fold) for fold in folds]
@@ -191,7 +189,7 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
         **summarise(outcomes),
         **pool_conditions(entries.values(), outcomes),
         **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
-        **pool_sequential(directories, name, workspace.directory, decision, config.figures.formats),
+        **pool_sequential(directories, name, workspace.directory, decision),
         **pool_unknown(
             dict(zip(directories, entries.values(), strict=True)),
             list(by_fold.values()),

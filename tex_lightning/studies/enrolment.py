@@ -289,7 +289,7 @@ def _test(
         )
     classifier.to(pick_device(config.trainer.accelerator))
     entry, outcomes = report_network(trained, samples, store, directory, config)
-    draw_figures(outcomes, card.classes, card.kind, directory, config.figures.formats)
+    draw_figures(outcomes, card.classes, card.kind, directory)
     for name, new in ((OLD, False), (NEW, True)):
         own = [outcome for outcome in outcomes if (outcome.label in added) == new]
         if own:

@@ -103,7 +103,6 @@ def report_sequential(
     samples: Sequence[Sample],
     store: Store,
     directory: Path,
-    formats: Sequence[str],
 ) -> dict[str, Any]:
     """Classify with every threshold; write ``sequential.csv`` and its figure.
 
@@ -117,7 +116,7 @@ def report_sequential(
         for knob, value, decision in _decisions(used, _knobs(classifier))
     ]
     write_settings(settings, directory / FILE)
-    draw_sequential(settings, classifier.card.kind, directory, formats)
+    draw_sequential(settings, classifier.card.kind, directory)
     return {**_thresholds(used), **summarise_sequential(settings[0])}
 
 
@@ -126,7 +125,6 @@ def pool_sequential(
     name: str,
     directory: Path,
     config: DecisionConfig,
-    formats: Sequence[str],
 ) -> dict[str, Any]:
     """Pool several folds, from their files; nothing where decisions were not sequential."""
     settings = pool(
@@ -135,7 +133,7 @@ def pool_sequential(
     if config.name != SEQUENTIAL or not settings:
         return {}
     write_settings(settings, directory / FILE)
-    draw_sequential(settings, name, directory, formats)
+    draw_sequential(settings, name, directory)
     return {"sequential": {**_thresholds(config), **summarise_sequential(settings[0])}}
 
 
@@ -162,12 +160,10 @@ def _decisions(
             yield knob, value, replace(used, **changed)
 
 
-def draw_sequential(
-    settings: Sequence[Setting], name: str, directory: Path, formats: Sequence[str]
-) -> None:
+def draw_sequential(settings: Sequence[Setting], name: str, directory: Path) -> None:
     """Save the figure of a network's curves."""
     figure = sequential_figure(settings, name)
-    save_figure(figure, directory / "figures" / f"{name}_sequential", formats)
+    save_figure(figure, directory / "figures" / f"{name}_sequential")
 
 
 def report_network(
@@ -209,9 +205,7 @@ def report_network(
     }
     drawn = config.decision.alphas or config.decision.confidence_thresholds
     if isinstance(decider, SequentialClassifier) and drawn:
-        entry["sequential"] = report_sequential(
-            decider, config.decision, samples, store, directory, config.figures.formats
-        )
+        entry["sequential"] = report_sequential(decider, config.decision, samples, store, directory)
     entry |= report_unknown(decider, unknown, store, directory, outcomes, fold)
     return entry, outcomes
 
@@ -243,7 +237,6 @@ def draw_figures(
     classes: list[str],
     name: str,
     directory: Path,
-    formats: Sequence[str],
 ) -> dict[str, Any]:
     """Save confusions, accuracy per class and calibration; return the figures for other uses."""
     counts = vote_counts(outcomes, classes)
@@ -254,5 +247,5 @@ def draw_figures(
         "calibration": calibration_figure(outcomes, name),
     }
     for title, figure in figures.items():
-        save_figure(figure, directory / "figures" / f"{name}_{title}", formats)
+        save_figure(figure, directory / "figures" / f"{name}_{title}")
     return figures

@@ -206,7 +206,7 @@ def _tested_network(
     result, outcomes = report_network(trained, samples, store, directory, config, unknown)
     figures = {}
     if draw:
-        figures = draw_figures(outcomes, workspace.classes, kind, directory, config.figures.formats)
+        figures = draw_figures(outcomes, workspace.classes, kind, directory)
     if draw and kind == workspace.kind:
         figures |= draw_telling(
             classifier,

@@ -96,7 +96,7 @@ def compare_family(config: Config, job: Job) -> dict[str, Any]:
     if tiny:  # nothing is recommended
         shown = [replace(point, chosen=False) for point in shown]
     figure = frontier_figure(shown)
-    save_figure(figure, directory / "frontier", config.figures.formats)
+    save_figure(figure, directory / "frontier")
     if frontier.senses is not None:
         write_added_senses(added, directory / "senses.csv")
     results = {

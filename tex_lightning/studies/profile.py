@@ -332,7 +332,7 @@ def profile_networks(config: Config, job: Job) -> dict[str, Any]:
         log.info("Profiling the %s network.", name)
         networks[name] = compare(subject, config.engine, config.profile)
         figure = ways_figure(name, networks[name])
-        save_figure(figure, directory / "figures" / f"{name}_ways", config.figures.formats)
+        save_figure(figure, directory / "figures" / f"{name}_ways")
         log_profile(config.logger, directory, name, networks[name], {"ways": figure})
     results = {
         "task": config.task,

@@ -87,7 +87,7 @@ def draw_explanations(
                 files = ", ".join(Path(each.source).name for each in sample.recordings.values())
                 figure = found.figure(f"{name}: test sample of {sample.label} ({files})")
                 path = directory / "figures" / f"{name}_{title}"
-                save_figure(figure, path, config.figures.formats)
+                save_figure(figure, path)
                 figures[title] = figure
     return figures
 

@@ -68,7 +68,7 @@ def perturb_systems(config: Config, job: Job) -> dict[str, Any]:
     write_breaks(breaks, directory)
     figures = stability_figures(trials)
     for title, figure in figures.items():
-        save_figure(figure, directory / "figures" / title, config.figures.formats)
+        save_figure(figure, directory / "figures" / title)
     log_stability(config.logger, directory, _curves(trials), figures)
     results = {
         "task": config.task,

@@ -59,7 +59,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
             "another data.test_fold or data.test_where, or data.test_fold=null for everything."
         )
     network, outcomes = report_network(trained, samples, store, directory, config, unknown_samples)
-    figures = draw_figures(outcomes, classes, kind, directory, config.figures.formats)
+    figures = draw_figures(outcomes, classes, kind, directory)
     figures |= draw_telling(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)
     tested_on = {name: values[name] for name in ("seed", "data")}
