@@ -24,7 +24,7 @@ from second_device import chosen
 
 from tex_lightning.__main__ import main
 from tex_lightning.classifier.card import Card
-from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
@@ -310,6 +310,12 @@ def bands(run_once, surfaces) -> Path:
     return run_once("experiment=few/haptic", "data=folder", f"data.root={surfaces}")
 
 
+@pytest.fixture(scope="session")
+def naive_bayes(run_once, tiny) -> Path:
+    """A run folder of a baseline."""
+    return run_once("model=mfcc_nb", *tiny)
+
+
 @pytest.fixture
 def second_device() -> Iterator[torch.device]:
     """A device beside the CPU, which ``trainer.accelerator=auto`` takes in these tests."""
@@ -325,17 +331,23 @@ def no_pretrained_default() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def untrained(tmp_path_factory) -> Path:
-    """A run folder with a small FusionNet and its parts, of random weights."""
-    folder = tmp_path_factory.mktemp("untrained")
-    (folder / "checkpoints").mkdir()
+def save_checkpoint(card: Card, path: Path) -> Path:
+    """A checkpoint of random weights."""
     torch.manual_seed(0)
+    state = lightning_state(SurfaceClassifier(card))
+    torch.save({"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def untrained(common) -> Path:
+    """A run folder with a small FusionNet and its parts, of random weights."""
+    return make_once(common / "untrained", write_untrained)
+
+
+def write_untrained(folder: Path) -> None:
+    (folder / "checkpoints").mkdir(parents=True)
     for senses in (("haptic",), ("visual",), ("haptic", "visual")):
         card = make_card(*senses, classes=["a", "b", "c"], width=0.1)
-        model = SurfaceClassifier(card)
-        state = {f"classifier.{key}": value for key, value in model.state_dict().items()}
-        content = {"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}
-        torch.save(content, folder / "checkpoints" / f"{card.kind}.ckpt")
+        save_checkpoint(card, folder / "checkpoints" / f"{card.kind}.ckpt")
     (folder / "settings.json").write_text('{"model.senses": ["haptic", "visual"]}')
-    return folder

@@ -29,8 +29,6 @@ CROSSING = {
     torch.ops.aten._to_copy.default,
     torch.ops.aten.set_.source_Tensor,
 }
-OPERATIONS: set[str] = set()  # that have run there
-
 
 # Operations of which PyTorch wants a function of the device's own: torch.tensor asks for the first,
 # and the others would be filled in after their tensor was made empty.
@@ -84,7 +82,6 @@ def compute(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
     if parts is not NotImplemented:
         return parts
     check(function, args, kwargs)
-    OPERATIONS.add(str(function))
     wanted = kwargs.get("device")
     given = {**kwargs, "device": torch.device("cpu")} if wanted is not None else kwargs
     args_near, given = tree_map_only(Far, lambda each: each.near, (args, given))

@@ -1,6 +1,5 @@
 """Every command of the documentation composes: no key, option or value in it is out of date."""
 
-import json
 import re
 import runpy
 from typing import Any
@@ -100,35 +99,6 @@ def test_layers_add_up_to_what_was_counted_by_hand():
     parameters = sum((h * w * inputs + 1) * outputs for h, w, inputs, outputs, _ in conv)
     assert sums["hapticnet"] == (parameters, macs)
     assert sums["visualnet"][0] == 5_191_749  # Caffe's AlexNet to pool5, then 300, 250, 69
-
-
-def test_a_table_of_results_says_what_its_runs_say(tmp_path):
-    network = {
-        "correct": 3, "test_samples": 4, "vote_accuracy": 0.75, "vote_ci95": [0.301, 0.954],
-        "calibration": {"ece": 0.1234}, "latency_ms": {"median": 5.06}, "fit_seconds": 6.0,
-        "folds": [{}, {}], "parameters": 6544, "macs_per_sample": 49_696_748,
-    }  # fmt: skip
-    environment = {"cpu": "A processor", "threads": 2}
-    for name, commit in (("one", {}), ("other", {"commit": "abc1234"})):
-        results = {"model": "haptic", "networks": {"haptic": network}}
-        results["environment"] = {**environment, **commit}
-        (tmp_path / name / ".hydra").mkdir(parents=True)
-        (tmp_path / name / "results.json").write_text(json.dumps(results))
-        (tmp_path / name / "settings.json").write_text('{"data.root": "a/surfaces"}')
-        overrides = "- model=haptic\n- data=folder\n- data.root=a/surfaces\n- seed=1\n"
-        (tmp_path / name / ".hydra" / "overrides.yaml").write_text(overrides)
-    lines = script("result_table")["result_table"]([tmp_path / "one", tmp_path / "other"])
-    heading, _, one, other, _, sentence = lines.splitlines()
-    assert heading.endswith("| commit |")
-    cells = (
-        "`model=haptic seed=1` | haptic | surfaces | 75.0 % (3/4) | 30.1 to 95.4 % | 0.123 | 5.1 "
-    )
-    assert one == f"| {cells}| 3.0 | 6,544 | 49.7 | not recorded |"
-    assert other == f"| {cells}| 3.0 | 6,544 | 49.7 | abc1234 |"
-    assert sentence == "Machine: A processor, 2 threads."
-    untimed = script("result_table")["result_table"]([tmp_path / "one"], timed=False)
-    assert "| 0.123 | 6,544 | 49.7 |" in untimed
-    assert untimed.endswith("Commit: not recorded. Machine: A processor, 2 threads.")
 
 
 COUNTED = re.compile(

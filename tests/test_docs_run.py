@@ -22,7 +22,6 @@ from docs_world import (
     enter_page,
     serve_samples,
     write_published,
-    write_sample,
     write_shared,
     write_strokes,
     write_surfaces,
@@ -229,20 +228,6 @@ class Reader:
             self.monkeypatch.setattr(sys, "stdin", standard_input)
             outcome = self.cli(*small(arguments))
         assert outcome.status == 0, outcome.err[-3000:]
-
-
-@pytest.mark.parametrize("name", ["live.md", "python.md", "why.md"])
-def test_python_that_is_quick_runs(name, untrained, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MPLBACKEND", "agg")
-    (tmp_path / "RUN").symlink_to(untrained)
-    write_sample(tmp_path)
-    names = names_of_python()
-    found = [block for block in blocks(ROOT / "docs" / name) if block.language == "python"]
-    for block in found:
-        if not re.search(r"tl\.train|surfaces/", block.text):  # trained, or needs the shell's
-            run_python(block, names)
-    assert len(found) in (1, 2)
 
 
 @pytest.mark.slow

@@ -47,35 +47,6 @@ def test_the_live_label_of_a_real_surface_follows_within_a_second(cli, shared, t
 
 
 @pytest.mark.slow
-def test_imagenet_weights_and_a_manifest_run_from_reading_to_results(cli, shared, tmp_path):
-    outcome = cli(
-        "model=fusion_efficientnet",
-        "data=manifest",
-        f"data.manifest={shared}/data/surfaces10.csv",
-        "data.classes=2",
-        "model.visual.trunk.patch=112",
-        "weights=imagenet",
-        "debug=tiny",
-        f"hydra.run.dir={tmp_path}",
-    )
-    assert outcome.status == 0, outcome.err
-    assert networks(tmp_path)["fusion"]["test_samples"] == 8  # four photos, one trace per class
-
-
-def test_photos_below_a_megapixel_are_not_to_be_halved(cli, shared, tmp_path):
-    outcome = cli(
-        "model=visual",
-        "data=manifest",
-        f"data.manifest={shared}/data/surfaces10.csv",
-        "data.classes=2",
-        "debug=tiny",
-        f"hydra.run.dir={tmp_path}",
-    )
-    assert outcome.status == 2
-    assert "data.half_scale=false" in outcome.err
-
-
-@pytest.mark.slow
 def test_hapticnet_on_three_folds_of_sixteen_real_surfaces(cli, shared, tmp_path):
     outcome = cli(
         "model=haptic",

@@ -4,22 +4,16 @@ The device is CUDA or MPS where the machine has one, else the stand-in of ``seco
 which refuses what they would: tensors in two places, float64, generators of the CPU.
 """
 
-import csv
-import functools
 import os
 import subprocess
 import sys
 from copy import deepcopy
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import second_device as stand_in
 import torch
-import torchgen
-import yaml
-from conftest import make_card, make_photo, make_trace, trunk_node
-from lightning.fabric.utilities import move_data_to_device
+from conftest import make_card, make_photo, make_trace, run_main, trunk_node
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -27,10 +21,10 @@ from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
+from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.stream_classifier import StreamingClassifier
 from tex_lightning.learning.enrolment import add_classes
-from tex_lightning.learning.fusion import FusionModule
 from tex_lightning.networks.trunks import TRUNKS
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
@@ -45,12 +39,6 @@ CARDS = {
     "fusion of three": lambda: make_card("haptic", "visual", "sound", width=0.1),
 }
 QUICK = ("haptic of the paper", "proportions of bands", "efficientnet_lite0", "fusion of features")
-FIT = {
-    "optimizer": {"_target_": "torch.optim.AdamW", "_partial_": True},
-    "schedule": {"_target_": "torch.optim.lr_scheduler.OneCycleLR", "_partial_": True},
-    **{"epochs": 1, "steps_per_epoch": 5, "learning_rate": 1e-3, "head_factor": 2.0},
-    **{"label_smoothing": 0.1, "modality_dropout": 0.0},
-}
 
 
 def few_card() -> Card:
@@ -146,147 +134,56 @@ def test_the_stand_in_refuses_what_devices_refuse(mistake, error):
         mistake(far)
 
 
-ALONE = "SECOND_DEVICE_ALONE"
-alone = pytest.mark.skipif(ALONE not in os.environ, reason="runs in a process of its own, below")
-
-
-@pytest.mark.slow
-def test_training_in_a_process_of_its_own():
-    arguments = [__file__, "-n=0", "-m=slow", "-k=test_alone", "-p", "no:cacheprovider"]
-    finished = subprocess.run(
-        [sys.executable, "-m", "pytest", *arguments],
-        env={**os.environ, ALONE: "1"},
-        capture_output=True,
-        text=True,
-    )
-    assert finished.returncode == 0, finished.stdout + finished.stderr
-    assert "3 passed" in finished.stdout
-
-
-def make_module(dropout: float) -> FusionModule:
-    torch.manual_seed(0)
-    card = make_card("haptic", "visual", width=0.1, dropout=dropout).to_dict()
-    module = FusionModule(card, FIT, 0, {"haptic": 240, "visual": 224})
-    module.log = module.log_dict = lambda *_, **__: None
-    groups = [SimpleNamespace(param_groups=[])]
-    module._trainer = SimpleNamespace(
-        log_every_n_steps=1, global_step=0, optimizers=groups, world_size=1
-    )
-    return module.train()
-
-
-def batch() -> dict[str, object]:
-    torch.manual_seed(1)
-    crops = torch.randint(0, 256, (2, 3, 320, 320), dtype=torch.uint8)
-    return {
-        "label": torch.arange(2),
-        "haptic": {"input": torch.randn(2, 1, 50, 240)},
-        "visual": {"crop": crops, "degrees": torch.tensor([-30.0, 110.0])},
-    }
-
-
-@alone
-@pytest.mark.slow
-def test_alone_a_step_of_training_and_one_of_validation_are_those_on_the_cpu(second_device):
-    losses, weights = [], []
-    for device in (torch.device("cpu"), second_device):
-        module = make_module(dropout=0.0).to(device)
-        optimizer = module.configure_optimizers()["optimizer"]
-        for _ in range(2):
-            loss = module.training_step(move_data_to_device(batch(), device), 0)
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-        losses.append(loss.detach().cpu())
-        weights.append([each.detach().cpu() for each in module.parameters()])
-        whole = {"label": torch.tensor(1), "recordings": sample(module.classifier.card)}
-        with torch.inference_mode():
-            module.eval().validation_step(move_data_to_device(whole, device), 0)
-        assert all(0 <= float(each) <= 1 for each in module.val_metrics.compute().values())
-    torch.testing.assert_close(losses[1], losses[0], rtol=1e-3, atol=1e-4)
-    for found, expected in zip(weights[1], weights[0], strict=True):
-        torch.testing.assert_close(found, expected, rtol=1e-2, atol=3e-3)
-
-
-@alone
-@pytest.mark.slow
-def test_alone_dropout_is_drawn_on_the_device(second_device):
-    module = make_module(dropout=0.5).to(second_device)
-    loss = module.training_step(move_data_to_device(batch(), second_device), 0)
-    assert loss.device.type == second_device.type
-
-
 # Of a checkpoint of the first one; together with it they run whatever computes on a device.
 RUNS = [
-    ["model=fusion"],
+    ["model=fusion", "model.fusion.fit.modality_dropout=0.5"],
     ["task=evaluate", "checkpoint=RUN", "decision=sequential", "decision.calibrated=false"],
-    ["task=evaluate", "checkpoint=RUN", "engine=reference"],
     ["task=stability", "stability.systems=[RUN]"],
     ["task=enroll", "checkpoint=RUN", "enroll.forget=[alpha]", "enroll.only=[alpha]"],
     ["task=predict", "checkpoint=RUN", "haptic=WAV", "image=PNG", "predict.figure=PAGE"],
-    ["task=stream", "checkpoint=RUN/checkpoints/haptic.ckpt", "haptic=WAV"],
     ["task=stream", "checkpoint=RUN/checkpoints/haptic.ckpt", "haptic=WAV", "stream.window=2"],
     ["experiment=few/fusion"],
-    ["experiment=robust/fusion"],
-    ["model=fusion_fc3"],
-    ["model=visual_efficientnet", "weights=imagenet"],
     ["model=haptic", "model.haptic.axes=trace", "model.haptic.normalisation=paper"],
     ["model=acnn"],
 ]
 
 
-def run_all(cli, surfaces, folder):
-    """The runs of ``RUNS``; gives the folder of the first."""
+def run_all(surfaces, cache, folder):
+    """Run ``RUNS`` on the second device, and the first of them on the CPU as well."""
     words = {"RUN": folder / "0", "PAGE": folder / "why.png"}
     words |= {"WAV": surfaces / "beta/haptic/beta_0.wav", "PNG": surfaces / "beta/image/beta_0.png"}
     data = ["data=folder", f"data.root={surfaces}", "data.half_scale=false"]
-    for number, run in enumerate(RUNS):
-        arguments = [*run, "debug=tiny", f"hydra.run.dir={folder / str(number)}"]
-        if not run[0].endswith(("predict", "stream")):
+
+    def run(name, arguments):
+        arguments = [*arguments, "debug=tiny", f"hydra.run.dir={folder}/{name}"]
+        if not arguments[0].endswith(("predict", "stream")):
             arguments += data
         for word, path in words.items():
             arguments = [each.replace(word, str(path)) for each in arguments]
-        outcome = cli(*arguments)
-        assert outcome.status == 0, (run, outcome.err)
-    return folder / "0"
+        with pytest.MonkeyPatch.context() as patch:
+            assert run_main(patch, *arguments, f"data.cache_dir={cache}") == 0, arguments
+
+    with stand_in.chosen():
+        for number, arguments in enumerate(RUNS):
+            run(number, arguments)
+    run("near", RUNS[0])
 
 
-def predicted(directory):
-    with (directory / "predictions" / "fusion.csv").open() as stream:
-        return [(row["haptic"], row["predicted"]) for row in csv.DictReader(stream)]
-
-
-@alone
 @pytest.mark.slow
-def test_alone_whole_runs_on_the_device_end_well_and_its_kernels_exist(cli, surfaces, tmp_path):
-    stand_in.OPERATIONS.clear()
-    with stand_in.chosen() as device:
-        far = run_all(cli, surfaces, tmp_path)
-    near = tmp_path / "near"
-    data = ["data=folder", f"data.root={surfaces}", "data.half_scale=false", "debug=tiny"]
-    assert cli("model=fusion", *data, f"hydra.run.dir={near}").status == 0
-    if device.type == stand_in.NAME:  # which draws as the CPU does
-        assert predicted(far) == predicted(near)
-        assert len(stand_in.OPERATIONS) > 120
-        assert not {name for name in stand_in.OPERATIONS if not kernels(name) >= {"CUDA", "MPS"}}
-
-
-def kernels(name: str) -> set[str]:
-    """Devices that PyTorch says it has a kernel of an operation for."""
-    entry = native_functions()[name.removeprefix("aten.").removesuffix(".default")]
-    given = {key for keys in entry.get("dispatch", {}) for key in keys.split(", ")}
-    if "ufunc_inner_loop" in entry:
-        given |= {"CPU", "CUDA"}
-    if any(key.startswith("Composite") for key in given) or not entry.get("dispatch"):
-        given |= {"CUDA", "MPS"}  # made of other operations, which are looked up themselves
-    if "structured_delegate" in entry:
-        given = kernels(entry["structured_delegate"])
-    return given
-
-
-@functools.cache
-def native_functions():
-    """PyTorch's own table of its operations."""
-    path = Path(torchgen.__file__).parent / "packaged/ATen/native/native_functions.yaml"
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    return {each["func"].split("(")[0]: each for each in yaml.load(path.read_text(), loader)}
+def test_whole_runs_on_the_device_decide_as_on_the_cpu(surfaces, cache, tmp_path):
+    """In a process of its own, whose first gradient flows there."""
+    code = (
+        "from pathlib import Path; from test_second_device import run_all; "
+        f"run_all(*map(Path, {[str(surfaces), str(cache), str(tmp_path)]}))"
+    )
+    here = Path(__file__).parent
+    environment = {**os.environ, "PYTHONPATH": f"{here}:{CONF.parent}:{CONF.parent / 'runtime'}"}
+    finished = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True
+    )
+    assert finished.returncode == 0, finished.stdout + finished.stderr
+    if not torch.cuda.is_available():  # the stand-in draws as the CPU does
+        far, near = (
+            read_outcomes(tmp_path / run / "predictions/fusion.csv") for run in ("0", "near")
+        )
+        assert [each.predicted for each in far] == [each.predicted for each in near]

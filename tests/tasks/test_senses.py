@@ -1,18 +1,18 @@
 """Any set of senses through the command line: training, testing, prediction."""
 
 import json
-from itertools import combinations
 from pathlib import Path
 
 import pytest
 
+import tex_lightning as tl
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.data.readers import read_recordings
 
 SENSES = {"haptic": "haptic", "visual": "image", "sound": "sound"}  # and their modalities
-SUBSETS = [chosen for count in (1, 2, 3) for chosen in combinations(SENSES, count)]
+SUBSETS = [("sound",), ("haptic", "sound"), tuple(SENSES)]
 SMALL = ["debug=tiny", "data.classes=2", "data.synthetic.recordings=3", "data.folds=3"]
 SMALL += ["data.test_fold=0", "data.val_fold=null", "trainer.threads=1"]
 
@@ -61,30 +61,6 @@ def test_it_predicts_by_whichever_are_given(cli, every, files, senses):
     assert prediction["fragments"] == 50 or len(given) == 1  # `debug=tiny` draws so many tuples
 
 
-@pytest.mark.slow
-def test_a_sweep_trains_one_set_after_the_other(cli, tmp_path):
-    sets = SUBSETS[2:5:2]  # sound, and haptic with sound
-    swept = ",".join(map(listed, sets))
-    outcome = cli(
-        "-m", "model=fusion", f"model.senses={swept}", *SMALL, f"hydra.sweep.dir={tmp_path}"
-    )
-    assert outcome.status == 0, outcome.err
-    for number, senses in enumerate(sets):
-        results = json.loads((tmp_path / str(number) / "results.json").read_text())
-        assert list(results["networks"]) == [*senses, *(["fusion"] if len(senses) > 1 else [])]
-    assert (tmp_path / "report.md").is_file()
-
-
-def test_a_given_checkpoint_of_any_sense_starts_the_fusion(cli, every, tmp_path):
-    start = f"model.fusion.sound_checkpoint={every}/checkpoints/sound.ckpt"
-    run = ["model=fusion", "model.senses=[haptic,sound]", start, f"hydra.run.dir={tmp_path}"]
-    outcome = cli(*run, *SMALL)
-    assert outcome.status == 0, outcome.err
-    results = json.loads((tmp_path / "results.json").read_text())
-    assert list(results["networks"]) == ["haptic", "fusion"]
-    assert "sound.ckpt" in results["weights"]["sound"]
-
-
 def test_sound_is_streamed_in_chunks(cli, every, files):
     checkpoint = f"checkpoint={every}/checkpoints/sound.ckpt"
     whole = json.loads(cli("task=predict", checkpoint, f"sound={files['sound']}").out)
@@ -92,3 +68,25 @@ def test_sound_is_streamed_in_chunks(cli, every, files):
     assert outcome.status == 0, outcome.err
     last = json.loads(outcome.out.splitlines()[-1])
     assert (last["label"], last["fragments"]) == (whole["label"], whole["fragments"])
+
+
+def test_a_sense_that_is_fitted_in_closed_form_is_fused_on_whole_folds(run_once, tiny, surfaces):
+    """Proportions of bands beside a small VisualNet."""
+    run = run_once(
+        "experiment=few/fusion", "weights=null", "trunk=tcnn", "model.visual.norm=batch",
+        "model.visual.head=[30,25]", "model.visual.width=0.1", "data.per_class=2", *tiny,
+    )  # fmt: skip
+    results = json.loads((run / "results.json").read_text())
+    assert list(results["networks"]) == ["haptic", "visual", "fusion"]
+    assert results["networks"]["haptic"]["correct"] == 3  # of two recordings of each class
+    model = tl.load(run)
+    assert len(model.card.trained_on["seen"]) == 2 * (2 * 3 + 3)  # with validation, of both senses
+    files = {
+        "haptic": surfaces / "beta/haptic/beta_0.wav",
+        "image": surfaces / "beta/image/beta_0.png",
+    }
+    assert model.predict(haptic=files["haptic"]).label == "beta"
+    for senses in (["image"], ["haptic", "image"]):
+        said = model.predict(**{name: files[name] for name in senses})
+        assert said.modalities == tuple(senses)
+        assert 0 < said.probability <= 1
