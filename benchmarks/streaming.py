@@ -1,8 +1,7 @@
 """Load and delay of a live stream: HapticNet at the paper's width, on one core.
 
 ``python -m benchmarks streaming``. Load is processing time over signal time; every push ends with
-the label of all samples so far. Where up to a second of them may wait while they cannot change it,
-the network is random and all its votes agree, which is the most that waiting can save.
+the label of all samples so far.
 """
 
 import time
@@ -21,17 +20,15 @@ from tex_lightning.inference.stream_classifier import StreamingClassifier
 RATE = 10_000
 SECONDS = 60
 CHUNKS = (0.01, 0.1, 1.0)
-WAITS = (0, 1)
 
 
 def measure() -> dict[str, Any]:
-    """By normalisation and seconds of a chunk and to wait: load in % of a core, delay in ms."""
+    """By normalisation and seconds of a chunk: load in % of a core, delay in ms."""
     with computing_threads(1):
         return {
-            f"{norm}, chunks of {chunk:g} s, wait {wait}": _replay(_classifier(norm), chunk, wait)
+            f"{norm}, chunks of {chunk:g} s": _replay(_classifier(norm), chunk)
             for norm in ("batch", "lrn")
             for chunk in CHUNKS
-            for wait in WAITS
         }
 
 
@@ -40,13 +37,13 @@ def _classifier(norm: str) -> SurfaceClassifier:
     return accelerate(make_classifier(*settings, classes=69), DEFAULT)
 
 
-def _replay(classifier: SurfaceClassifier, seconds: float, wait: float) -> dict[str, float]:
+def _replay(classifier: SurfaceClassifier, seconds: float) -> dict[str, float]:
     trace = torch.randn(1, SECONDS * RATE, generator=torch.Generator().manual_seed(0))
     size = round(seconds * RATE)
-    warm = StreamingClassifier(classifier, wait=wait)
+    warm = StreamingClassifier(classifier)
     for chunk in trace[:, : 5 * RATE].split(size, dim=1):
         warm.push(chunk)
-    stream, spent = StreamingClassifier(classifier, wait=wait), []
+    stream, spent = StreamingClassifier(classifier), []
     for chunk in trace.split(size, dim=1):
         begin = time.perf_counter()
         stream.push(chunk)

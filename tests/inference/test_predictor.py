@@ -231,7 +231,3 @@ def test_signals_of_a_stream_come_together(tmp_path):
         assert found.contact is (None if window == "null" else True)
         with pytest.raises(tl.UserError, match="takes haptic and sound with every push"):
             stream.push(TRACE)
-    with pytest.raises(tl.UserError, match="more than a second of haptic that the other"):
-        stream.push(haptic=TRACE, sound=sound[:10])
-    with pytest.raises(tl.UserError, match=r"set stream\.wait=0"):
-        tl.load(tmp_path / "fusion.ckpt", "stream.wait=1").stream()

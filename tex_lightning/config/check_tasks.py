@@ -153,8 +153,6 @@ def _stream(config: Config) -> Iterator[str]:
         yield "task=stream reads signals: give haptic=FILE, or haptic=- for a pipe"
     if list(config.files.values()).count("-") > 1:
         yield "only one signal can be standard input: give files for the others"
-    if config.stream.wait > 0 and config.stream.window is not None:
-        yield "stream.wait is for the vote over the whole recording: leave it out with a window"
 
 
 def _figure(config: Config) -> Iterator[str]:

@@ -173,19 +173,10 @@ class StreamConfig:
     """Classification while a recording goes on."""
 
     chunk: float = key("signal between two votes", unit="s", above=0, most=3600)
-    wait: float = key(
-        "longest signal left uncomputed while it cannot change the label",
-        unit="s", least=0, most=60,
-    )  # fmt: skip
     window: float | None = key(
         "length of the last part of the signal, which alone votes; null takes the whole recording "
         "so far",
         unit="s", least=0.5, most=600, default=None,
-    )  # fmt: skip
-    odds: float | None = key(
-        "with a window: how many times as probable as the label another one has to be in the last "
-        "0.7 s, twice in succession, to restart the vote there; null never restarts it",
-        least=1, most=1e9, default=None,
     )  # fmt: skip
     contact: float = key(
         "with a window: level below which nothing is touched, as a share of that of the quietest "

@@ -18,7 +18,6 @@ from tex_lightning.senses.features.spectrogram import (
 )
 from tex_lightning.senses.signal import SignalSense
 
-MIN_ROOM = 1000  # labels
 PIECE_SECONDS = 1.0  # longer chunks are taken in pieces, so that memory stays bounded
 
 
@@ -31,52 +30,30 @@ class StreamingClassifier:
     Args:
         classifier: A HapticNet classifier in evaluation mode whose features are local in time:
             ``axes=frame`` and ``normalisation=standard``.
-        wait: Most seconds of signal that are left uncomputed while they cannot change the label,
-            whatever they hold; 0 computes everything at once.
         keep_scores: Whether :attr:`scores` can be asked for; they grow with the recording.
 
     Attributes:
         frames: Spectrogram frames of the movement so far.
         votes: (classes,) fragments that cannot change any more, by class.
-        waiting: (axes, samples) that are not computed, or None.
+        vote: The last one; None while there is no fragment.
 
     Raises:
         UserError: If the classifier is of another kind, or its features need the whole trace.
     """
 
-    waiting: Tensor | None
-
-    def __init__(
-        self, classifier: SurfaceClassifier, *, wait: float = 0, keep_scores: bool = False
-    ) -> None:
-        sense: Any = next(iter(classifier.senses.values()))
-        network, features = sense.network, sense.features
-        if len(classifier.card.sense_names) > 1 or not isinstance(network, HapticNet):
-            raise UserError(
-                f"This checkpoint holds a {classifier.card.title}, and a live stream is "
-                "classified by HapticNet; give the checkpoint of a run with model=haptic or "
-                "model=sound, or set stream.window=2 for a vote over the last seconds."
-            )
-        if not isinstance(features, SpectrogramFeatures):
-            raise UserError(
-                f"A live stream takes spectrograms, and the features of {sense.name} are "
-                f"{type(features).__name__}; set stream.window=2 for a vote over the last seconds."
-            )
-        self.sense: SignalSense = sense
-        _check_local(features, network)
-        self.features = features
+    def __init__(self, classifier: SurfaceClassifier, *, keep_scores: bool = False) -> None:
+        self.sense = _local_sense(classifier)
+        network: Any = self.sense.network
+        features: Any = self.sense.features
+        self.features: SpectrogramFeatures = features
         self.keep_scores = keep_scores
         self.hidden = streaming_layers([network.trunk, network.head.hidden])
         self.scoring = streaming_layers([network.head.scores])
         self.layers = [*self.hidden, *self.scoring]
-        self.statistics = classifier.statistics_of(sense.name)
-        self.known = int(KNOWN_SECONDS * features.sampling_rate)
-        self.piece = int(PIECE_SECONDS * features.sampling_rate)
-        self.wait = wait * features.sampling_rate
+        self.statistics = classifier.statistics_of(self.sense.name)
         self.output_size = network.output_size
         self.temperature = classifier.card.temperature
         self.by_mean = classifier.card.rule == "mean"
-        self.exact = StoppingRule(0, network.classes)  # what follows in time is no random draw
         self.votes = torch.zeros(network.classes, dtype=torch.long)
         self.restart(start_known=not features.skip_impact)
 
@@ -112,50 +89,29 @@ class StreamingClassifier:
                 as many axes as before.
 
         Returns:
-            The vote of all samples so far; None while they do not give one fragment. Where some
-            wait, the label is that of all, and the rest is of those that were computed. Its
-            fragments are good until the next push, which may change the last of them.
+            The vote of all samples so far; None while they do not give one fragment.
         """
-        samples = _joined(self.waiting, chunk.to(self.features.window))
-        if self._can_wait(samples):
-            self.waiting = samples
-            return self.vote
-        return self._compute(samples)
-
-    @torch.inference_mode()
-    def finish(self) -> Vote | None:
-        """Compute what waits, so that the whole vote is that of all samples so far."""
-        return self.vote if self.waiting is None else self._compute(self.waiting)
-
-    def _can_wait(self, samples: Tensor) -> bool:
-        """Whether the label is certain without these samples, and they are not too many."""
-        if not self.start_known or self.vote is None or samples.shape[1] >= self.wait:
-            return False
-        known = 0 if self.rest is None else self.rest.shape[1]
-        return self.certain(self.frames + self.features.frames(known + samples.shape[1]))
-
-    def certain(self, frames: int) -> bool:
-        """Whether the settled fragments decide for a recording of so many frames, all in all."""
-        unsettled = self.output_size(self.features.bands, frames)[1] - int(self.votes.sum())
-        sums = self.probabilities if self.by_mean else self.votes
-        return self.exact.decided(sums.tolist(), unsettled)
-
-    def _compute(self, samples: Tensor) -> Vote | None:
-        """Vote over everything, these samples included."""
-        self.waiting = None
+        samples = chunk.to(self.features.window)
         if not self.start_known:
             samples = self._from_touch(samples)
         skipped = min(self.ahead, samples.shape[1])
         self.ahead -= skipped
-        for piece in torch.split(samples[:, skipped:], self.piece, dim=1):
-            self._take(piece)
+        piece = int(PIECE_SECONDS * self.features.sampling_rate)
+        for part in torch.split(samples[:, skipped:], piece, dim=1):
+            self._take(part)
         return self.vote
+
+    def certain(self, frames: int) -> bool:
+        """Whether the settled votes decide for a recording of so many frames, all in all."""
+        unsettled = self.output_size(self.features.bands, frames)[1] - int(self.votes.sum())
+        # what follows in time is no random draw
+        return StoppingRule(0, len(self.votes)).decided(self.votes.tolist(), unsettled)
 
     def _from_touch(self, samples: Tensor) -> Tensor:
         """Start anew when a touch shows that all before was not yet movement."""
-        so_far = _joined(self.beginning, samples)
-        start = movement_start(so_far, self.features.sampling_rate)
-        self.start_known = start > 0 or so_far.shape[1] >= self.known
+        so_far, rate = _joined(self.beginning, samples), self.features.sampling_rate
+        start = movement_start(so_far, rate)
+        self.start_known = start > 0 or so_far.shape[1] >= int(KNOWN_SECONDS * rate)
         self.beginning = None if self.start_known else so_far
         if start == 0:
             return samples
@@ -165,15 +121,13 @@ class StreamingClassifier:
     def _start(self, ahead: int) -> None:
         """Forget everything; leave out the next ``ahead`` samples."""
         self.ahead = ahead
-        self.waiting = None
         self.rest: Tensor | None = None  # samples that later frames need
         self.frames = 0
         for layer in self.layers:
             layer.restart()
         self.votes.zero_()
         self.probabilities = torch.zeros_like(self.votes, dtype=torch.float64)
-        self.labels = self.votes.new_empty(MIN_ROOM)  # of fragments, with room for more
-        self.settled_count = 0  # of them
+        self.labels = self.votes.new_empty(0)  # of settled fragments
         self.settled: list[Tensor] = []
         self.edge = self.probabilities.new_empty(len(self.votes), 0)
         self.settled_sums = self.sums = self.features.window.new_zeros(())  # of FC2's features
@@ -181,15 +135,13 @@ class StreamingClassifier:
 
     def _take(self, piece: Tensor) -> None:
         """Compute what the samples settle."""
-        features = self.features
-        samples = _joined(self.rest, piece)
-        count = features.frames(samples.shape[1])
+        features, samples = self.features, _joined(self.rest, piece)
+        count = settled = features.frames(samples.shape[1])
         self.rest = samples[:, count * features.hop_length :]
         if not count:
             return
         self.frames += count
         columns: Columns = features.normalise(features.spectra(samples)).T[:, :, None]
-        settled = count
         for layer in self.hidden:
             columns, settled = layer.push(columns, settled)
         if columns is not None and self.statistics is not None:
@@ -212,43 +164,40 @@ class StreamingClassifier:
         """
         check_finite(scores)
         labels = scores.argmax(dim=0).cpu()  # where votes are, see decision.voting
-        fragments = self._noted(labels)
-        votes, sums = self.votes, self.probabilities
-        if settled:
-            self.settled_count += settled
-            votes += self._votes(labels[:settled])
-            sums += probabilities(scores[:, :settled], self.temperature)
+        fragments = torch.cat((self.labels, labels))
+        self.labels = fragments[: len(self.labels) + settled]
+        self.votes += self._votes(labels[:settled])
+        self.probabilities += probabilities(scores[:, :settled], self.temperature)
         if self.keep_scores:
             self.settled.append(scores[:, :settled])
             self.edge = scores[:, settled:]
-        if settled < labels.shape[0]:
-            votes = votes + self._votes(labels[settled:])
-            sums = sums + probabilities(scores[:, settled:], self.temperature)
-        count = fragments.shape[0]
+        votes = self.votes + self._votes(labels[settled:])
+        sums = self.probabilities + probabilities(scores[:, settled:], self.temperature)
+        count = len(fragments)
         vote = Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
         return vote.by_mean() if self.by_mean else vote
 
-    def _noted(self, labels: Tensor) -> Tensor:
-        """Labels of all fragments so far, these last; after hours a copy would cost too much."""
-        count = self.settled_count + len(labels)
-        if count > len(self.labels):
-            grown = self.labels.new_empty(2 * count)
-            grown[: self.settled_count] = self.labels[: self.settled_count]
-            self.labels = grown
-        self.labels[self.settled_count : count] = labels
-        return self.labels[:count]
-
     def _votes(self, labels: Tensor) -> Tensor:
-        return torch.bincount(labels, minlength=self.votes.shape[0])
+        return torch.bincount(labels, minlength=len(self.votes))
 
 
-def _check_local(features: SpectrogramFeatures, network: HapticNet) -> None:
-    """Refuse what cannot be computed, or not to the same labels, before the end is known."""
-    if features.axes != "frame" or features.normalisation != "standard":
+def _local_sense(classifier: SurfaceClassifier) -> SignalSense:
+    """The only sense, if it can be computed to the same labels before the end is known.
+
+    Raises:
+        UserError: Saying what it lacks.
+    """
+    sense: Any = next(iter(classifier.senses.values()))
+    network, features = sense.network, sense.features
+    if (
+        len(classifier.card.sense_names) > 1
+        or not isinstance(network, HapticNet)
+        or not isinstance(features, SpectrogramFeatures)
+        or (features.axes, features.normalisation) != ("frame", "standard")
+    ):
         raise UserError(
-            f"This checkpoint was trained with axes={features.axes} and "
-            f"normalisation={features.normalisation}, which look at the whole recording; "
-            "for a live stream train with axes=frame and normalisation=standard, or set "
+            f"The label of a whole recording so far takes HapticNet on spectrograms with axes=frame"
+            f" and normalisation=standard, and this is another {classifier.card.title}; set "
             "stream.window=2 for a vote over the last seconds."
         )
     if any(parameter.dtype != torch.float32 for parameter in network.parameters()):
@@ -256,6 +205,8 @@ def _check_local(features: SpectrogramFeatures, network: HapticNet) -> None:
             "A live stream is computed in float32, which alone gives the labels of the whole "
             "recording; set engine.precision=fp32."
         )
+    found: SignalSense = sense
+    return found
 
 
 def _joined(first: Tensor | None, second: Tensor) -> Tensor:

@@ -1,17 +1,19 @@
 """A live recording: samples in, predictions out.
 
-Samples are resampled to the rate of the training. The vote is over everything so far
-(:class:`WholeVote`), or over the last seconds (:class:`.stream_window.WindowVote`).
+Samples are resampled to the rate of the training. The vote is over everything so far, no sample
+computed twice, or over the last seconds (``stream.window``). A fragment of HapticNet sees 2 s, so
+that its scores cannot follow within one; the samples of the window are therefore classified afresh
+with every vote, and a spectrogram that is shorter than a fragment is repeated until it fills one: a
+texture goes on as it began.
 """
 
-import logging
 import time
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -25,109 +27,20 @@ from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, describe
 from tex_lightning.inference.stream_classifier import StreamingClassifier
-from tex_lightning.inference.stream_window import WindowVote
+from tex_lightning.senses.features.spectrogram import SETTLING_SECONDS
 from tex_lightning.senses.signal import SignalSense
 
-log = logging.getLogger(__name__)
-
-
-class WholeVote:
-    """Vote over the whole recording so far, no sample computed twice.
-
-    Args:
-        classifier: Accelerated; a :class:`StreamingClassifier` takes each of its live senses.
-        fixed: By sense what is said of a photo, which stays as it is.
-        wait: See :class:`StreamingClassifier`.
-
-    Attributes:
-        contact: Whether something is touched; None: it is not looked at.
-        changed_at: When the vote began anew, in seconds; None: it never does.
-
-    Raises:
-        UserError: If a sense cannot be streamed, or samples of several were to wait.
-    """
-
-    contact: bool | None = None
-    changed_at: float | None = None
-
-    def __init__(
-        self, classifier: SurfaceClassifier, fixed: Mapping[str, SenseOutput], wait: float
-    ) -> None:
-        self.classifier, self.fixed = classifier, fixed
-        # scores of fragments are kept where they are joined or averaged, else votes alone
-        self.counted = len(classifier.card.sense_names) == 1 and classifier.card.rule != "score"
-        if wait > 0 and not self.counted:
-            raise UserError(
-                "stream.wait is for a single sense that decides by decision.rule=vote or mean, and "
-                "this is none: set stream.wait=0."
-            )
-        self.streams = {
-            name: StreamingClassifier(
-                classifier.with_senses([name]), wait=wait, keep_scores=not self.counted
-            )
-            for name in classifier.card.sense_names
-            if name not in fixed
-        }
-
-    @property
-    def waiting(self) -> bool:
-        """Whether samples were left uncomputed, which :meth:`finish` computes."""
-        return any(stream.waiting is not None for stream in self.streams.values())
-
-    def push(self, chunks: Mapping[str, Tensor]) -> Vote | None:
-        """Take samples (axes, samples) by modality and vote over all so far."""
-        for stream in self.streams.values():
-            if stream.sense.modality in chunks:
-                stream.push(chunks[stream.sense.modality])
-        return self._vote()
-
-    def finish(self) -> Vote | None:
-        """Compute what waits."""
-        for stream in self.streams.values():
-            stream.finish()
-        return self._vote()
-
-    def check(self) -> None:
-        """Make sure that every sense had a fragment.
-
-        Raises:
-            UserError: Saying how much signal it takes.
-        """
-        for stream in self.streams.values():
-            stream.sense.check_frames(stream.frames)
-
-    @torch.inference_mode()
-    def _vote(self) -> Vote | None:
-        """Of several senses over random tuples of their fragments, of the same seed every time."""
-        if any(stream.vote is None for stream in self.streams.values()):
-            return None
-        if self.counted:
-            return self._counted()
-        whole = self.classifier
-        streams = self.streams.items()
-        live = {
-            name: SenseOutput(self._partial_logits(name), each.novelty) for name, each in streams
-        }
-        return whole.vote({**self.fixed, **live}, whole.card.decision["seed"])
-
-    def _counted(self) -> Vote | None:
-        (stream,) = self.streams.values()
-        if stream.vote is None or stream.novelty is None:
-            return stream.vote
-        return replace(stream.vote, novelty=float(stream.novelty))
-
-    def _partial_logits(self, name: str) -> Tensor:
-        """What a live sense adds: a part that is fused on FC2 has its partial logits as scores."""
-        scores = self.streams[name].scores
-        own = self.classifier.level(name) == "fc2"
-        return scores if own else self.classifier.project(name, scores)
+STEP_SECONDS = 0.1  # in which a window moves on
+LEAST = 3  # steps that vote
+SILENT = 3  # steps below the least level that are a pause; a stroke turns round more quickly
+SETTLING = round(SETTLING_SECONDS / STEP_SECONDS)  # steps to steady movement, after that of a touch
 
 
 class LiveSignal:
     """Check, measure and resample the incoming samples.
 
     Args:
-        branch: Sense of the sense.
+        sense: Sense of the signal.
         rate: Rate of the samples in Hz; None is the checkpoint's.
         ranges: Ranges of the training recordings, with which warnings compare.
 
@@ -141,7 +54,7 @@ class LiveSignal:
 
     def __init__(self, sense: SignalSense, rate: float | None, ranges: Ranges) -> None:
         target = sense.decoder.sampling_rate
-        self.modality, self.ranges = sense.modality, ranges
+        self.modality, self.what, self.ranges = sense.modality, sense.what, ranges
         self.rate = target if rate is None else rate
         if not self.rate > 0:
             raise UserError(f"rate is {self.rate:g}; give the sampling rate in Hz.")
@@ -150,9 +63,13 @@ class LiveSignal:
         if self.rate != target:
             self.resampler = Resampler(self.rate, target, sense.modality)
             self.measures["rate"] = min(self.rate, target)
-        self.monitor = TraceMonitor(sense.what)
         self.axes: int | None = None  # not known yet
         self.samples = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget the quality of the samples so far."""
+        self.monitor = TraceMonitor(self.what)
 
     def take(self, samples: Any) -> Tensor:  # noqa: ANN401  (what NumPy can read)
         """Samples (axes, samples) float32 at the checkpoint's rate.
@@ -173,7 +90,7 @@ class LiveSignal:
         self.axes = axes
         self.samples += chunk.shape[1]
         self.monitor.update(chunk)  # resampling would blur what is constant or clipped
-        found: npt.NDArray[Any] = chunk if self.resampler is None else self.resampler.push(chunk)
+        found = chunk if self.resampler is None else self.resampler.push(chunk)
         return torch.from_numpy(found).float()
 
     def rest(self) -> Tensor | None:
@@ -184,20 +101,78 @@ class LiveSignal:
         found = None if self.resampler is None else self.resampler.finish()
         return None if found is None else torch.from_numpy(found)
 
-    def forget(self) -> None:
-        """Forget the quality of the samples so far."""
-        self.monitor = TraceMonitor(self.monitor.what)
-
-    def quality(self, level: float | None) -> Quality:
-        """Faults of the signal.
-
-        Args:
-            level: Level that is compared with the training; None compares none.
-        """
+    def quality(self, *, compared: bool) -> Quality:
+        """Faults of the signal; whether its level is compared with the training's."""
         if not self.monitor.count:
             return Quality()
-        measures = self.measures if level is None else {"level": level, **self.measures}
-        return self.monitor.quality(self.ranges, **measures)
+        level = {"level": self.monitor.level} if compared else {}
+        return self.monitor.quality(self.ranges, **level, **self.measures)
+
+
+class Window:
+    """The samples of the last seconds, taken in whole steps, since something is touched.
+
+    Args:
+        seconds: Length.
+        rates: Sampling rate in Hz by modality.
+        least: Level by modality that is no touch.
+        settling: Steps that are left out after that of a touch.
+
+    Attributes:
+        contact: Whether something is touched.
+        changed_at: Where in the signal, in seconds, the last touch after a pause was; None if
+            there was none.
+        samples: (axes, samples) that vote, by modality.
+        count: Steps that they consist of.
+    """
+
+    def __init__(
+        self, seconds: float, rates: Mapping[str, float], least: Mapping[str, float], settling: int
+    ) -> None:
+        self.rates, self.least, self.settling = rates, least, settling
+        self.room = round(seconds / STEP_SECONDS)
+        self.pending: dict[str, Tensor] = {}  # samples that are no whole step yet
+        self.steps = self.silent = self.unsettled = self.count = 0
+        self.samples: dict[str, Tensor] = {}
+        self.contact = False
+        self.changed_at: float | None = None
+
+    def push(self, chunks: Mapping[str, Tensor]) -> None:
+        """Take samples (axes, samples) by modality."""
+        waiting = _joined(self.pending, chunks)
+        while all(waiting[name].shape[1] >= self._length(name) for name in waiting):
+            sizes = {name: self._length(name) for name in waiting}
+            self._step({name: each[:, : sizes[name]] for name, each in waiting.items()})
+            waiting = {name: each[:, sizes[name] :] for name, each in waiting.items()}
+        self.pending = {name: each.clone() for name, each in waiting.items()}
+
+    def _length(self, modality: str) -> int:
+        """Samples of the next step."""
+        size = STEP_SECONDS * self.rates[modality]
+        return round((self.steps + 1) * size) - round(self.steps * size)
+
+    def _step(self, samples: Mapping[str, Tensor]) -> None:
+        """Look for contact: a pause is several steps, a touch is one."""
+        self.steps += 1
+        loud = all(_level(each) > self.least[name] for name, each in samples.items())
+        self.silent = 0 if loud else self.silent + 1
+        if self.contact and self.silent >= SILENT:
+            self.contact, self.samples, self.count = False, {}, 0
+        elif not self.contact and loud:
+            self.contact = True
+            if self.steps > 1:  # else it moved already
+                self.changed_at = round((self.steps - 1) * STEP_SECONDS, 6)
+                self.unsettled = self.settling + 1 if self.settling else 0
+        if not self.contact or self.silent:
+            return
+        if self.unsettled:
+            self.unsettled -= 1
+            return
+        self.count = min(self.count + 1, self.room)
+        self.samples = {
+            name: each[:, -round(self.room * STEP_SECONDS * self.rates[name]) :].clone()
+            for name, each in _joined(self.samples, samples).items()
+        }
 
 
 class LiveStream:
@@ -207,14 +182,16 @@ class LiveStream:
         classifier: The accelerated classifier of the given senses.
         rates: Sampling rate in Hz by modality of each signal; None is the checkpoint's.
         photos: Decoded, by modality, with what is wrong with them; they stay as they are.
-        config: Window and waiting.
+        config: ``window`` and ``contact``.
         top_k: How many classes a prediction lists.
 
     Attributes:
         signals: The signals by modality, with their ``rate``.
+        window: What votes of the last seconds; None votes over everything.
+        streams: Otherwise by sense what computes its scores.
 
     Raises:
-        UserError: If the classifier cannot be streamed, or is to reject while samples wait.
+        UserError: If the classifier cannot be streamed.
     """
 
     def __init__(
@@ -225,32 +202,44 @@ class LiveStream:
         config: StreamConfig,
         top_k: int,
     ) -> None:
-        self.card = classifier.card
-        for key in ("reject_below", "unknown"):
-            if config.wait > 0 and getattr(self.card, key):
-                raise UserError(
-                    f"decision.{key} is looked at after every chunk, and with stream.wait what it "
-                    f"needs is left behind: set stream.wait=0, or decision.{key}=0."
-                )
-        self.device, self.top_k = classifier.device, top_k
-        senses: dict[str, Any] = {each.modality: each for each in classifier.senses.values()}
+        self.card, self.device, self.top_k = classifier.card, classifier.device, top_k
+        self.classifier = classifier if config.window is None else deepcopy(classifier)
+        senses, ranges = self.classifier.senses, self.card.input_ranges
+        self.live = {name: each for name, each in senses.items() if isinstance(each, SignalSense)}
         self.signals = {
-            name: LiveSignal(senses[name], rate, self.card.input_ranges.get(name, {}))
-            for name, rate in rates.items()
+            each.modality: LiveSignal(each, rates[each.modality], ranges.get(each.modality, {}))
+            for each in self.live.values()
         }
         self.photo_quality = [quality for _, quality in photos.values()]
-        fixed = _senses(classifier, {name: photo for name, (photo, _) in photos.items()})
-        self.classifier: WholeVote | WindowVote
+        with torch.inference_mode():
+            self.fixed = {
+                name: classifier.sense_output(name, photos[sense.modality][0])
+                for name, sense in senses.items()
+                if name not in self.live
+            }
+        # scores of fragments are kept where they are joined or averaged, else votes alone
+        self.counted = len(senses) == 1 and self.card.rule != "score"
+        self.streams: dict[str, StreamingClassifier] = {}
+        self.window: Window | None = None
         if config.window is None:
-            self.classifier = WholeVote(classifier, fixed, config.wait)
+            for name in self.live:
+                part = classifier.with_senses([name])
+                self.streams[name] = StreamingClassifier(part, keep_scores=not self.counted)
         else:
-            self.classifier = WindowVote(classifier, fixed, config)
-            if self.card.unknown_above is not None:
-                log.warning(
-                    "decision.unknown=%g is the rate of whole recordings; %g s say less, and more "
-                    "of them are called unknown.",
-                    self.card.unknown, config.window,
-                )  # fmt: skip
+            self.window = self._make_window(config.window, config.contact)
+        self.voted = False
+        self.failure: UserError | None = None  # why there was no vote of a window yet
+
+    def _make_window(self, seconds: float, contact: float) -> Window:
+        """A window whose touches leave out what the features skipped before."""
+        features: list[Any] = [sense.features for sense in self.live.values()]
+        skipping = [each for each in features if getattr(each, "skip_impact", False)]
+        for each in skipping:
+            each.skip_impact = False
+        rates = {each.modality: each.decoder.sampling_rate for each in self.live.values()}
+        ranges = self.card.input_ranges
+        least = {name: contact * ranges.get(name, {}).get("level", [0.0])[0] for name in rates}
+        return Window(seconds, rates, least, SETTLING if skipping else 0)
 
     @property
     def rate(self) -> float:
@@ -259,11 +248,8 @@ class LiveStream:
 
     @property
     def waiting(self) -> bool:
-        """Whether samples were left uncomputed, which :meth:`finish` computes."""
-        held = self.classifier.contact is None and any(
-            signal.resampler is not None for signal in self.signals.values()
-        )
-        return self.classifier.waiting or held
+        """Whether a filter holds samples back, which :meth:`finish` computes."""
+        return any(signal.resampler is not None for signal in self.signals.values())
 
     def push(self, samples: Any = None, /, **chunks: Any) -> Prediction:  # noqa: ANN401  (what NumPy can read)
         """Take more samples and predict.
@@ -287,21 +273,16 @@ class LiveStream:
                 f"This stream takes {' and '.join(self.signals)} with every push; give "
                 f"{', '.join(f'{name}=SAMPLES' for name in self.signals)}."
             )
-        touched = self.classifier.contact, self.classifier.changed_at
         taken = {name: self.signals[name].take(chunk) for name, chunk in chunks.items()}
-        vote = self.classifier.push(taken)
-        if touched != (self.classifier.contact, self.classifier.changed_at):
-            for signal in self.signals.values():
-                signal.forget()
-        return self._describe(vote, begin)
+        return self._predict(taken, begin)
 
     def finish(self) -> Prediction:
         """Compute what waits, so that the prediction is that of all samples; the stream ends."""
         begin = time.perf_counter()
         rests = {name: signal.rest() for name, signal in self.signals.items()}
-        if self.classifier.contact is None:
-            self.classifier.push({name: rest for name, rest in rests.items() if rest is not None})
-        return self._describe(self.classifier.finish(), begin)
+        return self._predict(
+            {name: rest for name, rest in rests.items() if rest is not None}, begin
+        )
 
     def check(self) -> None:
         """Make sure that there was a vote, if anything was touched.
@@ -309,32 +290,91 @@ class LiveStream:
         Raises:
             UserError: Saying how much signal it takes.
         """
-        self.classifier.check()
+        for stream in self.streams.values():
+            stream.sense.check_frames(stream.frames)
+        if self.window is None or self.voted:
+            return
+        if self.failure is not None:
+            raise self.failure
+        if self.window.steps < LEAST:
+            raise UserError(
+                f"The stream ended within {LEAST * STEP_SECONDS:g} s, too soon for a vote; send "
+                "more signal."
+            )
 
-    def _describe(self, vote: Vote | None, begin: float) -> Prediction:
+    def _predict(self, taken: Mapping[str, Tensor], begin: float) -> Prediction:
+        vote = self._vote_so_far(taken) if self.window is None else self._vote_window(taken)
         synchronise(self.device)
-        levels = self._levels()
-        found = [signal.quality(levels.get(name)) for name, signal in self.signals.items()]
+        contact = None if self.window is None else self.window.contact
+        signals = self.signals.values()
+        found = [signal.quality(compared=contact is not False) for signal in signals]
         quality = together([*found, *self.photo_quality])
         latency = time.perf_counter() - begin
         said = self.card.modalities if len(self.card.sense_names) > 1 else ()
         prediction = describe(vote, self.card, quality, self.top_k, latency, said)
-        voter = self.classifier
-        return replace(prediction, contact=voter.contact, changed_at=voter.changed_at)
+        changed_at = None if self.window is None else self.window.changed_at
+        return replace(prediction, contact=contact, changed_at=changed_at)
 
-    def _levels(self) -> dict[str, float]:
-        """Of what votes, by modality, to be compared with the training's."""
-        if isinstance(self.classifier, WindowVote):
-            return self.classifier.levels
-        every = self.signals.items()
-        return {name: signal.monitor.level for name, signal in every if signal.monitor.count}
+    @torch.inference_mode()
+    def _vote_so_far(self, taken: Mapping[str, Tensor]) -> Vote | None:
+        """Vote over everything; of several senses over random tuples of the same seed every time.
+
+        What a sense that is fused on FC2 says alone is its partial logits.
+        """
+        for stream in self.streams.values():
+            if stream.sense.modality in taken:
+                stream.push(taken[stream.sense.modality])
+        if any(stream.vote is None for stream in self.streams.values()):
+            return None
+        if self.counted:
+            (stream,) = self.streams.values()
+            novelty = None if stream.novelty is None else float(stream.novelty)
+            return stream.vote and replace(stream.vote, novelty=novelty)
+        whole, live = self.classifier, {}
+        for name, stream in self.streams.items():
+            own = whole.level(name) == "fc2"
+            scores = stream.scores if own else whole.project(name, stream.scores)
+            live[name] = SenseOutput(scores, stream.novelty)
+        return whole.vote({**self.fixed, **live}, self.card.decision["seed"])
+
+    @torch.inference_mode()
+    def _vote_window(self, taken: Mapping[str, Tensor]) -> Vote | None:
+        """Vote over the last seconds; None if they are too little for these features."""
+        window = self.window
+        assert window is not None
+        before = window.contact, window.changed_at
+        if taken:
+            window.push(taken)
+        if before != (window.contact, window.changed_at):
+            for signal in self.signals.values():
+                signal.forget()
+        if window.count < LEAST:
+            return None
+        try:
+            live = {
+                name: self._output(name, sense, window.samples[sense.modality])
+                for name, sense in self.live.items()
+            }
+        except UserError as error:
+            self.failure = error
+            return None
+        self.voted = True
+        return self.classifier.vote({**self.fixed, **live}, self.card.decision["seed"])
+
+    def _output(self, name: str, sense: SignalSense, recording: Tensor) -> SenseOutput:
+        """What a live sense says of an input that is repeated to the size of a fragment."""
+        if sense.geometry is None:
+            return self.classifier.sense_output(name, recording)
+        x, level = sense.dense_input(recording), self.classifier.embedding_layer(name)
+        frames = max(x.shape[-1], sense.window_size[1])
+        x = x[..., torch.arange(frames, device=x.device) % x.shape[-1]]
+        return self.classifier.output_of(name, sense.dense(x, level))
 
 
-@torch.inference_mode()
-def _senses(classifier: SurfaceClassifier, photos: Mapping[str, Tensor]) -> dict[str, SenseOutput]:
-    """Compute the scores of the photos, once for all."""
-    return {
-        name: classifier.sense_output(name, photos[sense.modality])
-        for name, sense in classifier.senses.items()
-        if sense.modality in photos
-    }
+def _joined(old: Mapping[str, Tensor], new: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name: torch.cat((old[name], new[name]), dim=1) if old else new[name] for name in new}
+
+
+def _level(samples: Tensor) -> float:
+    """As :attr:`.TraceMonitor.level`: of all axes together, each without its mean."""
+    return float(samples.double().var(dim=1, correction=0).sum().sqrt())

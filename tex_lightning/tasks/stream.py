@@ -32,8 +32,7 @@ Chunk = npt.NDArray[np.floating]
 def run(config: Config, job: Job) -> None:
     """Push the signals, from files or standard input, chunk by chunk; print the vote after each.
 
-    Where samples wait at the end (``stream.wait``, or for the filter of another rate), one more
-    line gives the vote of all.
+    Where the filter of another rate holds samples back, one more line gives the vote of all.
 
     Raises:
         UserError: If the checkpoint cannot be streamed, the samples cannot be read, or they end

@@ -1,0 +1,115 @@
+"""A vote over the last seconds: what votes, when it forgets, and that it stays small."""
+
+import numpy as np
+import pytest
+import torch
+from conftest import RATE, make_card, make_trace
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tex_lightning as tl
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import StreamConfig
+from tex_lightning.errors import UserError
+from tex_lightning.inference.stream_live import LiveStream
+
+CHUNK = RATE // 10
+
+
+def make_stream(window=2.0, contact=0.1, **features) -> LiveStream:
+    """Of a HapticNet with random weights that takes traces of a level from 1 on."""
+    torch.manual_seed(0)
+    card = make_card("haptic", classes=["a", "b", "c"], width=0.1, **features)
+    card.input_ranges["haptic"] = {"level": [1.0, 5.0], "rate": [RATE, RATE]}
+    config = StreamConfig(chunk=0.1, window=window, contact=contact, axes=1)
+    classifier = SurfaceClassifier(card).eval()
+    return LiveStream(classifier, {"haptic": None}, {}, config, top_k=3)
+
+
+def noise(seconds: float, level: float = 2.0, axes: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(round(1000 * seconds))
+    samples = level * rng.standard_normal((axes, round(seconds * RATE))) + 9.8
+    return samples.astype(np.float32)
+
+
+@pytest.mark.parametrize("axes", [1, 3])
+def test_the_last_seconds_vote_as_if_there_were_no_others(axes):
+    stream, trace = make_stream(window=2.5, skip_impact=False), noise(4.05, axes=axes)
+    for end in range(CHUNK, trace.shape[1] + CHUNK, CHUNK):
+        found = stream.push(trace[:, end - CHUNK : end])
+    vote = stream.classifier.classify(haptic=torch.from_numpy(trace[:, 15_000:40_000]))
+    assert found.fragments == len(vote.fragments)
+    assert found.probability == pytest.approx(vote.probability)
+
+
+@torch.no_grad()
+def test_half_a_second_is_repeated_until_it_fills_a_fragment():
+    stream, trace = make_stream(), noise(0.5)
+    found = stream.push(trace)
+    frames = stream.live["haptic"].dense_input(torch.from_numpy(trace))  # 46 of 192
+    scores = stream.classifier.network(torch.cat([frames] * 5, dim=-1)[..., :192])
+    assert scores.shape[-1] == found.fragments == 1
+    assert found.probability == pytest.approx(float(scores[0, :, 0].double().softmax(0).max()))
+
+
+@settings(max_examples=8)
+@given(chunks=st.lists(st.sampled_from([1, 99, 1000, 1601, 7000]), max_size=9))
+def test_chunks_do_not_matter(chunks):
+    trace = np.concatenate((noise(2.0), noise(0.5, 1e-3), noise(1.2)), axis=1)
+    stream, place = make_stream(), 0
+    expected = make_stream().push(trace)
+    for chunk in [*chunks, trace.shape[1]]:
+        found = stream.push(trace[:, place : place + chunk])
+        place += chunk
+    assert (found.probability, found.changed_at) == (expected.probability, expected.changed_at)
+    assert found.changed_at == 2.5
+
+
+def test_what_is_kept_does_not_grow():
+    stream = make_stream(window=1.0)
+    for start in range(0, 60_000, 777):
+        stream.push(noise(6.0)[:, start : start + 777])
+        for kept in (stream.window.samples, stream.window.pending):
+            for samples in kept.values():
+                assert samples.untyped_storage().nbytes() <= 4 * RATE
+
+
+def test_a_pause_says_so_and_the_vote_begins_anew_behind_the_touch(bands):
+    pause = 1e-4 * np.random.default_rng(0).standard_normal(RATE)
+    joined = np.concatenate([pause, make_trace(0, 0, 2.0), pause, make_trace(2, 0, 2.0)])
+    stream = tl.load(bands, "stream.window=2").stream()
+    found = [stream.push(joined[start : start + CHUNK]) for start in range(0, len(joined), CHUNK)]
+    contact = [False] * 10 + [True] * 22 + [False] * 8 + [True] * 20
+    assert [each.contact for each in found] == contact
+    assert {each.label for each in found[:15]} == {None}
+    assert {each.label for each in found[15:32]} == {"alpha"}
+    assert {each.label for each in found[32:45]} == {None}
+    assert {each.label for each in found[45:]} == {"gamma"}
+    assert (found[20].changed_at, found[-1].changed_at) == (1.0, 4.0)
+    assert found[35].fragments == 0
+
+
+def test_a_stroke_may_turn_round_and_no_level_is_a_pause_where_none_is_known():
+    turn = np.concatenate((noise(1.0), noise(0.2, 1e-3), noise(1.0)), axis=1)
+    stream = make_stream()
+    assert stream.push(turn).label is not None
+    assert (stream.window.contact, stream.window.count) == (True, 20)
+    faint = make_stream(contact=0)
+    assert faint.push(noise(1.0, 1e-3)).label is not None
+    assert faint.push(np.full((1, RATE), 9.8)).label is None  # nothing at all
+
+
+def test_what_prevents_a_vote_is_said_in_the_end():
+    stream = make_stream()
+    with pytest.raises(UserError, match=r"ended within 0\.3 s"):
+        stream.check()
+    stream.push(noise(1.0, 1e-3))
+    stream.check()  # nothing was touched
+
+    def refuse(*_):
+        raise UserError("Too short.")
+
+    stream._output = refuse
+    assert stream.push(noise(1.0)).label is None
+    with pytest.raises(UserError, match="Too short"):
+        stream.check()
