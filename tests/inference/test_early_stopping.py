@@ -92,22 +92,11 @@ def test_costs_known_in_advance_are_those_of_the_pass(level):
     assert total == spent(lambda: model.logits(**inputs))
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_trace_is_taken_only_as_far_as_the_exact_vote_needs(seed):
-    model = classifier("haptic")
-    vote = SequentialClassifier(model, CONFIG).classify(haptic=trace(seed, 12.0))
-    full = model.classify(haptic=trace(seed, 12.0))
-    assert vote.label == full.label
-    assert len(vote.fragments) <= len(full.fragments)
-    if vote.relative_macs > 1:
-        assert len(vote.fragments) == len(full.fragments)
-
-
 def test_the_rest_of_a_trace_is_neither_transformed_nor_run(monkeypatch):
     model = classifier("haptic")
     sequential = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
     seen = []
-    features = sequential.streams["haptic"].features
+    features = sequential.stream.features
     original = features.spectra
     monkeypatch.setattr(features, "spectra", lambda x: seen.append(x.shape[1]) or original(x))
     vote = sequential.classify(haptic=trace(0, 12.0))  # which also counts what it will cost
@@ -120,24 +109,10 @@ def test_the_rest_of_a_trace_is_neither_transformed_nor_run(monkeypatch):
     assert vote.relative_macs < 0.25
 
 
-@pytest.mark.parametrize("kind", ["haptic", "fusion"])
-def test_a_short_trace_is_taken_whole_at_once(kind, monkeypatch):
-    model = classifier(kind)
-    sequential = SequentialClassifier(model, CONFIG)
-    pushed = []
-    monkeypatch.setattr(sequential.streams["haptic"], "push", pushed.append)
-    short = {"haptic": trace(0, 3.0), **({"image": photo(0)} if kind == "fusion" else {})}
-    vote = sequential.classify(**short)
-    assert pushed == []
-    assert vote.label == model.classify(**short).label
-    if kind == "haptic":
-        assert vote.relative_macs == 1.0
-
-
 def test_an_undecided_trace_costs_few_pushes_and_one_pass(monkeypatch):
     model = classifier("haptic")
     sequential = SequentialClassifier(model, CONFIG)
-    stream = sequential.streams["haptic"]
+    stream = sequential.stream
     pushes, push = [], stream.push
     monkeypatch.setattr(stream, "push", lambda x: pushes.append(x.shape[1]) or push(x))
     vote = sequential.classify(haptic=trace(0, 20.0))
@@ -213,19 +188,6 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
     assert rows
 
 
-@pytest.mark.parametrize("level", ["fc2", "fc3"])
-def test_fusion_takes_no_more_of_a_trace_than_it_needs(level):
-    model = classifier("fusion", level)
-    long = {"haptic": trace(0, 20.0), "image": photo(0, 1400, 1600)}
-    whole = Costs(model.card)
-    haptic = whole.of("haptic", 50, model.features["haptic"].count_frames(long["haptic"]))
-    share = haptic / (haptic + whole.of("visual", 1400, 1600))
-    sure = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0)).classify(**long)
-    assert sure.relative_macs < 0.3 * share
-    beginning = model.with_senses(["haptic"]).classify(haptic=trace(0, 3.0))
-    assert sure.label == beginning.label
-
-
 def test_the_cheaper_modality_comes_first(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
     small = photo(0, 240, 240)
@@ -233,40 +195,6 @@ def test_the_cheaper_modality_comes_first(monkeypatch):
     vote = SequentialClassifier(model, CONFIG).classify(haptic=trace(0, 60.0), image=small)
     assert rows == []
     assert vote.relative_macs < 0.5
-
-
-def test_fusion_draws_the_pairs_of_the_full_vote():
-    model = classifier("fusion")
-    model.network.head.weight.mul_(0.01)
-    model.network.head.bias.copy_(torch.tensor([0.0, 0.0, 5.0, 0.0]))
-    large = {"haptic": trace(0), "image": photo(0, 1400, 1600)}
-    vote = SequentialClassifier(model, replace(CONFIG, alpha=0.2)).classify(**large)
-    assert vote.label == model.classify(**large).label == 2
-    assert len(vote.fragments) < 20
-    assert vote.relative_macs < 0.5
-
-
-@pytest.mark.parametrize("level", ["fc2", "fc3"])
-def test_of_three_senses_the_cheapest_is_asked_alone_where_it_is_sure(monkeypatch, level):
-    model = classifier("three", level)
-    sample = given("three", 0)
-    costs = {
-        name: Costs(model.card).of(name, *sense.input_size(sample[sense.modality]))
-        for name, sense in model.senses.items()
-    }
-    first = min(costs, key=costs.get)
-    rows = {
-        name: count_positions(monkeypatch, sense.network)
-        for name, sense in model.senses.items()
-        if name != first
-    }
-    sure = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
-    vote = sure.classify(**sample)
-    assert not any(rows.values())
-    assert vote.relative_macs <= 1.01 * costs[first] / sum(costs.values())
-    unsure = SequentialClassifier(model, CONFIG).classify(**sample)
-    assert all(rows.values())
-    assert unsure.relative_macs >= 1
 
 
 @pytest.mark.parametrize("rule", ["vote", "score"])
@@ -280,7 +208,6 @@ def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monk
     }
     cheap, middle, dear = sorted(costs, key=costs.get)
     rows = count_positions(monkeypatch, model.sense(dear).network)
-    monkeypatch.setattr(early_stopping, "growing_prefixes", lambda *_: iter(()))
     answers = iter([False, True])
     monkeypatch.setattr(early_stopping, "is_confident", lambda *_: next(answers))
     vote = SequentialClassifier(model, CONFIG).classify(**sample)
@@ -291,29 +218,6 @@ def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monk
     tuples = random_tuples([each.shape[1] for each in partials], 200, model.seed(**sample))
     scores = sum(each[:, tuples[:, place]] for place, each in enumerate(partials))
     torch.testing.assert_close(vote.probabilities, RULES[rule](scores, 1.0).probabilities)
-
-
-def test_a_fusion_of_signals_alone_decides_as_the_full_one():
-    torch.manual_seed(0)
-    card = make_card("haptic", "sound", pairs=200, width=0.1)
-    model = SurfaceClassifier(card).eval().requires_grad_(False)
-    sample = {"haptic": trace(0), "sound": sound(0)}
-    vote, full = (m.classify(**sample) for m in (SequentialClassifier(model, CONFIG), model))
-    assert vote.label == full.label
-    assert torch.equal(vote.fragments, full.fragments)
-
-
-def test_windows_of_the_photo_of_three_senses_are_those_that_its_tuples_need():
-    model = classifier("three")
-    model.network.head.weight.mul_(0.01)
-    model.network.head.bias.copy_(torch.tensor([0.0, 0.0, 5.0, 0.0]))
-    sample = {**given("three", 0), "image": photo(0, 1400, 1600)}
-    vote = SequentialClassifier(model, replace(CONFIG, alpha=0.2)).classify(**sample)
-    full = model.classify(**sample)
-    assert vote.label == full.label == 2
-    assert len(vote.fragments) < 20
-    assert torch.equal(vote.fragments, full.fragments[: len(vote.fragments)])
-    assert vote.relative_macs < 0.7
 
 
 def test_a_single_photo_alone_needs_no_threshold():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from conftest import RATE, make_card, make_photo, make_trace, visualnet
+from conftest import RATE, make_card, make_photo, make_trace
 from torch import nn
 from torch.nn.functional import avg_pool2d
 
@@ -117,35 +117,11 @@ def test_a_trace_changes_class_when_it_changes(quiet):
     assert (start > quiet) == (quiet > 0)
     assert evidence.start == evidence.columns[0, 0] == start
     assert evidence.columns[0, 1] - start == pytest.approx(0.01 * 19 + 0.05)  # 20 frames
-    assert evidence.times[0] == pytest.approx(start + 0.025)
+    assert evidence.times[0] == pytest.approx(0.025)
     assert evidence.input.shape == (len(evidence.frequencies), len(evidence.times))
-    loud = evidence.input[:25].mean(axis=0) > evidence.input[25:].mean(axis=0)
+    moving = evidence.times > max(quiet, 0.1)
+    loud = moving & (evidence.input[:25].mean(axis=0) > evidence.input[25:].mean(axis=0))
     assert abs(evidence.times[loud][-1] - 3.5) < 0.05
-
-
-@pytest.mark.parametrize(
-    ("sense", "trunk", "size"),
-    [
-        ("haptic", "", (50, 400)),
-        ("visual", "alexnet_caffe", (240, 480)),
-        ("visual", "tcnn", (240, 480)),
-    ],
-)
-def test_a_fragment_is_in_the_middle_of_what_its_position_depends_on(sense, trunk, size):
-    torch.manual_seed(0)
-    network = SurfaceClassifier(make_card(sense, width=0.1)).network
-    if trunk:
-        network = visualnet(3, trunk, width=0.3)
-    network = network.eval()
-    channels = 1 if sense == "haptic" else 3
-    x = torch.rand(1, channels, *size, generator=torch.Generator().manual_seed(0))
-    scores = network.features(x.requires_grad_(), "fc3")
-    column = scores.shape[-1] // 2
-    scores[..., column].sum().backward()
-    reached = np.flatnonzero(x.grad.abs().sum(dim=(0, 1, 2)).numpy())
-    middle = column * network.stride + network.window_size[1] / 2
-    assert (reached[0] + reached[-1] + 1) / 2 == pytest.approx(middle, abs=2.5)
-    assert reached[-1] + 1 - reached[0] >= min(network.window_size[1], size[1]) - 16
 
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
@@ -183,14 +159,12 @@ def test_positions_that_nobody_declared_are_equal_parts(positions):
     evidence = found["visual"]
     rows, columns = evidence.labels.shape
     assert rows * columns == np.prod(positions)
-    assert not evidence.declared
     assert evidence.rows[:, 0].tolist() == [240 / rows * row for row in range(rows)]
     assert evidence.columns[-1].tolist() == [240 - 240 / columns, 240]
     if len(positions) == 1:
         trace = torch.from_numpy(make_trace(0, 0))[None]
         _, found = classify_with_maps(with_network("haptic", Closed(positions)), {"haptic": trace})
         evidence = found["haptic"]
-        assert not evidence.declared
         np.testing.assert_allclose(evidence.edges, np.linspace(0, 2.4, 5))
 
 

@@ -30,7 +30,7 @@ def photo_evidence(labels: np.ndarray, classes: int) -> PhotoEvidence:
     scores = 2.0 * (np.arange(classes)[:, None, None] == labels)
     rows, columns = (equal_parts(count, 0, 300) for count in labels.shape)
     pixels = np.zeros((300, 300, 3), np.uint8)
-    return PhotoEvidence("visual", "photo", scores, rows, columns, True, 1.0, pixels)
+    return PhotoEvidence("visual", scores, rows, columns, 1.0, pixels)
 
 
 def explanation(*evidence: PhotoEvidence | SignalEvidence, label: int = 0) -> Explanation:
@@ -163,13 +163,13 @@ def test_files_are_small_however_large_the_input(tmp_path):
     photo = photo_evidence(labels, 12)
     noise = rng.integers(0, 255, (2448, 3264, 3), dtype=np.uint8)
     rows, columns = (equal_parts(count, 0, size) for count, size in ((70, 2448), (95, 3264)))
-    photo = PhotoEvidence("visual", "photo", photo.scores, rows, columns, True, 1.0, noise)
+    photo = PhotoEvidence("visual", photo.scores, rows, columns, 1.0, noise)
     scores = rng.standard_normal((12, 1, 120))
     trace = rng.standard_normal((1, 20 * RATE)).astype(np.float32)
     signal = SignalEvidence(
-        "haptic", "trace", scores, np.zeros((1, 2)), equal_parts(120, 0, 20), True, 1.0, trace,
+        "haptic", scores, np.zeros((1, 2)), equal_parts(120, 0, 20), 1.0, trace,
         RATE, 0.0, rng.standard_normal((50, 1996)), np.arange(50) * 20.0,
-        np.arange(1996) / 100 + 0.025, True,
+        np.arange(1996) / 100 + 0.025,
     )  # fmt: skip
     path = tmp_path / "why.png"
     explanation(signal, photo).save(path)

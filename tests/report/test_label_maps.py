@@ -33,8 +33,8 @@ def signal(labels: list[int], columns: np.ndarray, seconds: float, rate: float) 
     samples = np.zeros((1, int(seconds * rate)), np.float32)
     nothing = np.empty(0)
     return SignalEvidence(
-        "haptic", "trace", scores(np.array([labels])), np.array([[0.0, 1.0]]), columns, True, 1.0,
-        samples, rate, columns[0, 0], None, nothing, nothing, True,
+        "haptic", scores(np.array([labels])), np.array([[0.0, 1.0]]), columns, 1.0,
+        samples, rate, columns[0, 0], None, nothing, nothing,
     )  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def test_a_photo_has_the_colours_of_its_fragments_and_is_grey_elsewhere(tmp_path
     labels = np.array([[0, 1], [2, 3]])
     rows, columns = equal_parts(2, 0, 400), equal_parts(2, 0, 600)
     photo = np.full((500, 600, 3), (0, 200, 0), np.uint8)  # 100 rows that no fragment reaches
-    evidence = PhotoEvidence("visual", "photo", scores(labels), rows, columns, True, 1.0, photo)
+    evidence = PhotoEvidence("visual", scores(labels), rows, columns, 1.0, photo)
     write_map(tmp_path / "a" / "b.png", evidence, CLASSES, "alpha", "gamma")
     found = pixels(tmp_path / "a" / "b.png")
     assert max(found.shape) <= SIDE
@@ -133,7 +133,7 @@ def test_a_recording_that_two_senses_look_at_has_a_map_of_each(tmp_path):
     for sense, label in (("one", 0), ("two", 1)):
         given = scores(np.array([[label]])), parts, parts, True, 1.0, black
         path = map_folder(tmp_path, "fusion") / "0" / "haptic" / f"{sense}.png"
-        write_map(path, PhotoEvidence(sense, "photo", *given), CLASSES, *CLASSES[:2])
+        write_map(path, PhotoEvidence(sense, *given), CLASSES, *CLASSES[:2])
     assert [path.stem for path in find_maps(tmp_path, "fusion", 0, "haptic")] == ["one", "two"]
     (shown,) = shown_samples(tmp_path, ["fusion"])
     names = [medium.name for medium in shown.media]

@@ -64,7 +64,6 @@ def test_a_part_of_a_fusion_and_equal_cuts_are_drawn(untrained, bands, files, tm
     cuts = tl.load(bands).explain(haptic=files / "s0.wav")
     evidence = cuts.senses["haptic"]
     assert evidence.columns[-1, 1] == evidence.seconds == 2.4
-    assert not evidence.is_read
     cuts.save(tmp_path / "cuts.png")
     assert (tmp_path / "cuts.png").stat().st_size > 10_000
 

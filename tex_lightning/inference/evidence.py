@@ -2,13 +2,14 @@
 
 A position is given the fragment that it begins with: the window that gives exactly one prediction,
 and on which the network was trained. In a longer recording it also sees a margin around it, as far
-as the network's receptive field reaches (of HapticNet 15 frames on either side).
+as the network's receptive field reaches (of HapticNet 15 frames on either side). Where a network
+does not say where its positions lie, the recording is taken as cut into as many equal parts.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,24 +34,19 @@ class Evidence:
 
     Attributes:
         name: Name of the sense.
-        what: What its recordings are called.
         scores: (classes, rows, columns) float32, before softmax: a network's class scores, or what
             the sense adds to those of a FusionNet. Signals have one row.
         rows: (rows, 2) first pixel of each row of fragments and one past the last, from the top;
             not used of signals. The last may reach beyond the photo.
         columns: (columns, 2) the same from the left, in pixels; of signals begin and end in
             seconds of the recording.
-        declared: Whether the network says where its positions lie; else the photo or the movement
-            is taken as cut into as many equal parts.
         temperature: What scores are divided by before they become probabilities.
     """
 
     name: str
-    what: str
     scores: Floats
     rows: Floats
     columns: Floats
-    declared: bool
     temperature: float
 
     @property
@@ -61,32 +57,27 @@ class Evidence:
 
     def probabilities(self, label: int) -> Floats:
         """(rows, columns) probability of a class at every position, 0 to 1."""
-        found = torch.from_numpy(self.scores).double().div(self.temperature).softmax(dim=0)
-        return cast(Floats, found[label].numpy())
+        scores = torch.from_numpy(self.scores).double().div(self.temperature)
+        found: Floats = scores.softmax(dim=0)[label].numpy()
+        return found
 
     def rivals(self, label: int) -> Labels:
         """(rows, columns) the best other class of every position."""
-        found: Labels = self._others(label).argmax(axis=0)
+        others = self.scores.copy()
+        others[label] = -np.inf
+        found: Labels = others.argmax(axis=0)
         return found
 
     def margins(self, label: int) -> Floats:
         """(rows, columns) score of a class less that of the best other one there."""
-        found: Floats = self.scores[label] - self._others(label).max(axis=0)
+        rivals = np.take_along_axis(self.scores, self.rivals(label)[None], axis=0)[0]
+        found: Floats = self.scores[label] - rivals
         return found
 
     def extremes(self, label: int) -> tuple[tuple[int, int], tuple[int, int]]:
         """Row and column of the positions with the largest and the smallest margin."""
-        margins = self.margins(label)
-        most, least = (
-            np.unravel_index(int(place), margins.shape)
-            for place in (margins.argmax(), margins.argmin())
-        )
-        return (int(most[0]), int(most[1])), (int(least[0]), int(least[1]))
-
-    def _others(self, label: int) -> Floats:
-        others = self.scores.copy()
-        others[label] = -np.inf
-        return others
+        margins, columns = self.margins(label), self.scores.shape[2]
+        return divmod(int(margins.argmax()), columns), divmod(int(margins.argmin()), columns)
 
 
 @dataclass(frozen=True)
@@ -108,10 +99,9 @@ class PhotoEvidence(Evidence):
         Returns:
             (height, width) over ``step``, rounded up; -1 where no fragment reaches.
         """
-        height, width = self.pixels.shape[:2]
         places = [
             nearest(extents, (np.arange(0, size, step) + step / 2).clip(max=size - 0.5))
-            for extents, size in ((self.rows, height), (self.columns, width))
+            for extents, size in zip((self.rows, self.columns), self.pixels.shape, strict=False)
         ]
         found: Labels = self.labels[np.ix_(*places)]
         found[places[0] < 0] = -1
@@ -127,11 +117,9 @@ class SignalEvidence(Evidence):
         samples: (axes, samples) float32 in the unit of the recording.
         rate: Rate of the samples in Hz.
         start: Seconds of the recording before steady movement, which the network does not read.
-        input: (bands, frames) the spectrogram that the network reads, normalised; where it reads
-            something else, logarithmic magnitudes of the recording. None of one too short.
+        input: (bands, frames) logarithmic magnitudes of the recording; None of one too short.
         frequencies: (bands,) in Hz.
         times: (frames,) centre of each frame in seconds of the recording.
-        is_read: Whether ``input`` is what the network reads.
     """
 
     samples: Floats
@@ -140,7 +128,6 @@ class SignalEvidence(Evidence):
     input: Floats | None
     frequencies: Floats
     times: Floats
-    is_read: bool
 
     @property
     def seconds(self) -> float:
@@ -227,74 +214,49 @@ def refuse_baseline(classifier: SurfaceClassifier) -> None:
 
 
 def _evidence(sense: Sense, recording: Tensor, scores: Floats, temperature: float) -> Evidence:
-    common: dict[str, Any] = {
-        "name": sense.name,
-        "what": sense.what,
-        "scores": scores,
-        "temperature": temperature,
-    }
     if isinstance(sense, SignalSense):
-        return _of_signal(sense, recording, common)
-    height, width = recording.shape[:2]
-    counts = scores.shape[1:]
-    declared = is_builtin(sense.features) and sense.geometry is not None
-    if declared:
-        rows, columns = (
+        return _of_signal(sense, recording, scores, temperature)
+    counts, sizes = scores.shape[1:], recording.shape[:2]
+    if is_builtin(sense.features) and sense.geometry is not None:
+        extents = [
             window_extents(count, sense.stride, window)
             for count, window in zip(counts, sense.window_size, strict=True)
-        )
+        ]
     else:
-        rows, columns = (
-            equal_parts(count, 0, size) for count, size in zip(counts, (height, width), strict=True)
-        )
-    pixels = recording.cpu().numpy()
-    return PhotoEvidence(**common, rows=rows, columns=columns, declared=declared, pixels=pixels)
+        extents = [equal_parts(count, 0, size) for count, size in zip(counts, sizes, strict=True)]
+    return PhotoEvidence(sense.name, scores, *extents, temperature, recording.cpu().numpy())
 
 
-def _of_signal(sense: SignalSense, recording: Tensor, common: dict[str, Any]) -> SignalEvidence:
+def _of_signal(
+    sense: SignalSense, recording: Tensor, scores: Floats, temperature: float
+) -> SignalEvidence:
     rate, features = sense.decoder.sampling_rate, sense.spectrogram
     skips = getattr(sense.features, "skip_impact", False)
     start = movement_start(recording, rate) / rate if skips else 0.0
-    count, seconds = common["scores"].shape[2], recording.shape[-1] / rate
-    declared = features is not None and sense.geometry is not None
-    if features is not None and declared:
-        frames = window_extents(count, sense.stride, sense.window_size[1])
+    if features is not None and sense.geometry is not None:
+        frames = window_extents(scores.shape[2], sense.stride, sense.window_size[1])
         frames[:, 1] -= 1  # the last frame begins there
         columns = start + frames * features.hop_length / rate
         columns[:, 1] += features.window_length / rate
     else:
-        columns = equal_parts(count, start, seconds)
-    shown = _mel(recording, rate) if features is None else (features, sense(recording)[0, 0])
-    values: Floats | None = None
-    times: Floats = np.empty(0)
-    frequencies: Floats = np.empty(0)
-    if shown is not None:
-        reader, found = shown
-        values, frequencies = found.cpu().numpy(), reader.frequencies.numpy()
-        begins = np.arange(found.shape[1]) * reader.hop_length + reader.window_length / 2
-        times = (start if features is not None else 0.0) + begins / rate
+        columns = equal_parts(scores.shape[2], start, recording.shape[-1] / rate)
+    shown = _mel(recording.cpu(), rate)
+    rows, samples = np.array([[0.0, 1.0]]), recording.cpu().numpy()
     return SignalEvidence(
-        **common,
-        rows=np.array([[0.0, 1.0]]),
-        columns=columns,
-        declared=declared,
-        samples=recording.cpu().numpy(),
-        rate=rate,
-        start=start,
-        input=values,
-        frequencies=frequencies,
-        times=times,
-        is_read=features is not None,
+        sense.name, scores, rows, columns, temperature, samples, rate, start, *shown
     )
 
 
-def _mel(recording: Tensor, rate: float) -> tuple[SpectrogramFeatures, Tensor] | None:
-    """A spectrogram for the eye, of a signal that the network reads in another way."""
+def _mel(recording: Tensor, rate: float) -> tuple[Floats | None, Floats, Floats]:
+    """Logarithmic magnitudes (bands, frames) for the eye, frequencies and times."""
     if recording.shape[-1] < 2:
-        return None
+        return None, np.empty(0), np.empty(0)
     seconds = min(0.05, recording.shape[-1] / rate)
     reader = SpectrogramFeatures(
         sampling_rate=rate, scale="mel", skip_impact=False, window_seconds=seconds
     )
-    magnitudes = reader.magnitudes(recording.cpu())
-    return reader, (magnitudes / magnitudes.mean().clamp(min=1e-30) + FLOOR).log()
+    magnitudes = reader.magnitudes(recording)
+    values = (magnitudes / magnitudes.mean().clamp(min=1e-30) + FLOOR).log().numpy()
+    begins = np.arange(values.shape[1]) * reader.hop_length
+    times = (begins + reader.window_length / 2) / rate
+    return values, reader.frequencies.numpy(), times

@@ -334,10 +334,6 @@ class Explanation:
     def _draw(self, part: SubFigure, evidence: Evidence, key: Key) -> None:
         rival, margin = key.name(self.rival), self.contributions[evidence.name]
         title = f"{evidence.name}: mean margin {margin:+.1f} over {rival}"
-        if not evidence.declared:
-            title += f"; positions drawn as equal parts of the {evidence.what}"
-        if isinstance(evidence, SignalEvidence) and not evidence.is_read:
-            title += "; the spectrogram is not what the network reads"
         part.suptitle(title, fontsize=SMALL + 2, ha="left", x=0.01)
         if isinstance(evidence, SignalEvidence):
             draw_signal(part, evidence, key)
