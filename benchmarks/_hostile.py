@@ -200,7 +200,7 @@ def _predictions(folder: Path) -> Iterator[tuple[str, list[str]]]:
 def _trainings(folder: Path) -> Iterator[tuple[str, list[str]]]:
     """Weights and tables of severities."""
     for name in WEIGHTS:
-        trunk = "alexnet_torchvision" if name.endswith(".pth") else "alexnet"
+        trunk = "efficientnet_lite0" if name.endswith(".pth") else "alexnet"
         plain = ["model.visual.width=1", "model.visual.norm=none", "data=synthetic"]
         yield name, ["model=visual", f"trunk={trunk}", f"weights={folder / name}", *plain]
     for name in SEVERITIES:

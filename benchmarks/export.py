@@ -43,7 +43,6 @@ NETWORKS: dict[str, tuple[str, ...]] = {
     "alexnet": ("model=visual",),
     "alexnet_quarter": ("model=visual", "model.visual.width=0.25"),
     "alexnet_lrn": ("model=visual", "model.visual.norm=lrn"),
-    "alexnet_torchvision": ("model=visual", "trunk=alexnet_torchvision"),
     "tcnn": ("model=visual_tcnn",),
     "vgg_m": ("model=visual_vgg_m",),
     "lite0": (LITE, "weights=null"),

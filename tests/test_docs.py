@@ -15,7 +15,7 @@ from tex_lightning.config import CONF
 from tex_lightning.config.check import check_known
 from tex_lightning.config.composition import compose_config, quote_files
 from tex_lightning.config.weights import read_config
-from tex_lightning.networks.tiles import layer_windows, receptive_field
+from tex_lightning.networks.geometry import layer_windows, receptive_field
 from tex_lightning.report.table import paper_table
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 

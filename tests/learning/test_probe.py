@@ -4,6 +4,7 @@ import json
 from collections import OrderedDict
 from itertools import count
 
+import numpy as np
 import pytest
 import torch
 from conftest import make_card, trunk_node, visualnet
@@ -62,18 +63,18 @@ def test_folding_equals_standardised_features(norm):
 
 def test_pretrained_weights_from_the_command_line(cli, surfaces, tmp_path):
     torch.manual_seed(0)
-    layers = [(64, 3, 11), (192, 64, 5), (384, 192, 3), (256, 384, 3), (256, 256, 3)]
+    layers = [(96, 3, 11), (256, 48, 5), (384, 256, 3), (384, 192, 3), (256, 192, 3)]
     state = OrderedDict()
-    for place, (outputs, inputs, kernel) in zip((0, 3, 6, 8, 10), layers, strict=True):
+    for place, (outputs, inputs, kernel) in enumerate(layers, 1):
         conv = nn.Conv2d(inputs, outputs, kernel)
-        state[f"features.{place}.weight"], state[f"features.{place}.bias"] = conv.parameters()
-    torch.save({key: value.detach() for key, value in state.items()}, tmp_path / "weights.pth")
+        state[f"conv{place}.weight"], state[f"conv{place}.bias"] = conv.parameters()
+    arrays = {key: value.detach().numpy() for key, value in state.items()}
+    np.savez(tmp_path / "weights.npz", **arrays)
     outcome = cli(
         "model=visual",
-        "trunk=alexnet_torchvision",
         "model.visual.width=1",
         "model.visual.norm=none",
-        f"weights={tmp_path / 'weights.pth'}",
+        f"weights={tmp_path / 'weights.npz'}",
         "model.visual.fit.probe.steps=5",
         "data=folder",
         f"data.root={surfaces}",

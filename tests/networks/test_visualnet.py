@@ -11,7 +11,6 @@ NARROW = 0.05
 # Offset of the first output's receptive field and its size, by hand from kernels and paddings.
 RECEPTIVE_FIELDS = {
     "alexnet_caffe": (-64, 355),
-    "alexnet_torchvision": (-66, 355),
     "tcnn": (-32, 291),
     "vgg_m": (-52, 331),
     "efficientnet_lite0": (-394, 1043),
@@ -19,7 +18,6 @@ RECEPTIVE_FIELDS = {
 }
 SINGLE_OUTPUT = {
     "alexnet_caffe": (199, 230),
-    "alexnet_torchvision": (223, 254),
     "tcnn": (215, 230),
     "vgg_m": (201, 232),
     "efficientnet_lite0": (224, 255),
@@ -56,7 +54,6 @@ def test_published_head_of_tcnn():
     ("trunk", "count"),
     [
         ("alexnet_caffe", 2_334_080),
-        ("alexnet_torchvision", 2_469_696),
         # conv1 to conv5 of VGG-M: 7x7x3x96, 5x5x96x256, 3x3x256x512 and twice 3x3x512x512
         ("vgg_m", 14_112 + 614_400 + 1_179_648 + 2 * 2_359_296 + 96 + 256 + 3 * 512),
     ],
@@ -181,17 +178,6 @@ def test_batch_normalisation_follows_every_hidden_convolution(trunk):
     assert [m.bias is not None for m in convolutions] == [False] * len(norms) + [True]
 
 
-@pytest.mark.parametrize(
-    ("trunk", "norm"), [("alexnet_caffe", "lrn"), ("alexnet_torchvision", "none")]
-)
-def test_plain_networks_have_no_batch_normalisation(trunk, norm):
-    net = visualnet(3, trunk=trunk, norm=norm, width=NARROW)
-    kinds = [type(m).__name__ for m in net.modules()]
-    assert "BatchNorm2d" not in kinds
-    assert kinds.count("LocalResponseNorm") == (2 if norm == "lrn" else 0)
-    assert all(m.bias is not None for m in net.modules() if isinstance(m, torch.nn.Conv2d))
-
-
 def test_features():
     net = visualnet(7, trunk="tcnn", width=0.2).eval()
     x = torch.rand(2, 3, 232, 216)
@@ -211,7 +197,6 @@ def test_every_parameter_learns(trunk):
     assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in net.parameters())
 
 
-@pytest.mark.parametrize("trunk", ["alexnet_torchvision", "efficientnet_lite0"])
-def test_lrn_is_only_for_caffe_trunks(trunk):
+def test_lrn_is_only_for_caffe_trunks():
     with pytest.raises(UserError, match=r"model\.visual\.norm=lrn .*batch, none\."):
-        visualnet(3, trunk=trunk, norm="lrn")
+        visualnet(3, trunk="efficientnet_lite0", norm="lrn")

@@ -218,13 +218,14 @@ def _evidence(sense: Sense, recording: Tensor, scores: Floats, temperature: floa
         return _of_signal(sense, recording, scores, temperature)
     counts, sizes = scores.shape[1:], recording.shape[:2]
     if is_builtin(sense.features) and sense.geometry is not None:
-        extents = [
+        rows, columns = (
             window_extents(count, sense.stride, window)
             for count, window in zip(counts, sense.window_size, strict=True)
-        ]
+        )
     else:
-        extents = [equal_parts(count, 0, size) for count, size in zip(counts, sizes, strict=True)]
-    return PhotoEvidence(sense.name, scores, *extents, temperature, recording.cpu().numpy())
+        rows, columns = (equal_parts(*each) for each in zip(counts, (0, 0), sizes, strict=True))
+    pixels = recording.cpu().numpy()
+    return PhotoEvidence(sense.name, scores, rows, columns, temperature, pixels)
 
 
 def _of_signal(

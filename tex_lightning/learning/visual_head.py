@@ -30,7 +30,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.banks import PhotoBank, mirrored, random_corner
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.linear import fit_temperature
-from tex_lightning.networks.trunks.textures import TextureFeatures
+from tex_lightning.networks.trunks.efficientnet_lite import TextureFeatures
 from tex_lightning.networks.visualnet import VisualNet
 
 MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies is not blown up

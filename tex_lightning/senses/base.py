@@ -20,8 +20,7 @@ from tex_lightning.data.recordings import Recording, name_one
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.networks.blocks import Level, is_builtin
-from tex_lightning.networks.geometry import Geometry, geometry_of, min_size_of
-from tex_lightning.networks.tiles import affordable, in_tiles
+from tex_lightning.networks.geometry import Geometry, affordable, geometry_of, in_tiles
 from tex_lightning.networks.visualnet import VisualNet
 
 Change = Callable[[Tensor], Tensor]
@@ -269,7 +268,8 @@ class Sense(ABC):
     @property
     def known_min_size(self) -> tuple[int, int] | None:
         """Height and width of the smallest input that gives a position, if that can be told."""
-        return min_size_of(self.network, self.example, rows_vary=self.medium == "photo")
+        geometry = self.geometry
+        return getattr(self.network, "min_size", None) if geometry is None else geometry.min_size
 
     @property
     def min_size(self) -> tuple[int, int]:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tex_lightning.networks.blocks import Window
-from tex_lightning.networks.trunks.textures import TextureFeatures
+from tex_lightning.networks.trunks.efficientnet_lite import TextureFeatures
 
 
 @pytest.mark.parametrize(("window", "step"), [(7, 1), (6, 2)])

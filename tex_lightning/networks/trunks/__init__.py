@@ -1,15 +1,13 @@
 """Convolutional trunks of VisualNet, by the names that published weights go by."""
 
 from tex_lightning.networks.blocks import Norm
-from tex_lightning.networks.trunks.alexnet import CaffeAlexNet, TorchvisionAlexNet
+from tex_lightning.networks.trunks.alexnet import CaffeAlexNet, TcnnTrunk
 from tex_lightning.networks.trunks.base import Trunk
 from tex_lightning.networks.trunks.efficientnet_lite import EfficientNetLite0, EfficientNetLite2
-from tex_lightning.networks.trunks.tcnn import TcnnTrunk
 from tex_lightning.networks.trunks.vgg_m import VggMTrunk
 
 TRUNKS: dict[str, type[Trunk]] = {
     "alexnet_caffe": CaffeAlexNet,
-    "alexnet_torchvision": TorchvisionAlexNet,
     "tcnn": TcnnTrunk,
     "vgg_m": VggMTrunk,
     "efficientnet_lite0": EfficientNetLite0,

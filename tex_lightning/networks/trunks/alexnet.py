@@ -1,4 +1,4 @@
-"""The convolutional part of AlexNet, as trained in Caffe and as trained in torchvision."""
+"""The convolutional part of AlexNet, as trained in Caffe, and its first half for textures."""
 
 from collections import OrderedDict
 from typing import ClassVar
@@ -17,8 +17,7 @@ from tex_lightning.networks.trunks.base import Trunk
 
 CAFFE_CONV1 = Window(11, 4)
 CAFFE_POOL = Window(3, 2, ceil=True)
-TORCHVISION_CONV1 = Window(11, 4, padding=2)
-TORCHVISION_POOL = Window(3, 2)
+AVERAGE = Window(13)  # of VisualNet-TCNN
 
 
 def caffe_channels(width: float) -> tuple[int, ...]:
@@ -66,36 +65,28 @@ class CaffeAlexNet(Trunk):
         return nn.Sequential(layers)
 
 
-class TorchvisionAlexNet(Trunk):
-    """AlexNet as in torchvision (the "one weird trick" variant): no groups, no LRN."""
+class TcnnTrunk(Trunk):
+    """conv1 to conv3 of Caffe's AlexNet in VisualNet's order, then average pooling over 13x13.
 
-    norms = ("batch", "none")
-    geometry = (TORCHVISION_CONV1, TORCHVISION_POOL, TORCHVISION_POOL, TORCHVISION_POOL)
-    fc1_kernel = 6
-    final = ("layers.conv5.0",)
-    layouts: ClassVar = {
-        "torchvision": {
-            f"features.{place}": f"layers.conv{n}.0" for n, place in enumerate((0, 3, 6, 8, 10), 1)
-        }
-    }
-    imagenet_url = "https://download.pytorch.org/models/alexnet-owt-7be5be79.pth"
-    imagenet_sha256 = "7be5be791159472b1fbf3c69796f7cb30dca7ad8466c2df70058c37116cdee02"
+    The paper keeps VisualNet's first three convolutions, so the normalisation comes before the
+    pooling here, where T-CNN-3 has it after. The paper gives no stride of the averaging; 1 is
+    Caffe's default and T-CNN's.
+    """
+
+    norms = NORMS
+    geometry = (CAFFE_CONV1, CAFFE_POOL, CAFFE_POOL, AVERAGE)
+    fc1_kernel = 1
+    final = ("layers.conv3.0",)
+    layouts: ClassVar = {"caffe": {f"conv{n}": f"layers.conv{n}.0" for n in range(1, 4)}}
 
     def build(self) -> nn.Sequential:
-        """Return conv1 to conv5 with their poolings."""
-        one, two, three, four, five = (scaled(c, self.width) for c in (64, 192, 384, 256, 256))
-        kernel, stride, padding, *_ = TORCHVISION_CONV1
-        norm = self.norm
-        self.out_channels = five
-        return nn.Sequential(
-            OrderedDict(
-                conv1=conv_block(3, one, kernel, norm=norm, stride=stride, padding=padding),
-                pool1=TORCHVISION_POOL.max_pool(),
-                conv2=conv_block(one, two, 5, norm=norm, padding=2),
-                pool2=TORCHVISION_POOL.max_pool(),
-                conv3=conv_block(two, three, 3, norm=norm, padding=1),
-                conv4=conv_block(three, four, 3, norm=norm, padding=1),
-                conv5=conv_block(four, five, 3, norm=norm, padding=1),
-                pool5=TORCHVISION_POOL.max_pool(),
-            )
+        """Return conv1 to conv3 with their poolings, and the average."""
+        channels = caffe_channels(self.width)[:3]
+        layers = caffe_conv123(channels, self.norm)
+        # Over rows, then over columns: the same average with 26 additions instead of 169.
+        layers["average"] = nn.Sequential(
+            nn.AvgPool2d((AVERAGE.kernel, 1), AVERAGE.stride),
+            nn.AvgPool2d((1, AVERAGE.kernel), AVERAGE.stride),
         )
+        self.out_channels = channels[-1]
+        return nn.Sequential(layers)

@@ -1,6 +1,6 @@
 """The declarations of every trunk of VisualNet, and the geometry that follows from them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from math import prod
 from typing import ClassVar, Literal
 
@@ -9,9 +9,15 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise, is_builtin
-from tex_lightning.networks.geometry import MAX_SIDE, map_sizes, measure_steps, smallest
+from tex_lightning.networks.geometry import (
+    MAX_SIDE,
+    map_sizes,
+    measure_steps,
+    side_after,
+    smallest,
+)
 
-Layout = Literal["caffe", "torchvision", "efficientnet"]
+Layout = Literal["caffe", "efficientnet"]
 
 
 class Trunk(nn.Module):
@@ -32,10 +38,9 @@ class Trunk(nn.Module):
             which FC3 can score as they are.
         layouts: For each layout of weight files, the file's name of every convolution here, that
             on pixels first; empty where there are none.
-        imagenet_url: Official ImageNet weights in the torchvision layout, if there are any.
         imagenet_package: Package of Python that holds ImageNet weights as its only file
             ``models/*.pth``, if there is one.
-        imagenet_sha256: SHA-256 of that file, or its first digits where no more are published.
+        imagenet_sha256: SHA-256 of that file.
         out_channels: Channel count of the features.
 
     Args:
@@ -53,7 +58,6 @@ class Trunk(nn.Module):
     final: ClassVar[tuple[str, ...]] = ()
     textures: ClassVar[bool] = False
     layouts: ClassVar[Mapping[Layout, Mapping[str, str]]] = {}
-    imagenet_url: ClassVar[str | None] = None
     imagenet_package: ClassVar[str | None] = None
     imagenet_sha256: ClassVar[str | None] = None
     out_channels: int
@@ -111,10 +115,3 @@ class Trunk(nn.Module):
             return prod(window.stride for window in self.geometry)
         steps = measure_steps(self.output_side)
         return 0 if steps is None else steps.stride
-
-
-def side_after(windows: Iterable[Window], side: int) -> int:
-    """Return the side of the map that layers make of a side of so many pixels; 0 if too small."""
-    for window in windows:
-        side = window.output(side)
-    return side
