@@ -27,7 +27,7 @@ from tex_lightning.core.files import quiet_threads
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import is_rank_zero, started_processes
 from tex_lightning.core.run_folder import claim_folder, find_checkpoint, locked_folder
-from tex_lightning.data.decode import SignalDecoder, read_trace
+from tex_lightning.data.decode import MIN_RATE, SignalDecoder, read_trace
 from tex_lightning.data.folds import count_folds
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording
@@ -129,13 +129,13 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
     rates = (_rate(row, data.file_rate, channels[row.modality]) for row in looked_at.values())
     rate = max(rates, default=PAPERS_RATE)
-    if not 0 < rate < PAPERS_RATE:
+    if not MIN_RATE <= rate < PAPERS_RATE:
         return PAPERS_RATE
     log.info(
         "Traces keep their own rate, %s Hz (%s=%g brings them to the paper's).",
         f"{rate:,.6g}", RATE, PAPERS_RATE,
     )  # fmt: skip
-    return rate
+    return max(rate, 20.0)  # of a clock that is not exact
 
 
 def _rate(row: Recording, assumed: float | None, channel: int | None) -> float:

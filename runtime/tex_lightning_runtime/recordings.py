@@ -10,6 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 Array = np.ndarray[Any, np.dtype[Any]]
+MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 MAX_SAMPLES = 1 << 29  # of a signal, 2 GiB of float32
 MAX_TEXT, MAX_LINE = 1 << 29, 1 << 20  # bytes of a file of text; letters of a line
@@ -106,8 +107,8 @@ def _unlike(sense: dict[str, Any], **measures: float) -> list[str]:
 
 def resample(x: Array, source: float, target: float) -> Array:
     """Bring signals (axes, samples) to another rate in Hz; equal to SciPy's to the last bit."""
-    ratio = Fraction(target / source if source > 0 else 0).limit_denominator(10_000)
-    require(0.001 < ratio < 1000, f"A rate of {source:g} Hz is far from {target:g}; correct it.")
+    require(MIN_RATE <= source <= MAX_RATE, f"A rate of {source:g} Hz is far from 20 to 200,000.")
+    ratio = Fraction(target / source).limit_denominator(10_000)
     count, most = int(x.size * ratio), f"the most are {MAX_SAMPLES:,}; correct the rate"
     require(count <= MAX_SAMPLES, f"At {source:g} Hz there would be {count:,} samples, {most}.")
     (up, down), dtype = ratio.as_integer_ratio(), x.dtype.type
@@ -139,10 +140,6 @@ def read_trace(given: Any, sense: dict[str, Any], rate: float | None) -> tuple[A
         (table, own), name, usual = table, given, sense["file_rate"]
         if (channel := sense["channel"]) is not None and table.ndim == 2:  # or nothing
             table = (table.T if len(table) < table.shape[1] else table)[:, channel : channel + 1]
-        path = Path(given).expanduser().absolute()
-        tables = [folder / "rates.csv" for folder in path.parents[:3]]
-        for each in (path.with_name(f"{path.name}.json"), path.with_suffix(".json"), *tables):
-            require(own or rate or not each.is_file(), f"{each} may say the rate; give rate=HZ.")
     trace = np.atleast_2d(table)
     trace = trace if len(trace) in (1, 3) else trace.T
     fits = table.dtype.kind in "fiu" and table.ndim in (1, 2) and len(trace) in (1, 3)

@@ -107,7 +107,10 @@ def test_few_of_each_class_come_from_what_is_not_tested():
 @pytest.mark.parametrize(
     ("where", "message"),
     [
-        ({"sped": 60}, r"names sped, .* \(did you mean speed\?\); choose from speed, light, wet"),
+        (
+            {"sped": 60},
+            r"names sped, which no recording says \(did you mean speed\?\); choose from",
+        ),
         ({"speed": 61}, r"no recording has speed 61 \(did you mean 6.*choose from 6, 50, 60.*fast"),
         ({"light": ["lamp", "lmp"]}, r"has light lmp \(did you mean lamp\?\)"),
     ],
@@ -125,17 +128,17 @@ def test_a_condition_that_some_of_a_sense_do_not_say_is_refused():
 
 
 def test_recordings_without_any_conditions_are_told_where_they_come_from():
-    with pytest.raises(UserError, match="have no conditions; give them as further columns of a"):
+    with pytest.raises(UserError, match="choose from further columns of a manifest"):
         check_conditions(Recordings((trace(0),)), {"speed": 60})
 
 
 def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     rows = Recordings((trace(0, speed="1"), trace(1, "b", speed="1"), trace(2, "b", speed="2")))
     for where, message in (
-        ({"speed": 1}, "no traces to train on for a; .* test less in data.test_where"),
+        ({"speed": 1}, "no traces to train on for a; .* test less"),
         (
             {"speed": 3},
-            "The part with speed 3 holds nothing to test on .* choose another data.test_where",
+            "The part with speed 3 holds nothing to test on .* or data.test_where",
         ),
     ):
         with pytest.raises(UserError, match=message):

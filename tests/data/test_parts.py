@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from tex_lightning.data.recordings import (
     cut_part,
     equal_parts,
-    name_part,
     overlap,
     read_part,
-    split_name,
     write_part,
 )
 
@@ -26,8 +24,6 @@ PARTS = st.tuples(BORDERS, BORDERS).filter(lambda part: part[0] < part[1])
 @given(PARTS)
 def test_text_gives_the_same_part_back(part):
     assert read_part(write_part(part)) == part
-    assert split_name(name_part(Path("a#b.wav"), part)) == (Path("a#b.wav"), part)
-    assert split_name(name_part(Path("a#b.wav"), None)) == (Path("a#b.wav"), None)
 
 
 @given(PARTS, PARTS)

@@ -137,35 +137,6 @@ def test_a_damaged_entry_is_replaced(store, surfaces):
         np.testing.assert_array_equal(store.load(row), whole)
 
 
-@pytest.mark.parametrize("modality", ["haptic", "image"])
-def test_an_entry_that_is_another_one_is_replaced(store, surfaces, modality):
-    rows = read_folder(surfaces).of(modality).rows[:2]
-    whole = [np.array(store.load(row)) for row in rows]
-    first, second = (store._entry(row) for row in rows)
-    wrong = np.full_like(whole[0], np.nan if modality == "haptic" else 0)
-    content = bytearray(first.read_bytes())
-    content[len(content) // 2] ^= 1
-
-    def pipe(path):
-        path.unlink()
-        os.mkfifo(path)
-
-    for damage in (
-        lambda path: shutil.copy(second, path),
-        lambda path: np.save(path, wrong),
-        lambda path: path.write_bytes(content),
-        pipe,
-    ):
-        damage(first)
-        np.testing.assert_array_equal(store.load(rows[0]), whole[0])
-        damage(first)
-        assert Store(store.root.parent, DECODERS).fill(rows) == []
-        np.testing.assert_array_equal(np.load(first), whole[0])
-        if modality == "haptic":
-            damage(first)
-            assert store.rate(rows[0]).hz == 10_000
-
-
 def test_a_file_of_the_same_size_and_time_is_decoded_anew(store, tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, np.ones(100))

@@ -51,19 +51,6 @@ def test_dialects_give_the_same_axes(tmp_path, text, encoding):
     assert source.source == "assumed"
 
 
-@pytest.mark.parametrize("text", ["%s\n", "e\n%s\n", "\r\n\n%s", "# one axis\n%s", "%s \n"])
-def test_one_number_a_line_needs_no_dialect(tmp_path, text):
-    numbers = "\n".join(f"{value:.9g}" for value in AXES[0].tolist())
-    trace, _ = SAME.decode(write(tmp_path, text % numbers))
-    np.testing.assert_array_equal(trace, AXES[:1].astype(np.float32))
-
-
-@pytest.mark.parametrize("text", ["1\n2\n-\n3\n", "1\n2.3.4\n", "\n\n", "e\n"])
-def test_what_only_looks_like_numbers_is_refused(tmp_path, text):
-    with pytest.raises(UserError, match="cannot be read"):
-        SAME.decode(write(tmp_path, text))
-
-
 @pytest.mark.parametrize(
     ("name", "scale"),
     [
@@ -100,29 +87,24 @@ def test_time_may_stand_behind_a_single_axis_or_before_it(tmp_path):
         assert source.source == "time column"
 
 
-def test_uneven_times_are_interpolated_to_an_even_rate(tmp_path):
-    times = np.arange(5000) / 5000 + RNG.uniform(-0.2, 0.2, 5000) / 5000
-    wave = np.sin(2 * np.pi * 100 * times)
-    path = write(tmp_path, "t,x\n" + lines(np.stack([times, wave]), form="%.9g"))
-    (trace,), source = SignalDecoder(5000).decode(path)
-    hz = source.hz
+@pytest.mark.parametrize("lost", [[], [700, 701, 702, 3000], [*range(1000, 1300)]])
+@pytest.mark.parametrize("rate", [20, 5000, 200_000])
+def test_jitter_and_gaps_are_interpolated_to_the_usual_rate(tmp_path, caplog, rate, lost):
+    kept = np.delete(np.arange(6000), lost)
+    times = (kept + RNG.uniform(-0.2, 0.2, len(kept))) / rate
+    wave = np.sin(2 * np.pi * rate / 150 * times)
+    path = write(tmp_path, "time,x\n" + lines(np.stack([times, wave]), form="%.9g"))
+    (trace,), source = SignalDecoder(rate).decode(path)
     assert source.interpolated
-    assert hz == pytest.approx(5000, rel=1e-3)
-    even = np.sin(2 * np.pi * 100 * (times[0] + np.arange(5000) / hz))
-    assert np.abs(trace - even).max() < 0.012
-    assert np.abs(wave - even).max() > 0.03  # what it would be without
-
-
-def test_few_lost_samples_are_interpolated(tmp_path):
-    kept = np.delete(np.arange(6000), [700, 701, 702, 3000])
-    times = kept / 6000 + RNG.uniform(-30e-6, 30e-6, len(kept))  # of a clock that others share
-    wave = np.sin(2 * np.pi * 40 * times)
-    path = write(tmp_path, "time,X\n" + lines(np.stack([times, wave]), form="%.9g"))
-    (trace,), source = SignalDecoder(6000).decode(path)
-    assert source.interpolated
-    assert source.hz == pytest.approx(6000, rel=2e-3)
-    even = np.sin(2 * np.pi * 40 * (times[0] + np.arange(len(trace)) / 6000))
-    assert np.abs(trace[:5900] - even[:5900]).max() < 0.01
+    assert source.hz == pytest.approx(rate, rel=1e-3)
+    assert len(trace) == pytest.approx(6000, abs=5)
+    grid = times[0] + np.arange(len(trace)) / rate
+    even = np.sin(2 * np.pi * rate / 150 * grid)
+    after = np.searchsorted(times, grid).clip(1, len(times) - 1)
+    measured = np.diff(times)[after - 1] < 3 / rate
+    assert np.abs(trace - even)[measured].max() < 0.15
+    assert np.abs(trace - even)[measured].mean() < 0.02
+    assert ("the largest of" in caplog.text) == (len(lost) > 10)
 
 
 def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
@@ -134,28 +116,21 @@ def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (timed(np.where(TIMES < 0.04, TIMES, TIMES + 0.1)), r"gap .* after sample 99, 251 steps"),
+        (timed(np.where(TIMES < 0.04, TIMES, TIMES + 0.1)), "gaps of up to 251 steps, so that"),
         (timed(np.where(TIMES < 0.04, TIMES, TIMES - 0.03)), "do not rise at sample 100"),
         (timed(np.round(TIMES, 3)), "do not rise"),
-        (timed(TIMES * 1000), "2.5 samples a second if .* call it time_ms"),
-        (timed(np.arange(200.0), name=""), "1 samples a second .* delete it if it counts"),
-        (timed(TIMES, name="time (min),x,y,z"), "unknown unit 'min'"),
-        (timed(TIMES, name="time,seconds,y,z"), "2 columns of time"),
-        ("t,x,y\n" + lines(np.vstack([TIMES, AXES[:2]])), "2 columns beside its time"),
-        (lines(np.vstack([TIMES, AXES[:2]])), "three columns, of which the first rises evenly"),
-        (
-            "X_Value,a,b\n" + lines(np.vstack([TIMES, AXES[:2]])),
-            "three columns, of which the first",
-        ),
-        (
-            "X_Value,a\n" + lines(np.vstack([TIMES, AXES[0]])),
-            "column of time .* must be called time",
-        ),
-        ("time\n" + lines(TIMES), "0 columns beside its time"),
+        (timed(TIMES * 1000), "rate of 2.5 Hz, too far .* is called time_ms"),
+        (timed(np.arange(200.0), name=""), "rate of 1 Hz"),
+        (timed(TIMES, name="time (min),x,y,z"), "'time .min.' has an unknown unit; call it time_s"),
+        (timed(TIMES, name="time,seconds,y,z"), "2 columns of time; keep one"),
+        ("t,x,y\n" + lines(np.vstack([TIMES, AXES[:2]])), "one or three axes"),
+        (lines(np.vstack([TIMES, AXES[:2]])), "one or three axes"),
+        ("X_Value,a,b\n" + lines(np.vstack([TIMES, AXES[:2]])), "one or three axes"),
+        ("time\n" + lines(TIMES), "one or three axes"),
         (lines(AXES, ";") + "\n1,5;2,5;3,5", "both decimal points and commas"),
-        ("1.234,5;1\n2,5;1", "both decimal points and commas"),
-        ("a\nb\nc\n1\n2", "3 lines of words before the numbers: begin them with #"),
         ("1;2;3\n1;;3\n", "cannot be read"),
+        ("1\n2.3.4\n", "cannot be read"),
+        ("\n\n", "no numbers"),
         (lines(AXES[:2], ",", form="%.0f"), "one or three axes"),
     ],
 )
@@ -168,5 +143,5 @@ def test_axes_in_three_files_with_times_must_agree(tmp_path):
     for axis, rate in zip("XYZ", (2500, 2500, 5000), strict=True):
         columns = np.stack([np.arange(50) / rate, AXES[0, :50]])
         (tmp_path / f"a_{axis}_1.txt").write_text("t,x\n" + lines(columns))
-    with pytest.raises(UserError, match="have the rates 2,500 Hz, 2,500 Hz, 5,000 Hz"):
+    with pytest.raises(UserError, match="have 50 at 2,500 Hz, 50 at 2,500 Hz, 50 at 5,000 Hz"):
         SAME.decode(tmp_path / "a_X_1.txt")

@@ -17,7 +17,7 @@ from tex_lightning.classifier.classifier import content_seed
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.data.decode import halve, rate_ratio
 from tex_lightning.data.quality import TraceMonitor, photo_quality, trace_measures
-from tex_lightning.data.trace_files import read_axes, read_text_trace
+from tex_lightning.data.traces import read_samples
 from tex_lightning.export import web_page
 
 SOURCES = Path(web_page.__file__).parent / "web"
@@ -91,7 +91,7 @@ def test_arrays_are_those_of_numpy(node, tmp_path):
         paths=[str(tmp_path / f"{name}.npy") for name in arrays],
     )
     for name, axes in zip(arrays, found, strict=True):
-        expected = read_axes(tmp_path / f"{name}.npy").samples
+        expected = read_samples(tmp_path / f"{name}.npy")[0]
         np.testing.assert_array_equal(axes, expected, name)
 
 
@@ -152,9 +152,8 @@ def test_tables_are_read_as_by_the_package(node, tmp_path):
         paths=[str(path) for path in paths],
     )
     for path, (rate, channels) in zip(paths, found, strict=True):
-        expected = read_text_trace(path)
-        samples = expected.samples if expected.rate else np.atleast_2d(expected.samples.T)
-        assert rate == expected.rate, path.name
+        samples, expected = read_samples(path)
+        assert rate == (expected and expected.hz), path.name
         np.testing.assert_allclose(channels, samples, rtol=1e-15, err_msg=path.name)
 
 

@@ -20,7 +20,7 @@ from torch import Tensor
 from tex_lightning.baselines.base import Array, EstimatorBaseline, State
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.core.groups import leave_out
-from tex_lightning.data.trace_files import MOST_SAMPLES
+from tex_lightning.data.traces import MAX_SAMPLES
 
 KERNEL = 9  # its samples, before dilation
 MIN_KERNELS = 84  # MiniRocket's fixed kernels, each used at least once
@@ -118,7 +118,7 @@ def _check_transform(transform: Any, length: int) -> None:  # noqa: ANN401
         raise ValueError("another number of dilations")
     if len(biases) != MIN_KERNELS * counts.sum(dtype=np.int64):
         raise ValueError("another number of biases")
-    if not KERNEL <= length <= MOST_SAMPLES or dilations.min() < 1:
+    if not KERNEL <= length <= MAX_SAMPLES or dilations.min() < 1:
         raise ValueError("traces of another length")
     if (KERNEL - 1) * int(dilations.max()) >= length:
         raise ValueError("kernels longer than the traces")

@@ -70,12 +70,12 @@ class DataConfig(Folding):
     sampling_rate: float | None = key(
         "rate that every trace is resampled to; null is their own rate in training (the highest "
         "of several), at most the paper's 10 kHz",
-        unit="Hz", least=20, most=1_000_000,
+        unit="Hz", least=20, most=200_000,
     )  # fmt: skip
     file_rate: float | None = key(
-        "rate of traces whose rate is in neither file, manifest, sidecar nor rates.csv; null is "
+        "rate of traces whose rate is in neither file nor manifest; null is "
         "sampling_rate, or 10 kHz where that is null",
-        unit="Hz", least=1, most=10_000_000, default=None,
+        unit="Hz", least=20, most=200_000, default=None,
     )  # fmt: skip
     half_scale: bool = key("halve photos; false for photos under a megapixel")
     resize: int | None = key(
@@ -101,7 +101,7 @@ class SourceConfig:
 
     rate: int | None = key(
         "rate of the samples; null takes that of the file or of the sound card",
-        unit="Hz", least=1, most=10_000_000, default=None,
+        unit="Hz", least=20, most=200_000, default=None,
     )  # fmt: skip
     axes: int = key("numbers of one sample, each a channel of the file", choices=(1, 3))
     format: str = key(

@@ -1,6 +1,7 @@
-"""Decode one file to an array, strictly: damaged files are refused, never guessed.
+"""Decode one recording to an array, strictly: damaged files are refused, never guessed.
 
-A checkpoint carries the settings used here, so prediction decodes as training did.
+A checkpoint carries the settings used here, so prediction decodes as training did. Recordings given
+as arrays are brought to the same form.
 """
 
 import math
@@ -13,21 +14,27 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 import scipy  # whose parts are loaded when they are used
-import torch
 from PIL import Image, ImageOps, UnidentifiedImageError
-from torch.nn import functional
+from torch import Tensor
 
 from tex_lightning.core.console import quietly, silence_libtiff
 from tex_lightning.core.files import require_file
-from tex_lightning.data.rates import SourceRate, source_rate
-from tex_lightning.data.trace_files import MOST_SAMPLES, TRACE_SUFFIXES, read_axes
+from tex_lightning.data.traces import (
+    MAX_SAMPLES,
+    TRACE_SUFFIXES,
+    SourceRate,
+    axes_first,
+    read_samples,
+    same_rate,
+)
 from tex_lightning.errors import UserError, reason
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
 MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is kept, after halving
-STRIP = 256  # rows of a photo converted at once; even, for halving
+STRIP = 256  # rows of a photo converted at once
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
+MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 Array = npt.NDArray[Any]
 Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
@@ -96,21 +103,18 @@ class SignalDecoder(Decoder):
         """Read a trace of one or three axes and bring it to the configured rate.
 
         Args:
-            path: A WAV file (any sample format), ``.npy`` array, or text/CSV with one sample a
-                line; one of three files with an axis each stands for all
-                (:func:`.trace_files.axis_files`).
-            rate: Rate of this file in Hz if the manifest or the reader knows it; see :mod:`.rates`.
+            path: A file as :func:`.traces.read_samples` reads it.
+            rate: Rate of this file in Hz if the manifest or the reader knows it.
 
         Returns:
             float32 array of shape (axes, samples), axes 1 or 3, in the file's unit; its own rate.
 
         Raises:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
-                two places state different rates.
+                it states another rate.
         """
         samples, source = read_trace(path, self, rate)
-        said = f"Trace {path}" if source.source != "assumed" else f"Trace {path}, by assumption,"
-        return to_rate(samples, source.hz, self.sampling_rate, said), source
+        return to_rate(samples, source.hz, self.sampling_rate, f"Trace {path}"), source
 
     def assuming(self, rate: float | None) -> Self:
         """As the base class."""
@@ -151,11 +155,23 @@ def read_trace(
 ) -> tuple[npt.NDArray[np.floating], SourceRate]:
     """Read a trace as it stands in its file: samples (axes, samples) and their rate.
 
-    Arguments and errors are those of :meth:`SignalDecoder.decode`.
+    The rate is the file's own, else the stated one, else the assumed ``data.file_rate``. Arguments
+    and errors are those of :meth:`SignalDecoder.decode`.
     """
-    raw = read_axes(path, settings.channel)
-    check_samples(raw.samples, f"Trace {path}")
-    return raw.samples, source_rate(path, raw, rate, settings.file_rate)
+    samples, own = read_samples(path, settings.channel)
+    check_samples(samples, f"Trace {path}")
+    if own is None:
+        own = (
+            SourceRate(settings.file_rate, "assumed")
+            if rate is None
+            else SourceRate(rate, "stated")
+        )
+    elif rate is not None and not same_rate(own.hz, rate):
+        raise UserError(
+            f"Trace {path} has {own.hz:,.6g} Hz by its {own.source}, but {rate:,.6g} Hz by the "
+            "manifest or reader; correct or remove one of them."
+        )
+    return samples, own
 
 
 def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
@@ -165,7 +181,7 @@ def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name:
         UserError: If the rates are too far apart, beginning with ``name``.
     """
     ratio = rate_ratio(source, target, name)
-    if (count := trace.size * ratio) > MOST_SAMPLES:
+    if (count := trace.size * ratio) > MAX_SAMPLES:
         raise UserError(
             f"{name} has a sampling rate of {source:g} Hz, so that it would become "
             f"{float(count):g} samples at {target:g} Hz; correct that rate, or divide the file."
@@ -179,16 +195,15 @@ def rate_ratio(source: float, target: float, name: str) -> Fraction:
     """Ratio of the number of samples at ``target`` Hz to that at ``source`` Hz.
 
     Raises:
-        UserError: If the rates are too far apart, beginning with ``name``.
+        UserError: If ``source`` is no rate of a signal, beginning with ``name``.
     """
-    near = 1e-4 < target / source < 1e4  # a fraction is made of no infinity
-    ratio = Fraction(target / source).limit_denominator(10_000) if near else Fraction(0)
-    if not 0.001 < ratio < 1000:
+    if not MIN_RATE <= source <= MAX_RATE:
         raise UserError(
-            f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz; correct "
-            "that rate (data.file_rate where it is assumed) or data.sampling_rate."
+            f"{name} has a sampling rate of {source:g} Hz, too far from {target:g} Hz: rates are "
+            "20 Hz to 200 kHz; correct it (data.file_rate where it is assumed; a column of time "
+            "that is not in seconds is called time_ms or time_us)."
         )
-    return ratio
+    return Fraction(target / source).limit_denominator(10_000)
 
 
 def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> Photo:
@@ -237,12 +252,19 @@ def to_size(photo: Photo, settings: PhotoDecoder, name: str) -> Photo:
         UserError: If there is too little to be halved, beginning with ``name``.
     """
     if settings.resize is not None:
-        return _resized(photo, settings.resize)
-    if not settings.half_scale:
-        return _middle(photo)
-    if min(photo.shape[:2]) < 2:
-        raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
-    return _middle(halve(photo))
+        square = settings.resize, settings.resize
+        return np.array(Image.fromarray(photo).resize(square, Image.Resampling.BILINEAR))
+    if settings.half_scale:
+        if min(photo.shape[:2]) < 2:
+            raise UserError(f"{name} is too thin to be halved; set data.half_scale=false.")
+        photo = halve(photo)
+    return _middle(photo)
+
+
+def halve(photo: Photo) -> Photo:
+    """Half-scale an RGB photo: each pixel is the rounded mean of a 2x2 block."""
+    height, width = photo.shape[0] // 2 * 2, photo.shape[1] // 2 * 2
+    return np.array(Image.fromarray(photo[:height, :width]).reduce(2))
 
 
 def _middle(photo: Photo) -> Photo:
@@ -275,46 +297,83 @@ def _pixels(image: Image.Image) -> Photo:
     return photo
 
 
-def _resized(photo: Photo, side: int) -> Photo:
-    """Bring a photo to ``side`` x ``side`` pixels, whatever its proportions; bilinear."""
-    image = Image.fromarray(photo).resize((side, side), Image.Resampling.BILINEAR)
-    return np.asarray(image).copy()
-
-
-def halve(photo: Photo) -> Photo:
-    """Half-scale an RGB photo: each pixel is the rounded mean of a 2x2 block.
-
-    Bilinear interpolation to half the size is exactly that mean on even sizes. It is done in
-    strips, because its pixels are float32.
-    """
-    height, width = photo.shape[0] // 2 * 2, photo.shape[1] // 2 * 2
-    half = np.empty((height // 2, width // 2, 3), np.uint8)
-    for top in range(0, height, STRIP):
-        strip = torch.from_numpy(photo[top : min(top + STRIP, height), :width])
-        pixels = strip.permute(2, 0, 1)[None].float()
-        small = functional.interpolate(pixels, scale_factor=0.5, mode="bilinear")
-        half[top // 2 : top // 2 + small.shape[2]] = small[0].add_(0.5).byte().permute(1, 2, 0)
-    return half
-
-
-def check_samples(trace: npt.NDArray[np.floating], name: str) -> None:
+def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) -> None:
     """Refuse a trace (axes, samples) with a number that no sensor gives.
+
+    Args:
+        trace: The samples, from number ``place`` of a longer recording on.
+        name: What they are called.
+        place: How many were before them.
 
     Raises:
         UserError: Beginning with ``name``.
     """
-    usable = usable_samples(trace)
+    usable = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
     if not usable.all():
         raise UserError(
             f"{name} holds NaN, infinity or a number beyond {LARGEST:g} at sample "
-            f"{usable.argmin()}; repair the recording."
+            f"{place + usable.argmin()}; repair the recording."
         )
 
 
-def usable_samples(trace: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
-    """Which samples of a trace (axes, samples) are numbers that a sensor may give."""
-    usable: npt.NDArray[np.bool_] = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
-    return usable
+def as_trace(given: Any, key: str = "haptic") -> npt.NDArray[np.floating]:  # noqa: ANN401  (what NumPy can read)
+    """Convert an array, tensor or list to samples (axes, samples), float64.
+
+    Args:
+        given: (samples,), (axes, samples) or (samples, axes) with one or three axes; integers or
+            floating-point numbers, in the unit of the training recordings.
+        key: What they were given as.
+
+    Raises:
+        UserError: If it has another shape or type, is empty, or holds NaN or infinity.
+    """
+    array = _as_array(given, key)
+    if array.dtype.kind not in "fiu":
+        raise UserError(f"{key} is an array of {array.dtype}; give numbers.")
+    trace = axes_first(array.astype(np.float64))
+    if trace is None or not trace.size:
+        raise UserError(
+            f"{key} has the shape {array.shape}; give (samples,), (axes, samples) or (samples, "
+            "axes) with one or three axes and at least one sample."
+        )
+    check_samples(trace, key)
+    return trace
+
+
+def as_photo(given: Any, settings: PhotoDecoder, colour: str, key: str = "image") -> Photo:  # noqa: ANN401
+    """Convert an array or tensor to pixels (height, width, 3) uint8 RGB, halved if configured.
+
+    Args:
+        given: (height, width, 3) or, of greys, (height, width); uint8.
+        settings: Settings of the checkpoint.
+        colour: ``rgb``, or ``bgr`` as OpenCV gives them.
+        key: What they were given as.
+
+    Raises:
+        UserError: If it has another shape or type, or is empty.
+    """
+    array = _as_array(given, key)
+    if array.ndim == 2:
+        array = np.repeat(array[..., None], 3, axis=2)
+    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3 or not array.size:
+        raise UserError(
+            f"{key} is an array of {array.dtype} of the shape {array.shape}; give uint8 pixels "
+            "(height, width, 3), colours last, or (height, width) in grey."
+        )
+    if colour not in ("rgb", "bgr"):
+        raise UserError(f"colour is {colour!r}; choose rgb or bgr.")
+    pixels = array[..., ::-1] if colour == "bgr" else array
+    return to_size(np.array(pixels, order="C"), settings, key)  # copied: some are read-only
+
+
+def _as_array(given: Any, key: str) -> npt.NDArray[Any]:  # noqa: ANN401
+    if isinstance(given, Tensor):
+        tensor = given.detach().cpu()
+        return (tensor.double() if tensor.is_floating_point() else tensor).numpy()  # no bfloat16
+    try:
+        return np.asarray(given)
+    except ValueError as error:  # lists of unequal lengths
+        raise UserError(f"{key} cannot be read as an array ({error}); give one.") from error
 
 
 Samples = npt.NDArray[np.floating]

@@ -7,8 +7,8 @@ each has about as much of every class and modality. By conditions, what has the 
 tested.
 """
 
+import json
 import math
-import re
 import shlex
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,9 +20,6 @@ from tex_lightning.config.keys import nearest
 from tex_lightning.core.groups import divide
 from tex_lightning.data.recordings import Recording, Recordings, natural_key, plural
 from tex_lightning.errors import UserError, listed
-
-Order = tuple[bool, float, tuple[list[tuple[int, int, str]], str]]
-PLAIN = re.compile(r"[\w.+-]+( [\w.+-]+)*")  # what Hydra reads without quotes
 
 
 def comparable(value: object) -> float | str:
@@ -46,12 +43,10 @@ def shown(value: str) -> str:
     return str(known).removesuffix(".0")
 
 
-def in_order(value: str) -> Order:
+def in_order(value: str) -> tuple[bool, float, Any]:
     """Sort key of values: numbers by size, then words."""
     known = comparable(value)
-    if isinstance(known, float):
-        return False, known, natural_key("")
-    return True, 0.0, natural_key(known)
+    return isinstance(known, str), 0.0 if isinstance(known, str) else known, natural_key(value)
 
 
 def is_tested(row: Recording, where: Mapping[str, Any]) -> bool | None:
@@ -76,16 +71,20 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
     """
     for name, wanted in where.items():
         found = [(row, dict(row.conditions).get(name)) for row in recordings]
+        known = {comparable(value): shown(value) for _, value in found if value is not None}
+        if not known:
+            names = list(dict.fromkeys(key for row in recordings for key, _ in row.conditions))
+            raise UserError(
+                f"data.test_where names {name}, which no recording says{nearest(name, names)}; "
+                f"choose from {listed(names) or 'further columns of a manifest (data=manifest)'}."
+            )
         having = {row.modality for row, value in found if value is not None}
-        if not having:
-            raise UserError(_no_column(recordings, name))
         absent = [row for row, value in found if value is None and row.modality in having]
         if absent:
             raise UserError(
                 f"data.test_where names {name}, which {len(absent)} of the {len(found)} recordings "
                 f"do not say, {absent[0].path} for one: fill it in, or leave them out."
             )
-        known = {comparable(value): shown(value) for _, value in found if value is not None}
         for value in _values(wanted):
             if comparable(value) not in known:
                 values = sorted(known.values(), key=in_order)
@@ -93,20 +92,6 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
                     f"data.test_where: no recording has {name} {value}"
                     f"{nearest(str(value), values)}; choose from {listed(values)}."
                 )
-
-
-def _no_column(recordings: Recordings, name: str) -> str:
-    senses = listed([plural(each) for each in dict.fromkeys(row.modality for row in recordings)])
-    names = list(dict.fromkeys(key for row in recordings for key, _ in row.conditions))
-    if not names:
-        return (
-            f"data.test_where names {name}, and these {senses} have no conditions; give them as "
-            "further columns of a manifest (data=manifest)."
-        )
-    return (
-        f"data.test_where names {name}, which these {senses} do not have{nearest(name, names)}; "
-        f"choose from {listed(names)}."
-    )
 
 
 def tested_part(by: Folding) -> str:
@@ -127,15 +112,8 @@ def as_override(where: Mapping[str, Any] | None) -> str:
     """The override for them in a shell."""
     if where is None:
         return "data.test_where=null"
-    pairs = (f"{name}: {_typed(wanted)}" for name, wanted in where.items())
+    pairs = (f"{name}: {json.dumps(wanted, ensure_ascii=False)}" for name, wanted in where.items())
     return shlex.quote(f"data.test_where={{{', '.join(pairs)}}}")
-
-
-def _typed(value: object) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_typed, value))}]"
-    text = str(value)
-    return text if PLAIN.fullmatch(text) else '"' + text.replace('"', '\\"') + '"'
 
 
 def _values(wanted: object) -> Iterable[object]:
@@ -230,10 +208,9 @@ def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -
         assert row.fold is not None, "the reader's table has folds"
         return (row.fold - fold) % folds, natural_key(str(row.group))
 
-    following = sorted(rows, key=place)
     taken: Counter[tuple[str, str]] = Counter()
     kept = set()
-    for row in following:
+    for row in sorted(rows, key=place):
         taken[row.label, row.modality] += 1
         if taken[row.label, row.modality] <= count:
             kept.add(row)
@@ -271,14 +248,11 @@ def check_split(parts: Split, classes: list[str], modalities: Sequence[str], by:
         if absent:
             raise UserError(
                 f"There are no {plural(modality)} to train on for {listed(absent)}; add "
-                "recordings, leave the class out, "
-                + ("test less in data.test_where, " if by.test_where else "")
-                + "or choose a model that does without them."
+                "recordings, test less, leave the class out, or choose a model without them."
             )
     if not make_samples(parts.test, modalities):
         tested = tested_part(by)
         raise UserError(
             f"{tested[:1].upper()}{tested[1:]} holds nothing to test on that has "
-            f"{' and '.join(modalities)}; choose another "
-            + ("data.test_where." if by.test_where else "data.test_fold or fewer data.folds.")
+            f"{' and '.join(modalities)}; choose another data.test_fold or data.test_where."
         )

@@ -100,17 +100,17 @@ class TraceMonitor:
             return Quality(
                 (f"The {self.what} is {how}, so nothing was measured; check the sensor.",), True
             )
-        return Quality((*self._defects(constant), *_unlike(ranges, self.what, measures)))
-
-    def _defects(self, constant: Array) -> Iterator[str]:
-        for axis in np.flatnonzero(constant):
-            yield f"Axis {axis + 1} of the {self.what} is constant; check the sensor."
+        found = [
+            f"Axis {axis + 1} of the {self.what} is constant; check the sensor."
+            for axis in np.flatnonzero(constant)
+        ]
         clipped = float(np.where(constant, 0, self.flat).max()) / self.count
         if clipped >= FLAT_SHARE:
-            yield (
+            found.append(
                 f"The {self.what} is clipped, {clipped:.0%} of it at its largest or smallest "
                 "value; lower the sensor's gain."
             )
+        return Quality((*found, *_unlike(ranges, self.what, measures)))
 
 
 def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str, float]:
@@ -145,16 +145,14 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
     """Measure training recordings of one modality: each measure's ends, by quantiles."""
     found: dict[str, list[float]] = {}
     for row in rows:
-        for name, value in _measures(row, store).items():
+        decoder, recording = store.decoders[row.modality], store.load(row)
+        if isinstance(decoder, SignalDecoder):
+            measures = trace_measures(recording, store.rate(row).hz, decoder.sampling_rate)
+        else:
+            measures = _photo_measures(recording)
+        for name, value in measures.items():
             found.setdefault(name, []).append(value)
     return {name: np.quantile(values, QUANTILES).tolist() for name, values in found.items()}
-
-
-def _measures(row: Recording, store: Store) -> dict[str, float]:
-    decoder, recording = store.decoders[row.modality], store.load(row)
-    if isinstance(decoder, SignalDecoder):
-        return trace_measures(recording, store.rate(row).hz, decoder.sampling_rate)
-    return _photo_measures(recording)
 
 
 def _photo_measures(photo: Photo) -> dict[str, float]:

@@ -6,23 +6,22 @@ without overlap share nothing.
 """
 
 import csv
-import difflib
+import math
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from tex_lightning.config.keys import nearest
-from tex_lightning.core.files import is_file, resolved
-from tex_lightning.data.rates import names_rate, positive_number, read_table
+from tex_lightning.core.files import check_lines, is_file, resolved
 from tex_lightning.errors import UserError, reason, shorten
-from tex_lightning.text import to_cell
+from tex_lightning.text import from_cell, to_cell
 
 Part = tuple[float, float]
 WHOLE: Part = (0.0, 1.0)
@@ -56,17 +55,6 @@ def overlap(one: Part | None, other: Part | None) -> bool:
     """Whether two parts of one file share anything; None is all of it."""
     (begin, end), (start, stop) = one or WHOLE, other or WHOLE
     return begin < stop and start < end
-
-
-def name_part(path: Path, part: Part | None) -> str:
-    """The file, with its part behind ``#`` if it is one."""
-    return str(path) if part is None else f"{path}#{write_part(part)}"
-
-
-def split_name(name: str) -> tuple[Path, Part | None]:
-    """The file and the part that :func:`name_part` joined."""
-    match = re.fullmatch(r"(.+)#([\d.]+-[\d.]+)", name)
-    return (Path(match[1]), read_part(match[2])) if match else (Path(name), None)
 
 
 def cut_part(array: npt.NDArray[Any], part: Part | None, path: Path) -> npt.NDArray[Any]:
@@ -112,7 +100,7 @@ class Recording:
         conditions: Conditions of the recording as names and values, such as
             ``("speed", "60")``; every further column of a manifest is one.
         part: The part of the file, as fractions of the length of a signal or of the width of a
-            photo (:mod:`.parts`); None is the whole file.
+            photo (see above); None is the whole file.
         fold: The fold, which belongs to a division of the whole table (:mod:`.folds`); None before.
 
     Example:
@@ -139,7 +127,7 @@ class Recording:
     @property
     def source(self) -> str:
         """Name the file and the part of it, for messages and tables; no two recordings share it."""
-        return name_part(self.path, self.part)
+        return f"{self.path}#{write_part(self.part)}" if self.part else str(self.path)
 
 
 @dataclass(frozen=True)
@@ -266,12 +254,31 @@ def read_manifest(path: Path) -> Recordings:
     """
     if not is_file(path):
         raise UserError(f"Manifest {path} does not exist; give an existing CSV in data.manifest.")
-    lines = read_table(path, "Manifest", COLUMNS)
-    rows = [_read_line(path, number, line) for number, line in lines]
+    try:
+        check_lines(path)
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            first = stream.readline()
+            stream.seek(0)
+            delimiter = ";" if ";" in first and "," not in first else ","
+            names = [name.strip() for name in next(csv.reader(stream, delimiter=delimiter), ())]
+            reader = csv.DictReader(stream, names, delimiter=delimiter, restval="")
+            lines = {f"Manifest {path}, line {reader.line_num + 1}": line for line in reader}
+    except (OSError, ValueError, csv.Error) as error:
+        raise UserError(
+            f"Manifest {path} is not a UTF-8 CSV file ({reason(error)}); save it as CSV."
+        ) from error
+    if missing := [column for column in COLUMNS if column not in names]:
+        raise UserError(
+            f"Manifest {path} lacks the column {', '.join(missing)}; its first line must name "
+            f"{','.join(COLUMNS)}."
+        )
+    rows = [_read_line(path.parent, line) for line in lines.values()]
+    for where, row in zip(lines, rows, strict=True):
+        check_row(row, where)
     check_distinct(f"Manifest {path}", rows)
     if not rows:
         raise UserError(f"Manifest {path} lists no recordings; add lines {','.join(COLUMNS)}.")
-    return Recordings(tuple(rows), _doubtful_columns(path, lines[0][1]))
+    return Recordings(tuple(rows))
 
 
 def write_manifest(recordings: Recordings, path: Path) -> None:
@@ -296,20 +303,79 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
             writer.writerow(map(to_cell, cells))
 
 
-def _doubtful_columns(path: Path, names: Iterable[str]) -> tuple[Note, ...]:
-    """Name columns that are taken for conditions and may have been meant to be something else."""
-    meant = {name: _meant(name) for name in names if name and name not in KNOWN}
-    hints = [f"{name} (did you mean {known}?)" for name, known in meant.items() if known]
-    if not hints:
-        return ()
-    text = f"Manifest {path} has columns that are taken for conditions: {', '.join(hints)}."
-    return (Note("column of the manifest", 0, text),)
+def _read_line(folder: Path, line: dict[str, str]) -> Recording:
+    """The recording of a line; what cannot be understood stays text, which :func:`check_row` says.
+
+    Cells beyond the columns of the table are left out.
+    """
+    cells = {name: from_cell(value) for name, value in line.items() if name}
+    group, part, rate = (cells.get(name, "") for name in ("group", PART, RATE))
+    conditions = ((name, value) for name, value in cells.items() if value and name not in KNOWN)
+    return Recording(
+        cells["label"],
+        cells["modality"],
+        resolved(folder / cells["path"]),
+        int(group) if NUMBER.fullmatch(group.strip()) else group.strip(),
+        _parsed(float, rate.replace(",", ".")),
+        tuple(conditions),
+        _parsed(read_part, part),
+    )
 
 
-def _meant(name: str) -> str | None:
-    """The column that a name resembles."""
-    near = difflib.get_close_matches(name.lower(), KNOWN, n=1)
-    return RATE if names_rate(name) else next(iter(near), None)
+def _parsed(parse: Callable[[str], Any], text: str) -> Any:  # noqa: ANN401
+    try:
+        return parse(text) if text else None
+    except ValueError:
+        return text
+
+
+def check_row(row: Any, where: str) -> None:  # noqa: ANN401
+    """Refuse a row that is not as :class:`Recording` says, beginning with ``where``.
+
+    Raises:
+        UserError: Naming the field and what it should be.
+    """
+    if not isinstance(row, Recording):
+        raise UserError(f"{where} is {type(row).__name__}; make it a tex_lightning.Recording.")
+    for name, (fits, wanted) in FIELDS.items():
+        if not fits(value := getattr(row, name)):
+            raise UserError(f"{where} has {name} {shorten(repr(value))}; give {wanted}.")
+
+
+def _is_number(value: object, kind: type) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
+
+
+def _is_group(value: Any) -> bool:  # noqa: ANN401
+    return (
+        value.strip() != ""
+        if isinstance(value, str)
+        else _is_number(value, Integral) and value >= 0
+    )
+
+
+def _are_conditions(value: object) -> bool:
+    return isinstance(value, tuple) and all(
+        isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(text, str) for text in pair)
+        for pair in value
+    )
+
+
+FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "label": (lambda x: isinstance(x, str) and x != "", "a name"),
+    "modality": (
+        lambda x: isinstance(x, str) and x.isidentifier(), "one word, such as haptic or image"
+    ),
+    "path": (lambda x: isinstance(x, Path), "a pathlib.Path"),
+    "group": (_is_group, "a text, such as a session, or a whole number from 0"),
+    "sampling_rate": (
+        lambda x: x is None or (_is_number(x, Real) and 0 < x < math.inf), "a number of Hz, or none"
+    ),
+    "conditions": (_are_conditions, "a tuple of names and values, all texts"),
+    "part": (
+        lambda x: x is None or isinstance(x, tuple), "two rising fractions, such as 0-0.5, or none"
+    ),
+}  # fmt: skip
 
 
 def check_distinct(what: str, rows: Iterable[Recording]) -> None:
@@ -323,53 +389,3 @@ def check_distinct(what: str, rows: Iterable[Recording]) -> None:
                     "one of them."
                 )
         listed[row.path].append((number, row.part))
-
-
-def _read_line(path: Path, number: int, line: dict[str, str]) -> Recording:
-    where = f"Manifest {path}, line {number}"
-    label, modality, file = line["label"], line["modality"] or "", line["path"]
-    if not label or not file:
-        raise UserError(f"{where}: label or path is empty; fill both in.")
-    near = difflib.get_close_matches(modality, MODALITIES, n=1)
-    if not modality.isidentifier() or (near and modality not in MODALITIES):
-        raise UserError(
-            f"{where}: modality is {shorten(repr(modality))}{nearest(modality, MODALITIES)}; write "
-            f"{', '.join(MODALITIES)} or one word of your own."
-        )
-    group = (line["group"] or "").strip()
-    if not group:
-        raise UserError(
-            f"{where}: group is empty; name what was recorded together, such as a session, or "
-            "number the recordings of a class from 0."
-        )
-    rate = _read_rate(where, line)
-    target = resolved(path.parent / file)
-    if not is_file(target):
-        raise UserError(f"{where}: file {shorten(target)} does not exist; correct the path.")
-    conditions = tuple(
-        (name, value) for name, value in line.items() if name and value and name not in KNOWN
-    )
-    known = int(group) if NUMBER.fullmatch(group) else group
-    part = _read_part(where, line)
-    return Recording(label, modality, target, known, rate, conditions, part)
-
-
-def _read_part(where: str, line: dict[str, str]) -> Part | None:
-    if not line.get(PART):
-        return None
-    try:
-        return read_part(line[PART])
-    except ValueError as error:
-        raise UserError(
-            f"{where}: part is {shorten(repr(line[PART]))} ({reason(error)}); write two fractions, "
-            "such as 0-0.5."
-        ) from error
-
-
-def _read_rate(where: str, line: dict[str, str]) -> float | None:
-    if not line.get(RATE):
-        return None
-    rate = positive_number(line[RATE])
-    if rate is None:
-        raise UserError(f"{where}: rate is {shorten(line[RATE])}; write one number of Hz.")
-    return rate

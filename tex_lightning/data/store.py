@@ -2,22 +2,19 @@
 
 One ``.npy`` per recording, named by a digest of its files' identity (path, time of change, size and
 ends) and the decode settings; of a recording that is a part of its file the part is cut out after
-decoding. Files are written under another name and moved into place, so a reader
-never sees half an array and two processes that decode the same file do no harm. Every entry ends
-with a checksum of its name and content: one that was damaged or exchanged is decoded anew.
+decoding. Entries are written under another name and moved into place, so that a reader never sees
+half an array and two processes that decode the same file do no harm.
 """
 
 import hashlib
 import json
 import os
-import stat
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,9 +27,8 @@ from tex_lightning.core.files import require_file, resolved, write_atomically
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder, SignalDecoder
 from tex_lightning.data.folds import Sample
-from tex_lightning.data.rates import SOURCES, SourceRate
 from tex_lightning.data.recordings import Recording, cut_part
-from tex_lightning.data.trace_files import axis_files, axis_paths
+from tex_lightning.data.traces import SOURCES, SourceRate, axis_files
 from tex_lightning.errors import UserError
 
 MAX_LINES = 20
@@ -65,13 +61,10 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 FINGERPRINT_BYTES = 65_536
-LAYOUT = 4  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 5  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 EMPTIED = (FileNotFoundError, FileExistsError)  # its folder is deleted while an entry is written
 RATE_BYTES = 152  # of three numbers as .npy, which stand behind the array of a trace
-CHECKSUM_BYTES = 4  # at the end of every entry
-CHUNK = 1 << 20  # bytes that are read at once
-_CHECKED: dict[Path, tuple[int, ...]] = {}  # entries that are whole, as this process saw them
 Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
 
@@ -80,10 +73,7 @@ def cache_root(configured: str | None) -> Path:
 
     It may be one that can only be read, as long as it has what is needed.
     """
-    if configured is not None:
-        root = Path(configured).expanduser()
-    else:
-        root = Path(platformdirs.user_cache_dir("tex_lightning"))
+    root = Path(configured or platformdirs.user_cache_dir("tex_lightning")).expanduser()
     try:
         root.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -105,7 +95,7 @@ def fingerprint(path: Path) -> str:
         path: Its file, or that of any axis if they lie apart.
     """
     digest = hashlib.sha256()
-    for file in axis_paths(path):
+    for file in axis_files(path):
         require_file(file)
         size = file.stat().st_size
         digest.update(str(size).encode())
@@ -133,15 +123,14 @@ class Store:
 
     def load(self, recording: Recording) -> npt.NDArray[Any]:
         """A recording as a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
-        entry = self._entry(recording)
         try:
-            array = _map(entry)
+            return _map(self._entry(recording))
         except UNREADABLE:
             array, _ = self._write(recording)
             array.flags.writeable = False
             with suppress(*UNREADABLE):  # someone is emptying the cache
                 array = _map(self._entry(recording))
-        return array
+            return array
 
     def extent(self, recording: Recording) -> float:
         """How long or large a recording is, in the unit of its decoder."""
@@ -154,7 +143,10 @@ class Store:
     def rate(self, recording: Recording) -> SourceRate:
         """The sampling rate of a trace's file, and its source."""
         try:
-            return _load_rate(self._entry(recording))
+            with self._entry(recording).open("rb") as stream:
+                stream.seek(-RATE_BYTES, os.SEEK_END)
+                hz, source, interpolated = np.load(stream, allow_pickle=False).tolist()
+            return SourceRate(hz, SOURCES[int(source)], bool(interpolated))
         except UNREADABLE:
             _, rate = self._write(recording)
             assert rate is not None, "only a trace has a rate"
@@ -181,7 +173,7 @@ class Store:
         try:
             entry = self.entries[recording] = self._identify(recording)
             with suppress(*UNREADABLE):
-                _check(entry)
+                _map(entry)
                 return None
             decoded = self._decode(recording)
         except UserError as error:
@@ -195,14 +187,10 @@ class Store:
     def _identify(self, recording: Recording) -> Path:
         """The entry of a recording's files as they are now."""
         files = axis_files(recording.path)
-        try:
-            status = [file.stat() for file in files]
-        except OSError as error:
-            raise UserError(f"File {recording.path} does not exist; check the path.") from error
         identity = {
-            "path": str(resolved(files[0])),
-            "changed": [entry.st_mtime_ns for entry in status],
             "fingerprint": fingerprint(files[0]),  # a copy may bring its time along
+            "path": str(resolved(files[0])),
+            "changed": [file.stat().st_mtime_ns for file in files],
             "modality": recording.modality,
             "rate": recording.sampling_rate,
             "layout": LAYOUT,
@@ -230,67 +218,32 @@ class Store:
         if recording in self.entries:
             self.entries[recording] = entry
         try:
-            write_atomically(entry, lambda path: _save(path, entry, *decoded))
+            write_atomically(entry, lambda path: _save(path, *decoded))
         except UserError as error:
             if isinstance(error.__cause__, OSError) and not isinstance(error.__cause__, EMPTIED):
                 raise _unwritable(self.root.parent, error.__cause__) from error
 
 
-def _save(path: Path, entry: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
-    """Write the array, in the same file the rate of a trace, and the checksum of this entry."""
-    with path.open("w+b") as stream:
+def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
+    """Write the array and, in the same file, the rate of a trace."""
+    with path.open("wb") as stream:
         np.save(stream, array, allow_pickle=False)
         if rate is not None:
             numbers = [rate.hz, SOURCES.index(rate.source), rate.interpolated]
             np.save(stream, np.array(numbers, np.float64), allow_pickle=False)
-        size = stream.tell()
-        stream.seek(0)
-        checksum = _checksum(stream, size, entry)
-        stream.seek(size)
-        stream.write(checksum)
-
-
-def _checksum(stream: BinaryIO, size: int, entry: Path) -> bytes:
-    """Checksum of the name of an entry and of its first ``size`` bytes."""
-    found = zlib.crc32(f"{entry.parent.name}{entry.name}".encode())
-    for begin in range(0, size, CHUNK):
-        found = zlib.crc32(stream.read(min(CHUNK, size - begin)), found)
-    return found.to_bytes(CHECKSUM_BYTES, "little")
-
-
-def _check(entry: Path) -> None:
-    """Compare an entry with its checksum, once in a process unless it changes.
-
-    Raises:
-        OSError: If it is not there.
-        ValueError: If it is no file, or its checksum is another one.
-    """
-    status = entry.stat()
-    seen = (status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-    if _CHECKED.get(entry) == seen:
-        return
-    if not stat.S_ISREG(status.st_mode):
-        raise ValueError("it is no file")
-    with entry.open("rb") as stream:
-        checksum = _checksum(stream, max(0, status.st_size - CHECKSUM_BYTES), entry)
-        if stream.read() != checksum:
-            raise ValueError("its checksum is another one")
-    _CHECKED[entry] = seen
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:
-    """Map an entry that is whole; see :func:`_check` for what it raises."""
-    _check(entry)
+    """Map an entry that is whole.
+
+    Raises:
+        OSError: If it is not there.
+        ValueError: If it is shorter than its header says, or no file.
+    """
+    if not entry.is_file():  # a pipe would be waited for
+        raise FileNotFoundError(entry)
     array: npt.NDArray[Any] = np.load(entry, mmap_mode="r", allow_pickle=False)
     return array
-
-
-def _load_rate(entry: Path) -> SourceRate:
-    _check(entry)
-    with entry.open("rb") as stream:
-        stream.seek(-RATE_BYTES - CHECKSUM_BYTES, os.SEEK_END)
-        hz, source, interpolated = np.load(stream, allow_pickle=False).tolist()
-    return SourceRate(hz, SOURCES[int(source)], bool(interpolated))
 
 
 def load_recording(row: Recording, store: Store) -> Tensor:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tex_lightning.core.files import is_file, is_folder, matches
 from tex_lightning.data.readers.folder import suffixes_of
 from tex_lightning.data.recordings import natural_key, plural
-from tex_lightning.data.trace_files import axis_files
+from tex_lightning.data.traces import stands_for_all
 from tex_lightning.errors import UserError, listed
 
 
@@ -68,7 +68,7 @@ def _found(modality: str, value: str) -> Files:
 def _readable(path: Path, modality: str) -> bool:
     """Whether it is a file of that modality, of three with an axis each the first."""
     known = path.suffix.lower() in suffixes_of(modality) and not path.name.startswith(".")
-    return known and is_file(path) and path == axis_files(path)[0]
+    return known and is_file(path) and stands_for_all(path)
 
 
 def match_files(given: Mapping[str, Files]) -> list[dict[str, Path]]:

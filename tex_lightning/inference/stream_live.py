@@ -21,8 +21,7 @@ from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import synchronise
-from tex_lightning.data.arrays import as_trace
-from tex_lightning.data.decode import Resampler
+from tex_lightning.data.decode import Resampler, as_trace
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, describe

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from tex_lightning.config.data import SourceConfig
-from tex_lightning.data.decode import LARGEST, SignalDecoder, read_trace, usable_samples
-from tex_lightning.data.trace_files import TRACE_SUFFIXES
+from tex_lightning.data.decode import SignalDecoder, check_samples, read_trace
+from tex_lightning.data.traces import TRACE_SUFFIXES
 from tex_lightning.errors import UserError, shorten
 
 Chunk = npt.NDArray[np.float32]  # (axes, samples)
@@ -55,12 +55,7 @@ class Parser(ABC):
             UserError: If they are not of the format, or hold NaN or infinity.
         """
         samples = self._take(self.rest + content).T
-        if not (usable := usable_samples(samples)).all():
-            place = self.count + int(usable.argmin())
-            raise UserError(
-                f"{self.name} sends NaN, infinity or a number beyond {LARGEST:g} at sample "
-                f"{place}; {self._expected()}."
-            )
+        check_samples(samples, f"{self.name} ({self._expected()})", self.count)
         self.count += samples.shape[1]
         return np.ascontiguousarray(samples, dtype=np.float32)
 

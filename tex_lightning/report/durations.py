@@ -7,9 +7,9 @@ from statistics import median as median_of
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.quality import MEASURES
-from tex_lightning.data.rates import SOURCES, RateSource
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
+from tex_lightning.data.traces import SOURCES, RateSource
 
 
 def spread(values: Sequence[float], unit: str, form: str, *, median: bool = False) -> str:
@@ -110,5 +110,5 @@ def unlike_the_others(signals: Recordings, store: Store) -> str | None:
         f"Is {store.rate(first).hz:,.6g} Hz the rate of all files that name none? At this assumed "
         f"rate some {plural(first.modality)} last much longer or shorter than the median of "
         f"{middle:.3g} s: {'; '.join(told)}{more}. If not, correct data.file_rate, or give these "
-        "files their rate (a column of the manifest, a sidecar or rates.csv)."
+        "files their rate (a column of the manifest)."
     )

@@ -7,9 +7,8 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from tex_lightning.data.arrays import as_photo
 from tex_lightning.data.banks import PhotoBank
-from tex_lightning.data.decode import Array, PhotoDecoder, decode_image
+from tex_lightning.data.decode import Array, PhotoDecoder, as_photo, decode_image
 from tex_lightning.data.quality import Quality, Ranges, photo_quality
 from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store

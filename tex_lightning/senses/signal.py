@@ -10,9 +10,8 @@ import torch
 from torch import Tensor
 
 from tex_lightning.core.progress import track
-from tex_lightning.data.arrays import as_trace
 from tex_lightning.data.banks import InputBank
-from tex_lightning.data.decode import Array, SignalDecoder, read_trace, to_rate
+from tex_lightning.data.decode import Array, SignalDecoder, as_trace, read_trace, to_rate
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_measures
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording

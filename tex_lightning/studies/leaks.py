@@ -18,7 +18,7 @@ from tex_lightning.data.recordings import (
     write_part,
 )
 from tex_lightning.data.store import fingerprint
-from tex_lightning.data.trace_files import axis_paths
+from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError
 from tex_lightning.learning.start import name_source, starting_classifier
 
@@ -110,7 +110,7 @@ def _same_content(recordings: Recordings) -> Iterator[tuple[Recording, Recording
     """Pairs of different files, byte for byte the same, that differ in class or fold."""
     alike: dict[tuple[str, int], list[Recording]] = defaultdict(list)
     for row in recordings:
-        alike[row.modality, axis_paths(row.path)[0].stat().st_size].append(row)
+        alike[row.modality, axis_files(row.path)[0].stat().st_size].append(row)
     for rows in alike.values():
         if len({row.path for row in rows}) < 2:
             continue
@@ -127,7 +127,7 @@ def _is_copy(one: Recording, other: Recording) -> bool:
     apart = (one.label, one.fold) != (other.label, other.fold)
     if one.path == other.path or not apart or not overlap(one.part, other.part):
         return False
-    files = zip(axis_paths(one.path), axis_paths(other.path), strict=False)
+    files = zip(axis_files(one.path), axis_files(other.path), strict=False)
     return all(filecmp.cmp(*pair, shallow=False) for pair in files)
 
 

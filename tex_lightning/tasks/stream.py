@@ -13,7 +13,7 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.console import print_line
-from tex_lightning.data.decode import read_trace, usable_samples
+from tex_lightning.data.decode import check_samples, read_trace
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.inference.predictor import Predictor
@@ -115,11 +115,6 @@ def _from_standard_input(axes: int, size: int) -> Iterator[Chunk]:
                 "(stream.axes)."
             )
         samples = np.frombuffer(content, SAMPLE).reshape(-1, axes)
-        if not (usable := usable_samples(samples.T)).all():
-            first = place + int(np.flatnonzero(~usable)[0])
-            raise UserError(
-                f"Standard input holds NaN, infinity or a huge number at sample {first}; send "
-                "little-endian float32 numbers."
-            )
+        check_samples(samples.T, "Standard input, read as little-endian float32,", place)
         place += len(samples)
         yield samples.T.astype(np.float32)

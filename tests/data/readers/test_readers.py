@@ -48,7 +48,7 @@ def test_folder_finds_files_by_type_and_passes_others_over(surfaces, tmp_path):
     assert len(rows.of("haptic")) == len(rows.of("image")) == 30
     assert {row.group for row in rows} == set(range(10))
     (note,) = rows.notes
-    assert note.text == f"Class folder {root}/empty is skipped: it is empty."
+    assert note.text.startswith(f"Class folder {root}/empty is skipped: there is no trace")
 
 
 def test_classes_may_have_unequal_counts(surfaces, tmp_path):
@@ -139,7 +139,7 @@ def test_tum_passes_magnified_photos_over_and_works_without_photos(tum):
     shutil.copytree(photos, tum / "Training" / "ImageMagnified")
     assert len(read_recordings(config("data=tum", f"data.root={tum}")).of("image")) == 30
     shutil.copytree(photos, tum / "Training" / "Other")
-    with pytest.raises(UserError, match="several folders"):
+    with pytest.raises(UserError, match="30 in Images and 30 in Other, but 3 classes need 30"):
         read_recordings(config("data=tum", f"data.root={tum}"))
     shutil.rmtree(photos)
     shutil.rmtree(tum / "Training" / "Other")
@@ -150,10 +150,9 @@ def test_tum_counts_are_checked_and_a_manifest_overrides_the_order(tum):
     rows = read_recordings(config("data=tum", f"data.root={tum}"))
     write_manifest(rows, tum / "m.csv")
     next((tum / "Training" / "Images").glob("*.JPG")).rename(tum / "spare.JPG")
-    with pytest.raises(UserError, match="holds 29 photos, but 3 classes need 30"):
+    with pytest.raises(UserError, match="29 in Images, but 3 classes need 30"):
         read_recordings(config("data=tum", f"data.root={tum}"))
     lines = (tum / "m.csv").read_text().splitlines()
-    first = rows.classes[0]
     few = [
         lines[0],
         *(line for line in lines if ",image," in line and (tum / line.split(",")[2]).is_file()),
@@ -161,12 +160,6 @@ def test_tum_counts_are_checked_and_a_manifest_overrides_the_order(tum):
     (tum / "m.csv").write_text("\n".join(few))
     given = config("data=tum", f"data.root={tum}", f"data.manifest={tum}/m.csv")
     assert len(read_recordings(given).of("image")) == 29
-    (tum / "m.csv").write_text("\n".join(few).replace(first, "Mispelt"))
-    with pytest.raises(UserError, match="names the class Mispelt"):
-        read_recordings(given)
-    next((tum / "Training" / "Accel").glob("*_query4.txt")).unlink()
-    with pytest.raises(UserError, match=r"must hold 10 traces per class, but .* has 9"):
-        read_recordings(given)
 
 
 @pytest.mark.slow

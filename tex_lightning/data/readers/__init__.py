@@ -1,19 +1,17 @@
 """Readers: each maps a data set on disk to the one table of recordings, which is checked here."""
 
-import math
-from collections.abc import Sequence
-from dataclasses import replace
-from numbers import Integral, Real
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build_typed
-from tex_lightning.data.decode import IMAGE_SUFFIXES
+from tex_lightning.config.keys import choice
 from tex_lightning.data.folds import check_conditions, with_folds
-from tex_lightning.data.rates import stated_rate
-from tex_lightning.data.recordings import Recording, Recordings, check_distinct
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.data.recordings import Recording, Recordings, check_distinct, check_row, plural
+from tex_lightning.errors import UserError, listed
 
 
 def checked_table(made: Any, reader: str) -> Recordings:  # noqa: ANN401
@@ -25,61 +23,56 @@ def checked_table(made: Any, reader: str) -> Recordings:  # noqa: ANN401
     """
     if not isinstance(made, Recordings):
         raise UserError(
-            f"{reader}.read() of data.reader returned {_kind(made)}; let it return "
+            f"{reader}.read() of data.reader returned {type(made).__name__}; let it return "
             "tex_lightning.Recordings."
         )
     rows = tuple(made.rows)
     for number, row in enumerate(rows, start=1):
-        if wrong := _wrong(row):
-            raise UserError(f"Record {number} of the table of {reader} (data.reader) has {wrong}.")
+        check_row(row, f"Record {number} of the table of {reader} (data.reader)")
     if not rows:
         raise UserError(f"{reader} (data.reader) found no recordings; check the keys of data.")
     check_distinct(f"{reader} (data.reader)", rows)
     return Recordings(rows, made.notes)
 
 
-def _wrong(row: Any) -> str:  # noqa: ANN401
-    """What a row has and what it should; empty if nothing is wrong."""
-    if not isinstance(row, Recording):
-        return f"{_kind(row)}; make a tex_lightning.Recording"
-    checks = {
-        "label": (isinstance(row.label, str) and row.label != "", "a name"),
-        "modality": (
-            isinstance(row.modality, str) and row.modality.isidentifier(),
-            "one word, such as haptic or image",
-        ),
-        "path": (isinstance(row.path, Path), "a pathlib.Path"),
-        "group": (
-            (isinstance(row.group, str) and row.group.strip() != "")
-            or (_is_number(row.group, Integral) and int(row.group) >= 0),
-            "a text, such as a session, or a whole number from 0",
-        ),
-        "sampling_rate": (
-            row.sampling_rate is None
-            or (_is_number(row.sampling_rate, Real) and 0 < row.sampling_rate < math.inf),
-            "a number of Hz, or None",
-        ),
-        "conditions": (_are_pairs(row.conditions), "a tuple of names and values, all texts"),
-    }
-    wanted = ((name, text) for name, (right, text) in checks.items() if not right)
-    return next(
-        (f"{name} {shorten(repr(getattr(row, name)))}; give {text}" for name, text in wanted), ""
-    )
+@dataclass
+class GroupedReader:
+    """Reader of a data set whose recordings can be grouped in several ways.
+
+    Attributes:
+        root: Folder of the data set.
+        group_by: What makes a group, and so a fold.
+        groups: What ``group_by`` may be, and how many groups that usually makes.
+
+    Raises:
+        UserError: If ``group_by`` is unknown.
+    """
+
+    root: str
+    group_by: str
+    groups: Mapping[str, int]
+
+    def __post_init__(self) -> None:
+        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
+            raise UserError(f"{complaint}.")
 
 
-def _is_number(value: object, kind: type) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool)
+def check_same_classes(root: Path, rows: Iterable[Recording]) -> None:
+    """Refuse senses that do not have the same classes.
 
-
-def _are_pairs(conditions: object) -> bool:
-    return isinstance(conditions, tuple) and all(
-        isinstance(each, tuple) and len(each) == 2 and all(isinstance(text, str) for text in each)
-        for each in conditions
-    )
-
-
-def _kind(value: object) -> str:
-    return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
+    Raises:
+        UserError: Naming the classes and the sense that lacks them.
+    """
+    found: dict[str, set[str]] = defaultdict(set)
+    for row in rows:
+        found[row.modality].add(row.label)
+    every = set[str]().union(*found.values())
+    for modality, names in reversed(found.items()):
+        if missing := sorted(every - names):
+            raise UserError(
+                f"Folder {root} has no {plural(modality)} of {listed(missing)}; correct the names, "
+                f"or leave them out by data.reader.folders.{modality}=null."
+            )
 
 
 class Reader(Protocol):
@@ -125,15 +118,4 @@ def read_recordings(
         senses = {row.modality for row in recordings} if modalities is None else modalities
         rows = tuple(row for row in recordings if row.modality in senses)
         check_conditions(Recordings(rows), config.test_where)
-    return _with_stated_rates(recordings)
-
-
-def _with_stated_rates(recordings: Recordings) -> Recordings:
-    """Give signals the rates that sidecars and tables beside them state."""
-    rows = tuple(
-        row
-        if row.path.suffix.lower() in IMAGE_SUFFIXES
-        else replace(row, sampling_rate=stated_rate(row.path, row.sampling_rate))
-        for row in recordings
-    )
-    return replace(recordings, rows=rows)
+    return recordings

@@ -42,12 +42,11 @@ class SyntheticReader:
 
     def read(self) -> Recordings:
         """Render the surfaces unless the cache has them, and read them."""
-        spec, tables = spec_of(self.classes, self.surfaces), []
-        if set(self.senses) != {SOUND}:
-            tables.append(read_folder(self._folder(spec, ("haptic", "image"))))
-        if SOUND in self.senses:
-            tables.append(read_folder(self._folder(spec, (SOUND,))))
-        return with_conditions(spec, Recordings(tuple(row for table in tables for row in table)))
+        spec = spec_of(self.classes, self.surfaces)
+        kinds: list[tuple[str, ...]] = [("haptic", "image")] if set(self.senses) != {SOUND} else []
+        kinds += [(SOUND,)] if SOUND in self.senses else []
+        rows = [row for each in kinds for row in read_folder(self._folder(spec, each))]
+        return with_conditions(spec, Recordings(tuple(rows)))
 
     def _folder(self, spec: SyntheticSpec, modalities: tuple[str, ...]) -> Path:
         """The folder of the cache with these recordings."""

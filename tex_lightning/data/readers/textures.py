@@ -15,19 +15,14 @@ are the four samples. The paper trains on one sample and tests on the other thre
 """
 
 import re
-from collections import defaultdict
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
-from tex_lightning.config.keys import nearest
-from tex_lightning.data.readers.classes import GroupedReader
-from tex_lightning.data.readers.folder import class_folders
+from tex_lightning.data.readers import GroupedReader
 from tex_lightning.data.recordings import Recording, Recordings, natural_key
 from tex_lightning.errors import UserError
 
-PATCHES = 160
-SURFACES = "abcd"  # from which the patches of one class are cut
+PIECES = "abcd"  # surfaces of Kylberg, samples of KTH
 
 
 @dataclass
@@ -43,70 +38,19 @@ class KylbergReader(GroupedReader):
         """Read all classes, one folder each.
 
         Raises:
-            UserError: If there are none, a file's name does not fit its folder, or a count is
-                wrong.
+            UserError: If there are none, or a file's name does not fit.
         """
-        folders = class_folders(self.root, "kylberg")
-        by_surface = self.group_by == "surface"
-        rows = tuple(row for folder in folders for row in _read_patches(folder, by_surface))
-        if not rows:
-            raise UserError(f"Folder {self.root} holds no CLASS/CLASS-a-p001.png; check data.root.")
-        return Recordings(rows)
-
-
-def _read_patches(folder: Path, by_surface: bool) -> list[Recording]:
-    """Recordings of one class; a folder without PNG files is passed over."""
-    patches: dict[str, list[Path]] = defaultdict(list)
-    for path in sorted(folder.glob("*.png"), key=lambda path: natural_key(path.name)):
-        match = re.fullmatch(rf"{re.escape(folder.name)}-([a-d]-p\d+)(-r\d+)?\.png", path.name)
-        if match is None:
-            raise UserError(
-                f"File {path} is not called {folder.name}-a-p001.png or the like, with a surface "
-                "from a to d; correct its name, or take it out."
-            )
-        patches[match[1]].append(path)
-    if patches:
-        _check_counts(folder, patches)
-    places = {name: place for place, name in enumerate(sorted(patches, key=natural_key))}
-    return [
-        Recording(
-            folder.name, "image", path, SURFACES.index(name[0]) if by_surface else places[name]
-        )
-        for name, paths in patches.items()
-        for path in paths
-    ]
-
-
-def _check_counts(folder: Path, patches: dict[str, list[Path]]) -> None:
-    if len(patches) != PATCHES:
-        raise UserError(
-            f"Folder {folder} holds {len(patches)} patches, but a class has {PATCHES}; "
-            "copy it again."
-        )
-    most = max(len(paths) for paths in patches.values())
-    for name, paths in patches.items():
-        if len(paths) != most:
-            raise UserError(
-                f"Folder {folder} holds {len(paths)} rotations of patch {name}, but {most} of "
-                "others; copy it again."
-            )
-
-
-NUMBERS = {
-    "aluminium_foil": 15,
-    "brown_bread": 48,
-    "corduroy": 42,
-    "cork": 16,
-    "cotton": 46,
-    "cracker": 60,
-    "lettuce_leaf": 23,
-    "linen": 44,
-    "white_bread": 52,
-    "wood": 54,
-    "wool": 22,
-}
-SAMPLES = "abcd"
-SCALES, IMAGES = range(2, 11), range(1, 13)
+        rows: list[Recording] = []
+        photos = _photos(self.root, "kylberg", "canvas1-a-p001", r".+-([a-d]-p\d+)(-r\d+)?")
+        for label, names in photos.items():
+            patches = sorted({name for name, _ in names}, key=natural_key)
+            by_surface = self.group_by == "surface"
+            groups = {
+                patch: PIECES.index(patch[0]) if by_surface else place
+                for place, patch in enumerate(patches)
+            }
+            rows += [Recording(label, "image", path, groups[name]) for name, path in names]
+        return Recordings(tuple(rows))
 
 
 @dataclass
@@ -123,36 +67,40 @@ class KthTips2bReader:
         """Read the classes that have a folder.
 
         Raises:
-            UserError: If there is none, a folder is no class, or photos are missing or too many.
+            UserError: If there is none, or a file's name does not fit.
         """
-        folders = class_folders(self.root, "kth_tips2b")
-        for folder in folders:
-            if folder.name not in NUMBERS:
-                raise UserError(
-                    f"Folder {folder} is no class of KTH-TIPS-2b{nearest(folder.name, NUMBERS)}; "
-                    f"they are {', '.join(NUMBERS)}."
-                )
-        if not folders:
-            raise UserError(
-                f"Folder {self.root} holds none of the classes {', '.join(NUMBERS)}; check "
-                "data.root."
+        pattern = r"\d+([a-d])-scale_\d+_im_\d+_col"
+        photos = _photos(self.root, "kth_tips2b", "22a-scale_2_im_1_col", pattern)
+        return Recordings(
+            tuple(
+                Recording(label, "image", path, PIECES.index(sample))
+                for label, names in photos.items()
+                for sample, path in names
             )
-        parts = product(folders, enumerate(SAMPLES))
-        rows = [row for folder, sample in parts for row in _read_sample(folder, *sample)]
-        return Recordings(tuple(rows))
-
-
-def _read_sample(folder: Path, group: int, sample: str) -> list[Recording]:
-    directory = folder / f"sample_{sample}"
-    start = f"{NUMBERS[folder.name]}{sample}"
-    expected = [f"{start}-scale_{s}_im_{i}_col.png" for s in SCALES for i in IMAGES]
-    found = {path.name for path in directory.glob("*.png")}
-    missing = [name for name in expected if name not in found]
-    extra = sorted(found - set(expected))
-    if missing or extra:
-        wrong = f"lacks {missing[0]}" if missing else f"has {extra[0]}, which does not belong there"
-        raise UserError(
-            f"Folder {directory} holds {len(found)} photos where {len(expected)} are needed; it "
-            f"{wrong}; copy it again."
         )
-    return [Recording(folder.name, "image", directory / name, group) for name in expected]
+
+
+def _photos(root: str, name: str, example: str, pattern: str) -> dict[str, list[tuple[str, Path]]]:
+    """Photos of each class, in natural order, with what the pattern finds in their names.
+
+    Args:
+        root: Folder of the classes, or the one that holds it called like the data set, so that one
+            ``data.root`` serves a sweep over several.
+        name: Name of the data set.
+        example: Name of a photo without suffix.
+        pattern: Pattern of their names without suffix.
+    """
+    folder = Path(root).expanduser()
+    folder = folder / name if (folder / name).is_dir() else folder
+    found: dict[str, list[tuple[str, Path]]] = {}
+    for path in sorted(folder.rglob("[!.]*.png"), key=lambda path: natural_key(str(path))):
+        match = re.fullmatch(pattern, path.stem)
+        if match is None:
+            raise UserError(
+                f"File {path} is not called {example}.png or the like; correct it, or take it out."
+            )
+        label = path.relative_to(folder).parts[0]
+        found.setdefault(label, []).append((match[1], path))
+    if not found:
+        raise UserError(f"Folder {folder} holds no CLASS/{example}.png; check data.root.")
+    return found

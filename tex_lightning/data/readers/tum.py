@@ -28,17 +28,15 @@ from pathlib import Path
 
 from tex_lightning.config.keys import choice
 from tex_lightning.data.decode import IMAGE_SUFFIXES
-from tex_lightning.data.readers.classes import check_same_classes
+from tex_lightning.data.readers import check_same_classes
 from tex_lightning.data.recordings import (
-    MODALITIES,
     Recording,
     Recordings,
     natural_key,
     number_files,
-    plural,
     read_manifest,
 )
-from tex_lightning.data.trace_files import TRACE_SUFFIXES, axis_files
+from tex_lightning.data.traces import TRACE_SUFFIXES, axis_files
 from tex_lightning.errors import UserError
 
 PER_CLASS = 10
@@ -66,76 +64,49 @@ def read_tum(root: Path, manifest: str | None = None) -> Recordings:
     """Read the training part of the database.
 
     Raises:
-        UserError: If folders are missing, or counts do not fit ten per class.
+        UserError: If there are no traces, or photos whose classes cannot be told by their order.
     """
     training = root / "Training"
-    if not training.is_dir():
-        raise UserError(f"Folder {training} does not exist; data.root must hold Training/Accel.")
-    traces = _read_traces(training / "Accel")
-    labels = sorted({row.label for row in traces}, key=natural_key)
-    if manifest is not None:
-        photos = list(read_manifest(Path(manifest).expanduser()).of("image"))
-        _check_labels(photos, labels, manifest)
-    else:
-        photos = _read_photos(training, labels)
-    return Recordings((*traces, *photos))
-
-
-def _read_traces(folder: Path) -> list[Recording]:
     files: dict[str, list[Path]] = defaultdict(list)
-    for path in folder.glob("*.txt"):
-        match = re.fullmatch(r"(.+)_query\d+", path.stem)
-        if match:
+    for path in (training / "Accel").glob("*.txt"):
+        if match := re.fullmatch(r"(.+)_query\d+", path.stem):
             files[match[1]].append(path)
     if not files:
-        raise UserError(f"Folder {folder} holds no LABEL_query0.txt files; check data.root.")
-    wrong = {label: len(paths) for label, paths in files.items() if len(paths) != PER_CLASS}
-    if wrong:
-        listed = ", ".join(f"{label} has {count}" for label, count in sorted(wrong.items()))
-        raise UserError(f"Folder {folder} must hold {PER_CLASS} traces per class, but {listed}.")
-    return [row for label in files for row in number_files(label, "haptic", files[label], RATE)]
+        raise UserError(
+            f"Folder {training / 'Accel'} holds no LABEL_query0.txt files; check data.root."
+        )
+    rows = [row for label in files for row in number_files(label, "haptic", files[label], RATE)]
+    if manifest is not None:
+        rows += read_manifest(Path(manifest).expanduser()).of("image")
+    else:
+        rows += _read_photos(training, sorted(files, key=natural_key))
+    return Recordings(tuple(rows))
 
 
 def _read_photos(training: Path, labels: list[str]) -> list[Recording]:
     """Photos by sorted order; none at all is allowed, since HapticNet needs none."""
-    folders = [
-        folder
+    found = [
+        photos
         for folder in sorted(training.iterdir())
-        if folder.is_dir() and folder.name != "ImageMagnified" and _photos_in(folder)
+        if folder.is_dir() and folder.name != "ImageMagnified" and (photos := _photos_in(folder))
     ]
-    if not folders:
-        return []
-    if len(folders) > 1:
-        names = ", ".join(folder.name for folder in folders)
+    if found and (len(found) > 1 or len(found[0]) != PER_CLASS * len(labels)):
+        told = " and ".join(f"{len(photos)} in {photos[0].parent.name}" for photos in found)
         raise UserError(
-            f"Photos lie in several folders of {training} ({names}); "
-            "leave one or name the photos' classes in data.manifest."
-        )
-    photos = _photos_in(folders[0])
-    if len(photos) != PER_CLASS * len(labels):
-        raise UserError(
-            f"Folder {folders[0]} holds {len(photos)} photos, but {len(labels)} classes need "
-            f"{PER_CLASS * len(labels)}; complete it or name their classes in data.manifest."
+            f"Folder {training} holds the photos {told}, but {len(labels)} classes need "
+            f"{PER_CLASS * len(labels)} in one folder; correct that, or name their classes in "
+            "data.manifest."
         )
     return [
-        row
-        for index, label in enumerate(labels)
-        for row in number_files(label, "image", photos[index * PER_CLASS : (index + 1) * PER_CLASS])
+        Recording(labels[place // PER_CLASS], "image", path, place % PER_CLASS)
+        for photos in found
+        for place, path in enumerate(photos)
     ]
 
 
 def _photos_in(folder: Path) -> list[Path]:
     photos = [path for path in folder.iterdir() if path.suffix.lower() in (".jpg", ".jpeg")]
     return sorted(photos, key=lambda path: natural_key(path.name))
-
-
-def _check_labels(photos: list[Recording], labels: list[str], manifest: str) -> None:
-    unknown = sorted({row.label for row in photos} - set(labels))
-    if unknown:
-        raise UserError(
-            f"Manifest {manifest} names the class {', '.join(unknown)}, of which "
-            "Training/Accel has no trace; correct the spelling."
-        )
 
 
 ACCELERATIONS = "AccelScansComponents"
@@ -148,7 +119,6 @@ NAMES = {
     "sound": (r"(.+)_Sound_Movement_{}(\d+)\.wav", "LABEL_Sound_Movement_{}1.wav"),
 }
 OWN = (r"([^_]+(?:_\d+)?)_.*?{}(\d+)\.[^.]+", "LABEL_Tapping_X_{}1.txt")
-Files = dict[str, dict[int, list[Path]]]  # by label and number
 
 
 @dataclass
@@ -177,8 +147,8 @@ class Lmt108Reader:
         """Read all senses of one half; without photos or sounds, the others alone.
 
         Raises:
-            UserError: If traces are missing, an axis is, counts differ from ten per class, or
-                the senses do not have the same classes.
+            UserError: If traces are missing, an axis is, or the senses do not have the same
+                classes.
         """
         root = Path(self.root).expanduser()
         rows = [
@@ -192,59 +162,32 @@ class Lmt108Reader:
 
 
 def _read_sense(folder: Path, modality: str, mark: str) -> list[Recording]:
-    """Read one recording for each number; all ten of each class have to be there."""
+    """Read one recording for each number."""
     pattern, example = NAMES.get(modality, OWN)
     found = _numbered(folder, pattern.format(mark))
-    if not found and (modality == "haptic" or modality not in MODALITIES):
+    if not found and modality not in ("image", "sound"):
         raise UserError(
             f"Folder {folder} holds no {example.format(mark)} files; data.root must hold that "
             f"folder (data.reader.folders.{modality})."
         )
-    for label, numbers in found.items():
-        _check_numbers(folder, label, plural(modality), numbers)
-        for files in numbers.values():
-            _check_files(files, modality)
     rate = SOUND_RATE if modality == "sound" else RATE if ACCELERATIONS in folder.parts else None
-    return [
-        Recording(label, modality, files[0], number - 1, rate)
-        for label, numbers in found.items()
-        for number, files in sorted(numbers.items())
-    ]
+    rows = []
+    for (label, number), files in sorted(found.items()):
+        whole = axis_files(files[0])
+        if tuple(files) != whole or (modality == "haptic" and len(whole) != 3):
+            raise UserError(
+                f"Recording {number} of {label} in {folder} is {', '.join(x.name for x in files)}; "
+                "a recording is one file, or one for each axis X, Y and Z: copy it again."
+            )
+        rows.append(Recording(label, modality, files[0], number - 1, rate))
+    return rows
 
 
-def _numbered(folder: Path, pattern: str) -> Files:
-    """Files below a folder by label and by number of the recording, in the order of names."""
-    known = (*TRACE_SUFFIXES, *IMAGE_SUFFIXES)
-    found: Files = defaultdict(lambda: defaultdict(list))
+def _numbered(folder: Path, pattern: str) -> dict[tuple[str, int], list[Path]]:
+    """Files below a folder by label and number of the recording, in the order of names."""
+    found: dict[tuple[str, int], list[Path]] = defaultdict(list)
     for path in sorted(folder.rglob("*")):
         match = re.fullmatch(pattern, path.name, re.IGNORECASE)
-        if match and path.suffix.lower() in known:
-            found[match[1]][int(match[2])].append(path)
+        if match and path.suffix.lower() in (*TRACE_SUFFIXES, *IMAGE_SUFFIXES):
+            found[match[1], int(match[2])].append(path)
     return found
-
-
-def _check_files(files: list[Path], modality: str) -> None:
-    """Make sure that the files of one number are one recording: alone, or all its axes."""
-    if modality == "haptic":
-        for axis in "XYZ":
-            file = files[0].with_name(re.sub(r"_[XYZ](_[^_]+)$", rf"_{axis}\1", files[0].name))
-            if file not in files:
-                raise UserError(
-                    f"File {file} does not exist, but other axes of that trace do; copy it again."
-                )
-    axes = axis_files(files[0])
-    for file in files:
-        if file not in axes:
-            raise UserError(f"Files {files[0]} and {file} have the same number; keep one of them.")
-
-
-def _check_numbers(folder: Path, label: str, what: str, numbers: dict[int, list[Path]]) -> None:
-    expected = set(range(1, PER_CLASS + 1))
-    if set(numbers) != expected:
-        missing = sorted(expected - set(numbers))
-        extra = sorted(set(numbers) - expected)
-        listed = f"lacks number {missing}" if missing else f"has number {extra} as well"
-        raise UserError(
-            f"Folder {folder} must hold the {what} 1 to {PER_CLASS} of {label}, but {listed}; "
-            "complete or correct it."
-        )

@@ -1,9 +1,7 @@
-// Signals in text files, as data/trace_files.py reads them.
+// Signals in text files, as data/traces.py reads them.
 
 import { InputError } from "./errors.js";
 import { separateTime } from "./time.js";
-
-const MAX_HEADER = 2; // lines of names and units
 
 /**
  * Read the columns of a text file.
@@ -14,18 +12,14 @@ const MAX_HEADER = 2; // lines of names and units
  *   gives it.
  */
 export function parseTable(buffer, channel = null) {
-  const { comments, header, data } = divide(decodeText(buffer));
+  const { above, data } = divide(decodeText(buffer));
   if (data.length === 0) throw new InputError("it holds no numbers");
-  if (header.length > MAX_HEADER) {
-    throw new InputError(`it has ${header.length} lines of words before the numbers: begin them with #`);
-  }
   const [delimiter, decimalComma] = dialect(data);
   const columns = readNumbers(data, delimiter, decimalComma);
-  const lines = header.length ? header : comments.slice(-MAX_HEADER);
-  const rows = lines
-    .map((line) => cells(line, delimiter, columns.length))
-    .filter((each) => each !== null);
-  return separateTime(columns, rows[0] ?? null, rows[1] ?? null, channel);
+  const names = above
+    .map((line) => cells(line, delimiter))
+    .filter((each) => each.length === columns.length);
+  return separateTime(columns, names, channel);
 }
 
 function decodeText(buffer) {
@@ -39,15 +33,16 @@ function decodeText(buffer) {
   }
 }
 
-/** Comments before the numbers, header, and lines of numbers. */
+/** Lines of words above the numbers, without marks of comments, and lines of numbers. */
 function divide(text) {
-  const found = { comments: [], header: [], data: [] };
+  const found = { above: [], data: [] };
   for (const raw of text.replaceAll('"', "").split(/\r\n|[\n\r]/)) {
     const line = raw.trim().replace(/[;,\t ]+$/, "");
-    if (/^[#%]/.test(line)) {
-      if (found.data.length === 0) found.comments.push(line.replace(/^[#% \t]+/, ""));
-    } else if (line) {
-      (found.data.length || isNumbers(line) ? found.data : found.header).push(line);
+    if (!line) continue;
+    if (found.data.length === 0 && !isNumbers(line)) {
+      found.above.push(line.replace(/^[#% \t]+/, ""));
+    } else if (!/^[#%]/.test(line)) {
+      found.data.push(line);
     }
   }
   return found;
@@ -92,14 +87,10 @@ function readNumbers(data, delimiter, decimalComma) {
   return Array.from({ length: count }, (_, column) => Float64Array.from(rows, (row) => row[column]));
 }
 
-/** The cells of a line if there are ``count``; names may be divided otherwise than numbers. */
-function cells(line, delimiter, count) {
-  const marks = [delimiter, "\t", ";", ","].filter((mark) => mark && line.includes(mark));
-  for (const mark of marks.length ? marks : [null]) {
-    const found = split(line, mark).map((cell) => cell.trim());
-    if (found.length === count) return found;
-  }
-  return null;
+/** The cells of a line of names, which may be divided otherwise than the numbers. */
+function cells(line, delimiter) {
+  const mark = [delimiter, "\t", ";", ","].find((each) => each && line.includes(each));
+  return split(line, mark ?? null).map((cell) => cell.trim());
 }
 
 function split(line, delimiter) {

@@ -1,40 +1,32 @@
-// The column of time of a table: it gives the rate and never becomes an axis (data/time_column.py).
+// The column of time of a table: it gives the rate and never becomes an axis (data/traces.py).
 
 import { InputError } from "./errors.js";
 
-const NAMES = ["time", "t", "timestamp", "zeit"];
+const TIMES = ["time", "timestamp", "t", "zeit", "sec", "seconds", "milliseconds"];
 const UNITS = [
-  [1, ["s", "sec", "secs", "second", "seconds"]],
+  [1, ["s", "sec", "secs", "second", "seconds", ...TIMES.slice(0, 4)]],
   [1e-3, ["ms", "msec", "millisecond", "milliseconds"]],
   [1e-6, ["us", "\u03bcs", "usec", "microsecond", "microseconds"]],
 ];
 const SECONDS = new Map(UNITS.flatMap(([unit, names]) => names.map((name) => [name, unit])));
-const MIN_SAMPLES = 8; // fewer numbers may rise evenly by chance
-const MIN_RATE = 250; // Hz without a unit; what is slower is in ms or us, or counts samples
-const JITTER = 0.01; // of a step, up to which samples are taken as even
-const EVEN = 1.75; // steps, up to which a column without a name may be one of time
-const MAX_GAP = 10; // steps, up to which lost samples are interpolated
+const MIN_RISING = 8; // samples; fewer numbers may rise by chance
+const EVEN = 0.01; // of a step, up to which samples stay as they are
+const MISSING = 2.5; // steps, above which samples are missing
+const MAX_FILLED = 2; // times as many samples, beyond which most would be made up
 
 /**
  * Take the column of time out of a table and derive the rate from it.
  *
  * @param {Float64Array[]} columns
- * @param {string[] | null} names - Of the columns.
- * @param {string[] | null} units - Of the columns.
+ * @param {string[][]} names - Rows of names and units of the columns.
  * @param {number | null} channel - The one column beside the time that is kept; null keeps all.
  * @returns {{channels: Float64Array[], rate: number | null}}
  */
-export function separateTime(columns, names, units, channel) {
-  const found =
-    (names && namedTime(names, units)) ?? unnamedTime(columns, names ? names[0] : "");
+export function separateTime(columns, names, channel) {
+  const found = findTime(names, columns);
   if (found === null) return { channels: chooseChannel(columns, channel), rate: null };
-  const times = columns[found.index];
   const others = columns.filter((_, index) => index !== found.index);
-  const [step, even] = meanStep(times, found.unit);
-  const axes = chooseChannel(others, channel);
-  const inTable = step / (found.unit ?? 1);
-  const channels = even ? axes : axes.map((axis) => interpolate(times, axis, inTable));
-  return { channels, rate: 1 / step };
+  return evenSamples(columns[found.index], chooseChannel(others, channel), found.unit);
 }
 
 /**
@@ -53,77 +45,59 @@ export function chooseChannel(channels, channel) {
   );
 }
 
-function namedTime(names, units) {
-  const found = names.flatMap((name, index) => {
-    const said = words(name);
-    if (said.length === 1 && said[0].length > 2 && SECONDS.has(said[0])) {
-      return [{ index, unit: SECONDS.get(said[0]) }]; // "seconds"
+/** Index and unit in seconds of the column of time; units may stand below the names. */
+function findTime(names, columns) {
+  for (const [place, row] of names.entries()) {
+    const said = row.map(words);
+    const found = said.flatMap((each, index) => (TIMES.includes(each[0]) ? [index] : []));
+    if (found.length > 1) throw new InputError(`it has ${found.length} columns of time; keep one`);
+    for (const index of found) {
+      const below = words(names[place + 1]?.[index] ?? "");
+      const unit = [said[index].slice(1), below, said[index]].find((each) => each.length).at(-1);
+      if (!SECONDS.has(unit)) {
+        throw new InputError(
+          `its column ${JSON.stringify(row[index])} has an unknown unit; call it time_s, ` +
+            "time_ms or time_us",
+        );
+      }
+      return { index, unit: SECONDS.get(unit) };
     }
-    if (!NAMES.includes(said[0])) return [];
-    const unit = said.length > 1 ? said.slice(1) : words(units?.[index] ?? "");
-    if (unit.length === 0) return [{ index, unit: null }];
-    if (unit.length === 1 && SECONDS.has(unit[0])) return [{ index, unit: SECONDS.get(unit[0]) }];
-    if (said[0] === "t") return []; // which may be a temperature
-    throw new InputError(
-      `it has a column ${JSON.stringify(name)} of unknown unit; call it time_s, time_ms or time_us`,
-    );
-  });
-  if (found.length > 1) {
-    throw new InputError(`it has ${found.length} columns of time; keep one`);
   }
-  return found[0] ?? null;
+  if (columns.length < 2 || columns[0].length < MIN_RISING) return null;
+  return differences(columns[0]).every((step) => step > 0) ? { index: 0, unit: 1 } : null;
 }
 
 function words(name) {
   const letters = name.toLowerCase().replaceAll("\u00b5", "\u03bc"); // micro sign, Greek mu
-  return (letters.match(/\p{L}+/gu) ?? []).filter((word) => word !== "in");
+  return letters.match(/\p{L}+/gu) ?? [];
 }
 
-/** The first column, if it has no name, rises evenly and stands before one or three others. */
-function unnamedTime(columns, name) {
-  const times = columns[0];
-  if (![2, 3, 4].includes(columns.length) || times.length < MIN_SAMPLES) return null;
-  const steps = differences(times);
-  if (!steps.every((step) => step > 0) || Math.max(...extremes(steps)) > EVEN * median(steps)) {
-    return null;
-  }
-  if (columns.length === 3) {
-    throw new InputError(
-      "it has three columns, of which the first rises evenly as time does; a signal has one or " +
-        "three axes beside a column of time",
-    );
-  }
-  return name ? null : { index: 0, unit: null };
-}
-
-/** Mean step in seconds, and whether the steps are even. */
-function meanStep(times, unit) {
+/** Bring samples to even steps, of the mean length of all that are no gaps. */
+function evenSamples(times, axes, unit) {
   const steps = differences(times);
   const fall = steps.findIndex((step) => !(step > 0));
   if (steps.length === 0 || fall >= 0) {
     throw new InputError(`its times do not rise at sample ${fall + 1}`);
   }
   const middle = median(steps);
-  const [, widest] = extremes(steps);
-  if (widest > MAX_GAP * middle) {
-    const place = steps.indexOf(widest);
-    throw new InputError(`its column of time has a gap after sample ${place}; cut the file there`);
+  const gaps = steps.filter((each) => each > MISSING * middle);
+  const span = times.at(-1) - times[0];
+  const step = (span - gaps.reduce((sum, each) => sum + each, 0)) / (steps.length - gaps.length);
+  const rate = 1 / (step * unit);
+  if (steps.every((each) => Math.abs(each - middle) <= EVEN * middle)) {
+    return { channels: axes, rate };
   }
-  const step = (times.at(-1) - times[0]) / steps.length;
-  if (unit === null && 1 / step < MIN_RATE) {
-    throw new InputError(
-      `it has ${(1 / step).toPrecision(3)} samples a second if its column of time is in seconds; ` +
-        "call it time_ms or time_us, or delete it if it counts samples",
-    );
+  const count = Math.round(span / step) + 1;
+  if (count > MAX_FILLED * times.length) {
+    throw new InputError("its times have gaps, so that most samples are missing");
   }
-  const even = steps.every((each) => Math.abs(each - middle) <= JITTER * middle);
-  return [step * (unit ?? 1), even];
+  return { channels: axes.map((axis) => interpolate(times, axis, step, count)), rate };
 }
 
 /** Samples at even times, linearly between those of the table. */
-function interpolate(times, values, step) {
+function interpolate(times, values, step, count) {
   let j = 0;
-  return values.map((_, i) => {
+  return Float64Array.from({ length: count }, (_, i) => {
     const time = times[0] + i * step;
     while (j < times.length - 2 && times[j + 1] <= time) j += 1;
     if (time >= times.at(-1)) return values.at(-1);
@@ -134,13 +108,6 @@ function interpolate(times, values, step) {
 
 function differences(values) {
   return values.slice(1).map((value, i) => value - values[i]);
-}
-
-function extremes(values) {
-  return values.reduce(
-    ([low, high], value) => [Math.min(low, value), Math.max(high, value)],
-    [Infinity, -Infinity],
-  );
 }
 
 function median(values) {

@@ -1,0 +1,399 @@
+"""Signals out of files: samples (axes, samples) as they stand there, and their rate.
+
+Sounds and NumPy arrays are read by their libraries. Text has one sample a line, in columns that
+stand apart by comma, semicolon, tab or space; understood are decimal commas, comment lines that
+begin with ``#`` or ``%``, lines of names and units above the numbers, byte order marks, UTF-16,
+trailing delimiters and a column of time. XML is that of the Penn Haptic Texture Toolkit (HaTT):
+``SampleRate`` in Hz, and ``AccelX``, ``AccelY``, ``AccelZ`` or, for one axis, ``Accel``.
+
+A column of time gives the rate and never becomes an axis. It is called ``time``, ``t`` or the like,
+or it is the first of several columns and rises throughout. Where its steps are uneven or samples
+are missing, the others are interpolated linearly to even steps of the usual length.
+"""
+
+import codecs
+import logging
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NoReturn, get_args
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+import soundfile
+
+from tex_lightning.core.console import quietly
+from tex_lightning.core.files import check_lines, is_file, require_file
+from tex_lightning.errors import UserError, reason, shorten
+
+Array = npt.NDArray[np.floating]
+RateSource = Literal["header", "time column", "stated", "assumed"]
+SOURCES: tuple[RateSource, ...] = get_args(RateSource)
+RATE_TOLERANCE = 0.01
+MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
+MAX_TEXT = 1 << 29  # bytes
+UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
+DAMAGE = (
+    soundfile.SoundFileError, ElementTree.ParseError, ValueError, EOFError, OSError, LookupError,
+    MemoryError,
+)  # fmt: skip
+SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SourceRate:
+    """The rate of a signal before it is resampled.
+
+    Attributes:
+        hz: The rate.
+        source: Who says so; ``stated`` is a manifest or a reader.
+        interpolated: Whether samples were interpolated, because their times are uneven.
+    """
+
+    hz: float
+    source: RateSource
+    interpolated: bool = False
+
+
+Table = tuple[Array, SourceRate | None]  # samples in the order of the file, and what it says
+
+
+def read_samples(path: Path, channel: int | None = None) -> Table:
+    """Read the samples (axes, samples) out of one file, or three with an axis each.
+
+    Args:
+        path: The file, or any of the three (:func:`axis_files`).
+        channel: The one channel of a sound, or column beside the time, that is read, from 0.
+
+    Returns:
+        One or three axes, and the rate if the file carries it.
+
+    Raises:
+        UserError: If a file is missing, empty, damaged or of another shape, or its column of time
+            cannot be used.
+    """
+    parts = [_read_file(file, channel) for file in axis_files(path)]
+    axes = [samples for samples, _ in parts]
+    if len(axes) == 1:
+        return parts[0]
+    first = parts[0][1]
+    hertz = [rate.hz if rate else 0.0 for _, rate in parts]
+    single = {each.shape for each in axes} == {(1, axes[0].shape[1])}
+    if not single or not all(same_rate(each, hertz[0]) for each in hertz):
+        told = [
+            f"{each.size}{f' at {rate:,.6g} Hz' if rate else ''}"
+            for each, rate in zip(axes, hertz, strict=True)
+        ]
+        raise UserError(
+            f"The axes X, Y, Z of trace {path} have {', '.join(told)}; each must be a single one, "
+            "and all of one length and rate."
+        )
+    return np.concatenate(axes), first
+
+
+def same_rate(one: float, other: float) -> bool:
+    """Whether two rates in Hz may be told of one file; a column of time is never exact."""
+    return math.isclose(one, other, rel_tol=RATE_TOLERANCE)
+
+
+def axis_files(path: Path) -> tuple[Path, ...]:
+    """The files of one recording: three if its axes lie apart, as in LMT-108, else the file alone.
+
+    Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
+    last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all, and
+    all are needed if there are two.
+    """
+    match = re.fullmatch(r"(.+_)[XYZ](_[^_]+)", path.name)
+    if match is None or path.suffix.lower() not in TRACE_SUFFIXES:
+        return (path,)
+    files = tuple(path.with_name(f"{match[1]}{axis}{match[2]}") for axis in "XYZ")
+    return files if sum(map(is_file, files)) > 1 else (path,)
+
+
+def stands_for_all(path: Path) -> bool:
+    """Whether a file is the first of its recording that is there, by which the others are found."""
+    return path == next(filter(is_file, axis_files(path)), path)
+
+
+def axes_first(samples: Array) -> Array | None:
+    """Bring (samples,), (axes, samples) or (samples, axes) to (axes, samples), one or three axes.
+
+    Returns:
+        None if the samples have another shape.
+    """
+    trace = samples[None] if samples.ndim == 1 else samples
+    if trace.ndim == 2 and trace.shape[0] not in (1, 3):
+        trace = trace.T
+    return trace if trace.ndim == 2 and trace.shape[0] in (1, 3) else None
+
+
+def _read_file(path: Path, channel: int | None) -> Table:
+    require_file(path)
+    if (read := READERS.get(path.suffix.lower())) is None:
+        raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
+    try:
+        table, rate = read(path)
+    except DAMAGE as error:
+        raise UserError(
+            f"Trace {path} cannot be read ({reason(error)}); correct or replace the file."
+        ) from error
+    if channel is not None and table.ndim == 2:
+        columns = table.T if table.shape[0] > table.shape[1] else table
+        if channel >= len(columns):
+            raise UserError(
+                f"Trace {path} has {len(columns)} channels, and model.SENSE.decode.channel is "
+                f"{channel}, counted from 0; choose another."
+            )
+        table = columns[channel]
+    trace = axes_first(table)
+    if trace is None or not trace.size:
+        raise UserError(
+            f"Trace {path} has the shape {table.shape}; a trace has samples of one or three axes "
+            "(columns): choose one by +model.SENSE.decode.channel=0, or call a column of time time."
+        )
+    return trace, rate
+
+
+def _read_sound(path: Path) -> Table:
+    _check_wav_length(path)
+    with soundfile.SoundFile(path) as sound:
+        _check_count(sound.frames * sound.channels)  # a small FLAC file may hold hours of silence
+        samples = sound.read(dtype="float32", always_2d=True)
+        return samples, SourceRate(float(sound.samplerate), "header")
+
+
+def _check_wav_length(path: Path) -> None:
+    """Compare sizes with the header: libsndfile reads a truncated file without a word."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        if stream.read(4) != b"RIFF":
+            return
+        stream.seek(12)
+        while len(header := stream.read(8)) == 8:
+            length = int.from_bytes(header[4:], "little")
+            if header[:4] == b"data":
+                missing = stream.tell() + length - size
+                if missing > 0 and length < UNKNOWN_LENGTH:
+                    raise ValueError(f"truncated: {missing} of {length} bytes are missing")
+                return
+            stream.seek(length + length % 2, 1)
+
+
+def _check_count(count: int) -> None:
+    if count > MAX_SAMPLES:
+        raise ValueError(f"it claims {count:,} samples, and {MAX_SAMPLES:,} are the most")
+
+
+def _read_array(path: Path) -> Table:
+    try:
+        with quietly():  # a map takes no memory for what a header claims
+            array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except OSError:
+        raise
+    except Exception as error:  # of any kind; the words of some propose to load it unsafely
+        raise ValueError("it is no whole array of numbers as np.save writes it") from error
+    if not isinstance(array, np.ndarray):
+        raise ValueError("it is an .npz archive; save one array with np.save")
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"it holds {array.dtype} instead of numbers")
+    _check_count(array.size)
+    return np.array(array, np.float64), None
+
+
+def _check_text(path: Path) -> None:
+    """Refuse text that would not fit into memory as numbers."""
+    if (size := path.stat().st_size) > MAX_TEXT:
+        raise ValueError(
+            f"it is {size / 2**20:,.0f} MiB of text, and {MAX_TEXT >> 20} are the most: save it as "
+            "WAV or .npy, or in parts"
+        )
+
+
+MARKS = "#%"
+
+
+def _read_text(path: Path) -> Table:
+    """Read the columns of a text file and take its column of time out of them."""
+    _check_text(path)
+    check_lines(path)
+    text = _decode_text(path.read_bytes()).replace('"', "")
+    lines = [line for raw in text.splitlines() if (line := raw.strip().rstrip(";,\t "))]
+    start = next((number for number, line in enumerate(lines) if _is_numbers(line)), len(lines))
+    data = [line for line in lines[start:] if line[0] not in MARKS]
+    if not data:
+        raise ValueError("no numbers")
+    delimiter = _delimiter(data[0])
+    if delimiter != "," and any("," in line for line in data):
+        if any("." in line for line in data):
+            raise ValueError("it has both decimal points and commas inside its columns")
+        data = [line.replace(",", ".") for line in data]
+    table = np.loadtxt(data, delimiter=delimiter, ndmin=2)
+    above = [_cells(line.lstrip(f"{MARKS} \t"), delimiter) for line in lines[:start]]
+    time = _find_time([cells for cells in above if len(cells) == table.shape[1]], table)
+    if time is None:
+        return table[:, 0] if table.shape[1] == 1 else table, None
+    return _even_samples(path, table[:, time[0]], np.delete(table, time[0], axis=1), time[1])
+
+
+def _decode_text(content: bytes) -> str:
+    """Text of UTF-16 (Excel's "Unicode text"), UTF-8 or, for names alone, Latin-1."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _is_numbers(line: str) -> bool:
+    try:
+        [float(field) for field in re.split(r"[;,\s]+", line) if field]
+    except ValueError:
+        return False
+    return True
+
+
+def _delimiter(line: str) -> str | None:
+    """The delimiter of a line of numbers; None is white space, beside which commas are decimal."""
+    if ";" in line:
+        return ";"
+    return "," if "," in line and not re.search(r"\d[ \t]+[-+.\d]", line) else None
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    """The cells of a line of names, which may be divided otherwise than the numbers."""
+    marks = (delimiter, "\t", ";", ",")
+    return line.split(next((mark for mark in marks if mark and mark in line), None))
+
+
+TIMES = ("time", "timestamp", "t", "zeit", "sec", "seconds", "milliseconds")  # names begin so
+SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", *TIMES[:4]), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "\u03bcs", "usec", "microsecond", "microseconds"), 1e-6),
+}
+MIN_RISING = 8  # samples; fewer numbers may rise by chance
+EVEN = 0.01  # of a step, up to which samples stay as they are
+MISSING = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
+LARGE_GAP = 10  # steps, from which on a warning names it
+MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
+
+
+def _find_time(names: list[list[str]], table: Array) -> tuple[int, float] | None:
+    """Index and unit in seconds of the column of time; units may stand below the names."""
+    for row, below in zip(names, [*names[1:], [""] * table.shape[1]], strict=False):
+        words = [_words(name) for name in row]
+        found = [index for index, each in enumerate(words) if each and each[0] in TIMES]
+        if len(found) > 1:
+            raise ValueError(f"it has {len(found)} columns of time; keep one")
+        for index in found:
+            unit = (words[index][1:] or _words(below[index]) or words[index])[-1]
+            if unit not in SECONDS:
+                raise ValueError(
+                    f"its column {shorten(repr(row[index]))} has an unknown unit; call it time_s, "
+                    "time_ms or time_us"
+                )
+            return index, SECONDS[unit]
+    rises = len(table) >= MIN_RISING and bool((np.diff(table[:, 0]) > 0).all())
+    return (0, 1.0) if rises and table.shape[1] > 1 else None
+
+
+def _words(name: str) -> list[str]:
+    return re.findall(r"[^\W\d_]+", name.casefold())
+
+
+def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Table:
+    """Bring samples (samples, axes) to even steps, and return them as (axes, samples).
+
+    The step is the mean of all that are no gaps: times are often rounded to few digits, so that
+    their median is none.
+
+    Raises:
+        ValueError: If the times do not rise, or most samples are missing.
+    """
+    steps = np.diff(times)
+    if not len(steps) or not (steps > 0).all():
+        place = int(np.argmin(steps > 0)) + 1 if len(steps) else 0
+        raise ValueError(f"its times do not rise at sample {place}")
+    median = float(np.median(steps))
+    gaps = steps > MISSING * median
+    span = float(times[-1] - times[0])
+    step = (span - float(steps[gaps].sum())) / int((~gaps).sum())
+    uneven = bool((np.abs(steps - median) > EVEN * median).any())
+    axes = samples.T
+    if uneven:
+        count = round(span / step) + 1
+        if count > MAX_FILLED * len(times):
+            raise ValueError(
+                f"its times have gaps of up to {steps.max() / median:,.3g} steps, so that most "
+                "samples are missing"
+            )
+        if steps.max() > LARGE_GAP * median:
+            log.warning(
+                "Trace %s has gaps in its column of time, the largest of %.3g s after sample %d; "
+                "they are filled with straight lines.",
+                path, steps.max() * unit, steps.argmax(),
+            )  # fmt: skip
+        grid = times[0] + np.arange(count) * step
+        axes = np.stack([np.interp(grid, times, axis) for axis in samples.T])
+    return axes, SourceRate(1 / (step * unit), "time column", uneven)
+
+
+class _NoEntities(ElementTree.TreeBuilder):
+    """Elements of an XML file without a document type, so that no entity can expand."""
+
+    def doctype(self, *_: object) -> NoReturn:
+        raise ValueError("it has a document type (DOCTYPE), which is not read; take that line out")
+
+
+AXES = ("AccelX", "AccelY", "AccelZ")
+
+
+def _read_xml(path: Path) -> Table:
+    """Read acceleration and rate; white space, commas, semicolons or elements divide numbers."""
+    _check_text(path)
+    tree = ElementTree.parse(path, ElementTree.XMLParser(target=_NoEntities()))
+    known = {name.lower(): name for name in ("SampleRate", *AXES, "Accel")}
+    found: dict[str, Array] = {}
+    for element in tree.iter():
+        tag = _local_name(element)
+        inner = {f"{tag}{_local_name(child)}": child for child in element} if tag == "accel" else {}
+        for name, each in {tag: element, **inner}.items():
+            if name in known:
+                found[known[name]] = _numbers(known[name], " ".join(each.itertext()))
+    rate = found.get("SampleRate", np.empty(0))
+    if len(rate) != 1:
+        raise ValueError(f"it has {len(rate) or 'no'} SampleRate where one number of Hz is needed")
+    names = ("Accel",) if "Accel" in found and AXES[0] not in found else AXES
+    axes = [found.get(name, np.empty(0)) for name in names]
+    counts = [len(axis) for axis in axes]
+    if len({*counts}) > 1 or not counts[0]:
+        told = ", ".join(map(str, counts))
+        raise ValueError(f"{', '.join(names)} have {told} samples; they need as many of each")
+    return np.stack(axes), SourceRate(float(rate[0]), "header")
+
+
+def _local_name(element: ElementTree.Element) -> str:
+    return str(element.tag).rpartition("}")[2].lower()
+
+
+def _numbers(name: str, text: str) -> Array:
+    try:
+        return np.array([word for word in re.split(r"[\s,;]+", text) if word], np.float64)
+    except ValueError as error:
+        raise ValueError(f"{name} holds what is no number: {error}") from error
+
+
+READERS: dict[str, Callable[[Path], Table]] = {
+    **dict.fromkeys(SOUND_SUFFIXES, _read_sound),
+    ".npy": _read_array,
+    ".txt": _read_text,
+    ".csv": _read_text,
+    ".xml": _read_xml,
+}
+TRACE_SUFFIXES = tuple(READERS)
