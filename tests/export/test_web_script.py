@@ -130,7 +130,7 @@ def test_resampling_is_that_of_scipy(node, tmp_path, kind):
 
 TEXTS = {
     "one column": "1.5\n2.5e-3\n-3\n",
-    "semicolons and decimal commas": "X;Y;Z\n1,5;2;3\n4;5,25;-6\n7;8;9\n",
+    "semicolons and decimal commas": "X;Y;Z\n1,5;2;3\n4;5,25;-6\n7;8;9\n0;0;1\n",
     "tabs, comments": "# made by hand\n# x\ty\tz\n1\t2\t3\n4\t5\t6\n7\t8\t9\n1\t1\t1\n",
     "a named time in ms": "time_ms,x\n" + "".join(f"{i / 8},{i * i % 7}\n" for i in range(20)),
     "units in a second line": "Time,a,b,c\ns,g,g,g\n"

@@ -143,7 +143,10 @@ def rename(old: str, new: str):
             "no photos of G2Brick; correct the names, or leave them out by data.reader.folders.im",
         ),
         ("kylberg", "canvas1/canvas1-c-p011.png", rename("-c-", "-e-"), "not called canvas1-a"),
-        ("kth_tips2b", "cork/sample_b/22b-scale_6_im_8_col.png", rename("b-", "e-"), "not called 22"),
+        (
+            "kth_tips2b", "cork/sample_b/22b-scale_6_im_8_col.png", rename("b-", "e-"),
+            "is not called 22a-scale_2_im_1_col.png",
+        ),
         ("kylberg", "", shutil.rmtree, r"holds no CLASS/canvas1-a-p001\.png; check data.root"),
     ],
 )  # fmt: skip
