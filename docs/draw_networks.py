@@ -18,7 +18,7 @@ import tex_lightning as tl
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.networks.geometry import layer_windows, receptive_field
 from tex_lightning.networks.trunks import TRUNKS
-from tex_lightning.report.tables import markdown
+from tex_lightning.report.table import markdown
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 DOCS = Path(__file__).parent

@@ -12,7 +12,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from tex_lightning.report.tables import markdown
+from tex_lightning.report.table import markdown
 
 HEADINGS = (
     "run", "network", "data", "votes", "95 % interval", "calibration error", "ms", "fit s a fold",

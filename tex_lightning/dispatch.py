@@ -198,9 +198,9 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         # a task is imported when it runs: most take Lightning, which predictions do without
         results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job)
         if results and config.task not in SILENT:  # other ranks have none
-            from tex_lightning.report.page import write_page
+            from tex_lightning.report.page import write_report
 
-            write_page(job.directory)
+            write_report(job.directory)
     if config.task in TRAINING and results:
         return optimized_value(results, config.optimized_metric)
     return None

@@ -114,8 +114,7 @@ def test_it_is_drawn_over_seconds_hertz_and_pixels(fused):
     assert title[1].startswith(fused.classes[fused.label])
     assert title[2] == "It hums."
     signal, photo, bars, _ = figure.subfigs
-    left, right = signal.subfigs
-    wave, spectrogram, strip, line = left.axes
+    wave, spectrogram, strip, line = signal.axes
     assert {axes.get_xlim() for axes in (wave, spectrogram, strip, line)} == {(0, 2.4)}
     assert (spectrogram.get_ylabel(), line.get_xlabel()) == ("Hz", "s")
     centres = fused.senses["haptic"].columns.mean(axis=1)
@@ -124,8 +123,6 @@ def test_it_is_drawn_over_seconds_hertz_and_pixels(fused):
     assert covered[0][0] == 0
     assert covered[-1][1] == pytest.approx(2.4)
     assert all(one[1] == other[0] for one, other in pairwise(covered))
-    assert len(right.axes) == 2
-    assert len(photo.axes) == 4
     assert [text.get_text() for text in bars.axes[0].get_yticklabels()] == [
         "haptic",
         "visual",
@@ -133,7 +130,7 @@ def test_it_is_drawn_over_seconds_hertz_and_pixels(fused):
     ]
     marked = [patch.get_bbox().bounds for patch in photo.axes[1].patches]
     most, least = fused.senses["visual"].extremes(fused.label)
-    for (row, column), (x, y, *_) in zip((most, least), marked, strict=True):
+    for (row, column), (x, y, *_) in zip((most, least), marked[::2], strict=True):
         assert (y, x) == (
             fused.senses["visual"].rows[row, 0],
             fused.senses["visual"].columns[column, 0],
@@ -146,15 +143,11 @@ def test_nothing_is_cut_or_overlaps(fused):
     canvas.draw()
     renderer = canvas.get_renderer()
     width, height = figure.bbox.size
-    boxes = [axes.get_tightbbox(renderer) for part in figure.subfigs for axes in _axes(part)]
+    boxes = [axes.get_tightbbox(renderer) for part in figure.subfigs for axes in part.axes]
     assert all(box.x0 >= -1 and box.y0 >= -1 for box in boxes)
     assert all(box.x1 <= width + 1 and box.y1 <= height + 1 for box in boxes)
     for index, box in enumerate(boxes):
         assert not any(box.padded(-2).overlaps(other.padded(-2)) for other in boxes[index + 1 :])
-
-
-def _axes(part):
-    return [*part.axes] if not part.subfigs else [each for sub in part.subfigs for each in sub.axes]
 
 
 def test_files_are_small_however_large_the_input(tmp_path):
@@ -198,10 +191,8 @@ def test_a_network_that_declares_nothing_is_drawn(samples):
     vote, senses = classify_with_maps(classifier, {"haptic": torch.ones(1, samples).cumsum(1)})
     prediction = describe(vote, classifier.card, Quality(), 3, 0.0)
     found = Explanation.of(prediction, classifier.card.classes, vote.label, senses)
-    left, right = found.figure().subfigs[0].subfigs
-    assert "equal parts of the trace" in found.figure().subfigs[0].get_suptitle()
-    assert len(left.axes) == 4
-    assert not right.axes[1].axison  # one position alone
+    part = found.figure().subfigs[0]
+    assert len(part.axes) == 4
 
 
 class Plain(nn.Module):

@@ -15,7 +15,6 @@ from tex_lightning.inference.evidence import PhotoEvidence, SignalEvidence, equa
 from tex_lightning.report.page_media import (
     LEGEND,
     SIDE,
-    find_maps,
     map_folder,
     shown_samples,
     write_map,
@@ -48,8 +47,12 @@ def outcome(file, rate: float = 10_000) -> Outcome:
     return Outcome({"haptic": str(file)}, "alpha", "beta", 1.0, 1, 0, 1.0, rates=rates)
 
 
+def raw(content: str) -> io.BytesIO:
+    return io.BytesIO(base64.b64decode(content.partition(",")[2]))
+
+
 def opened(content: str) -> np.ndarray:
-    with Image.open(io.BytesIO(base64.b64decode(content.partition(",")[2]))) as image:
+    with Image.open(raw(content)) as image:
         return np.asarray(image).astype(float)
 
 
@@ -110,16 +113,16 @@ def test_a_strip_lies_below_the_same_time_of_the_spectrogram(tmp_path, seconds, 
         map_folder(tmp_path, "haptic") / "0/haptic/haptic.png", evidence, CLASSES, *CLASSES[:2]
     )
     (shown,) = shown_samples(tmp_path, ["haptic"])
-    picture, sound = shown.media
-    assert picture.name == "spectrogram, label map of haptic"
-    found = opened(picture.content)
+    picture, sound = shown["media"]
+    assert picture["name"] == "spectrogram, label map of haptic"
+    found = opened(picture["content"])
     brightness = found[: SIDE // 3].sum(axis=2).max(axis=0)
     onset = np.flatnonzero(brightness > brightness.max() / 2)[0]
     turn = np.flatnonzero(np.abs(found[-5] - RED).sum(axis=1) < 60)[0]
     visible = min(seconds, 5)
     window = 512 / (visible * rate) * SIDE
     assert 0 < turn == pytest.approx(onset, abs=window)
-    heard, heard_at = soundfile.read(io.BytesIO(base64.b64decode(sound.content.partition(",")[2])))
+    heard, heard_at = soundfile.read(raw(sound["content"]))
     assert len(heard) / heard_at == pytest.approx(visible)
     assert turn == pytest.approx(evidence.edges[1] / visible * SIDE, abs=2)
 
@@ -131,13 +134,12 @@ def test_a_recording_that_two_senses_look_at_has_a_map_of_each(tmp_path):
     parts = equal_parts(1, 0, 30)
     black = np.zeros((20, 30, 3), np.uint8)
     for sense, label in (("one", 0), ("two", 1)):
-        given = scores(np.array([[label]])), parts, parts, True, 1.0, black
+        given = scores(np.array([[label]])), parts, parts, 1.0, black
         path = map_folder(tmp_path, "fusion") / "0" / "haptic" / f"{sense}.png"
         write_map(path, PhotoEvidence(sense, *given), CLASSES, *CLASSES[:2])
-    assert [path.stem for path in find_maps(tmp_path, "fusion", 0, "haptic")] == ["one", "two"]
     (shown,) = shown_samples(tmp_path, ["fusion"])
-    names = [medium.name for medium in shown.media]
+    names = [medium["name"] for medium in shown["media"]]
     assert names == ["a.png", "label map of one", "label map of two"]
-    for medium, colour in zip(shown.media[1:], (BLUE, RED), strict=True):
-        assert opened(medium.content).shape == (20, 90, 3)
-        np.testing.assert_allclose(opened(medium.content) - colour / 2, 0, atol=4)
+    for medium, colour in zip(shown["media"][1:], (BLUE, RED), strict=True):
+        assert opened(medium["content"]).shape == (20, 90, 3)
+        np.testing.assert_allclose(opened(medium["content"]) - colour / 2, 0, atol=4)

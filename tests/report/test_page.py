@@ -14,7 +14,7 @@ import pytest
 import soundfile
 from PIL import Image
 
-from tex_lightning.report.page import read_curves, write_page
+from tex_lightning.report.page import read_curves, write_report
 from tex_lightning.report.page_media import shown_samples
 
 CHROMIUM = shutil.which("chromium")
@@ -82,16 +82,16 @@ def test_the_worst_samples_are_those_with_the_smallest_margin(run):
     with (run / "predictions/fusion.csv").open() as stream:
         wrong = sum(line["label"] != line["predicted"] for line in csv.DictReader(stream))
     shown = shown_samples(run, ["fusion"])
-    assert [each.label != each.predicted for each in shown] == [True] * wrong + [False] * (
+    assert [each["label"] != each["predicted"] for each in shown] == [True] * wrong + [False] * (
         len(shown) - wrong
     )
-    assert [medium.kind for medium in shown[0].media] == ["image", "audio", "image", "image"]
+    assert [medium["kind"] for medium in shown[0]["media"]] == ["image", "audio", "image", "image"]
 
 
 def test_a_signal_can_be_heard_and_a_photo_seen(run, surfaces):
-    spectrogram, sound, photo, _ = shown_samples(run, ["fusion"])[0].media
-    samples, rate = soundfile.read(io.BytesIO(base64.b64decode(sound.content.partition(",")[2])))
-    (source,) = surfaces.rglob(sound.name)
+    spectrogram, sound, photo, _ = shown_samples(run, ["fusion"])[0]["media"]
+    samples, rate = soundfile.read(io.BytesIO(base64.b64decode(sound["content"].partition(",")[2])))
+    (source,) = surfaces.rglob(sound["name"])
     original, own = soundfile.read(source, always_2d=True)
     assert rate == max(8000, own)
     assert np.abs(samples).max() == pytest.approx(1, abs=1e-3)
@@ -99,7 +99,8 @@ def test_a_signal_can_be_heard_and_a_photo_seen(run, surfaces):
     centred = added - added.mean()
     assert np.corrcoef(samples, centred[: len(samples)])[0, 1] > 0.999
     for picture in (spectrogram, photo):
-        with Image.open(io.BytesIO(base64.b64decode(picture.content.partition(",")[2]))) as image:
+        content = base64.b64decode(picture["content"].partition(",")[2])
+        with Image.open(io.BytesIO(content)) as image:
             assert max(image.size) <= 280
 
 
@@ -108,7 +109,7 @@ def test_every_worst_sample_has_its_label_maps_and_older_run_folders_none(page, 
     said = [attrs["alt"] for tag, attrs in page.tags if tag == "img"]
     assert said.count("label map of visual") == said.count("spectrogram, label map of haptic") == 6
     shutil.copytree(run, tmp_path, ignore=lambda *_: ["label_maps"], dirs_exist_ok=True)
-    write_page(tmp_path)
+    write_report(tmp_path)
     older = Page((tmp_path / "report.html").read_text())
     assert "Label maps" not in older.words
     said = [attrs["alt"] for tag, attrs in older.tags if tag == "img"]
@@ -121,14 +122,13 @@ def test_curves_are_means_over_epochs(tmp_path):
     folder.mkdir(parents=True)
     (folder / "metrics.csv").write_text("epoch,train/loss\n0,3\n0,1\n1,1\n1,\n")
     (curve,) = read_curves(tmp_path)
-    assert (curve.network, curve.values) == ("haptic", [2, 1])
+    assert (curve["network"], curve["values"]) == ("haptic", [2, 1])
 
 
 def test_what_files_say_is_text(tmp_path):
     (tmp_path / "results.json").write_text('{"task": "fit", "model": "<script>", "data": "a&b"}')
     (tmp_path / "sweep.csv").write_text("job,status\n0,<img src=x>\n1,done\n")
-    (tmp_path / "report.md").write_text("# T\n\n| <b>a</b> |\n|---|\n| <script>x</script> |\n")
-    write_page(tmp_path)
+    write_report(tmp_path)
     page = Page((tmp_path / "report.html").read_text())
     assert "<script>" in page.words
     assert "<img src=x>" in page.words
@@ -136,7 +136,7 @@ def test_what_files_say_is_text(tmp_path):
 
 
 def test_an_empty_run_folder_gives_a_page(tmp_path):
-    write_page(tmp_path)
+    write_report(tmp_path)
     assert "This command repeats it" in (tmp_path / "report.html").read_text()
 
 

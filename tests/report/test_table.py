@@ -63,30 +63,22 @@ def test_what_was_asked_for_is_shown_beside_chance(printed, tmp_path):
     table.print_results({**RUN, "networks": {"a": NETWORK, "b": {**NETWORK, **asked}}}, tmp_path)
     rows = {line[:27].strip(): line[27:].split() for line in printed().splitlines()}
     assert rows["chance"] == ["33.3%", "33.3%"]
-    assert rows["old classes"] == rows["new classes"] == ["5/6", "(83.3%)"]
-    assert rows["known rejected (asked 5%)"] == ["2/40", "(5.0%)"]
-    assert rows["unknown accepted"] == ["3/20", "(15.0%)"]
+    assert rows["old classes"] == rows["new classes"] == ["83.3%", "(5/6)"]
+    assert rows["false rejections"] == ["2/40", "(5.0%)"]
+    assert rows["accepted unknown"] == ["3/20", "(15.0%)"]
     assert rows["AUROC of unknown"] == ["0.988"]
     assert rows["labelled (from 0.9)"] == ["75.0%"]
-    assert rows["correct of these"] == ["-"]
+    assert "correct of these" not in rows
 
 
-@pytest.mark.parametrize(
-    ("data", "override", "shown"),
-    [("manifest", [], True), ("synthetic", [], False),
-     ("synthetic", ["data.test_where={speed: 90}"], True)],
-)  # fmt: skip
-def test_votes_by_condition_are_shown_where_somebody_asked(
-    printed, tmp_path, data, override, shown
-):
+@pytest.mark.parametrize("data", ["manifest", "synthetic"])
+def test_votes_by_condition_are_shown_of_a_manifest(printed, tmp_path, data):
     counts = {"correct": 1, "test_samples": 2, "vote_accuracy": 0.5, "vote_ci95": [0, 1]}
     conditions = {"speed": {"60": counts, "90": counts}, "light": {"lamp": counts}}
     network = {**NETWORK, "conditions": conditions}
-    (tmp_path / ".hydra").mkdir()
-    OmegaConf.save(override, tmp_path / ".hydra" / "overrides.yaml")
     table.print_results({**RUN, "data": data, "networks": {"haptic": network}}, tmp_path)
     text = printed()
-    assert ("speed" in text) == shown
+    assert ("speed" in text) == (data == "manifest")
     assert "lamp" not in text  # one value, whose votes are all votes
 
 
@@ -154,7 +146,6 @@ def test_stability(printed, tmp_path):
         "clean": CORRECT, "mean_error": 0.4567, "corruption_error": {"mean": 12.345},
         "mean_flip_rate": 0.9999, "breaks": 29, "perturbations": 30,
         "worst_perturbation": {"name": "dropped_stretch", "mean_error": 0.999},
-        "worst_class": {"name": "a_class_with_a_long_name_" * 3},
     }  # fmt: skip
     systems = {"haptic": entry, "another_folder/fusion_efficientnet-2": entry, "c": {}}
     results = {"data": "manifest", "reference": "haptic", "systems": systems}
@@ -165,13 +156,7 @@ def test_stability(printed, tmp_path):
 
 def test_profile(printed, tmp_path):
     times = {f"{way}_{key}": 12_345.678 for way in WAYS for key in ("ms", "p95_ms")}
-    factors = ("speedup", "speedup_same_engine", "engine_speedup", "arithmetic_ratio")
-    network = {
-        **times, **dict.fromkeys(factors, 1234.56), "windows": 12_345, "positions": 12_345,
-        "label_agreement": 0.98765, "dense_agreement": 1.0, "macs": 123e9, "gemm_gflops": 1234.5,
-        "roofline_fraction": 0.98, "peak_memory_mib": 12_345.0,
-        "flips_engine": 123, "vote_flips_engine": True, "flips_bf16": 0, "vote_flips_bf16": False,
-    }  # fmt: skip
+    network = {**times, **dict.fromkeys(FACTS, 12_345)}
     results = {
         "model": "fusion_efficientnet",
         "weights": "run.ckpt",
@@ -182,5 +167,4 @@ def test_profile(printed, tmp_path):
     text = printed()
     assert text.count("12,345.7 (12,345.7)") == 2 * len(WAYS)
     heads = [line[: line.find("  ")].strip() for line in text.splitlines()]
-    assert all(heads.count(fact) == 2 for fact in FACTS)
-    assert "123 of 12345, another vote" in text
+    assert all(heads.count(fact) == 2 for fact, _ in FACTS.values())

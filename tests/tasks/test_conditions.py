@@ -108,7 +108,7 @@ def test_folds_pool_their_votes_by_condition(cli, manifest, tmp_path):
         right = sum(each.label == each.predicted for each in own)
         assert (counts["correct"], counts["test_samples"]) == (right, len(own)) != (0, 0)
     assert "votes by condition" in outcome.out + outcome.err
-    assert "| speed | 40 | 100.0% (3/3), 43.9% to 100.0% |" in (tmp_path / "report.md").read_text()
+    assert "| speed | 40 | 100.0% (3/3) |" in (tmp_path / "report.md").read_text()
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +122,6 @@ def swept(run_once, manifest, tmp_path_factory) -> Path:
 
 def test_a_sweep_tests_one_speed_after_the_other(swept):
     report = (swept / "report.md").read_text()
-    assert "- fold 0 of 10, 3 samples: haptic_bands" in report
-    assert "- speed 40, speed 50 or 60, 30 samples: haptic_bands" in report
     (table,) = (line for line in report.splitlines() if line.startswith("| speed | 60 |"))
     assert "| condition | value | haptic_bands | haptic_bands (unseen speed) |" in report
     assert table.count("(9/9)") == 1

@@ -196,8 +196,8 @@ def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):
     assert [o.fragments for o in evaluated] == [o.fragments for o in tested]
     for name in "re":  # the page plays each at its rate
         for shown in shown_samples(tmp_path / name, ["haptic"]):
-            _, sound = shown.media
-            content = io.BytesIO(base64.b64decode(sound.content.partition(",")[2]))
+            _, sound = shown["media"]
+            content = io.BytesIO(base64.b64decode(sound["content"].partition(",")[2]))
             assert soundfile.info(content).duration == pytest.approx(4)
     prediction = json.loads(cli("task=predict", given, f"haptic={tested[0].files['haptic']}").out)
     assert prediction["fragments"] == tested[0].fragments

@@ -178,4 +178,3 @@ def test_a_sweep_of_profiles_ends_with_its_summary(cli, tmp_path):
     with (tmp_path / "sweep.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert [row["status"] for row in rows] == ["done"]
-    assert all(float(row["latency_ms"]) > 0 for row in rows)

@@ -103,14 +103,6 @@ def test_clean_accuracy_is_that_of_the_test_after_training(tested, fused, folds)
 
 
 def test_a_trace_below_the_receptive_field_counts_as_wrong(tested):
-    (line,) = (
-        line
-        for line in table(tested / "details.csv")
-        if (line["system"], line["perturbation"], line["severity"])
-        == ("fusion", "shorter_trace", "5")
-    )
-    assert int(line["refused"]) == 3
-    assert float(line["worst_class_accuracy"]) == 0
     (trial,) = (
         line
         for line in table(tested / "stability.csv")

@@ -12,24 +12,17 @@ from scipy.stats import binomtest
 from tex_lightning.evaluation.outcomes import Outcome
 
 
-def mcnemar(one: Mapping[str, bool], other: Mapping[str, bool]) -> tuple[int, int, float] | None:
-    """Exact McNemar test of two systems' successes by sample.
+def mcnemar(one: Sequence[bool], other: Sequence[bool]) -> tuple[int, int, float]:
+    """Exact McNemar test of two systems' successes on the same samples.
 
-    Only samples on which exactly one of them is right say anything; under the hypothesis of equal
-    accuracy each of these is a fair coin.
-
-    Args:
-        one: Whether it was right, by sample.
-        other: The same for the other system, on the same samples in any order.
+    Only samples that exactly one of them classifies correctly say anything; under the hypothesis
+    of equal accuracy each of these is a fair coin.
 
     Returns:
-        How often only ``one`` was right, how often only ``other`` was, and the two-sided p-value;
-        None if they have not seen the same samples.
+        How often only ``one`` was correct, how often only ``other``, and the two-sided p-value.
     """
-    if not one or one.keys() != other.keys():
-        return None
-    first = sum(one[key] and not other[key] for key in one)
-    second = sum(other[key] and not one[key] for key in one)
+    first = sum(own and not theirs for own, theirs in zip(one, other, strict=True))
+    second = sum(theirs and not own for own, theirs in zip(one, other, strict=True))
     if first + second == 0:
         return 0, 0, 1.0
     return first, second, float(binomtest(first, first + second).pvalue)
@@ -215,13 +208,11 @@ def difference(before: Sequence[Outcome], after: Sequence[Outcome]) -> Differenc
     net: dict[str, int] = defaultdict(int)
     for recording, old, new in pairs:
         net[recording] += new - old
-    tested = mcnemar(
-        {name: gain > 0 for name, gain in net.items()},
-        {name: gain < 0 for name, gain in net.items()},
-    )
+    gains = list(net.values())
+    tested = mcnemar([gain > 0 for gain in gains], [gain < 0 for gain in gains])
     return Difference(
         test_samples=len(pairs),
         repaired=sum(new and not old for _, old, new in pairs),
         broken=sum(old and not new for _, old, new in pairs),
-        p_value=1.0 if tested is None else tested[2],
+        p_value=tested[2],
     )

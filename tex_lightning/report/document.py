@@ -1,201 +1,260 @@
-"""``report.md``: tables, confusion matrices and confused pairs of one run or of a whole sweep."""
+"""Tested systems, read from the run folders of their tests, and the tables that compare them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.files import read_record, write_rows, write_text
-from tex_lightning.data.folds import describe
-from tex_lightning.evaluation.outcomes import confused_pairs, fragment_counts
-from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
-from tex_lightning.report.figures import LearningPoint, learning_figure, picture, save_figure
-from tex_lightning.report.systems import PER_CLASS, System, read_systems, run_data
-from tex_lightning.report.table import TINY, is_tiny, run_overrides
-from tex_lightning.report.tables import accuracy_tables, conditions_table, profiling_table
-from tex_lightning.text import to_markdown
+from tex_lightning.core.files import read_record
+from tex_lightning.evaluation.comparison import mcnemar, pair
+from tex_lightning.evaluation.conditions import pool_conditions
+from tex_lightning.evaluation.outcomes import (
+    Outcome,
+    confused_pairs,
+    fragment_counts,
+    read_outcomes,
+    summarise,
+)
+from tex_lightning.report.confusion import confusion_figure
+from tex_lightning.report.figures import save_figure
+from tex_lightning.report.table import (
+    Row,
+    Table,
+    condition_rows,
+    counted,
+    paper_table,
+    read_or_empty,
+    run_settings,
+)
 
-NOTES = """\
-Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
-p is the exact McNemar test of the row against the best one in bold on the same samples, with the
-samples that only the best row and only this row had right; a dash where the samples are not the
-same. Milliseconds run from decoded recordings to the label on this machine; fit s is the time of
-training of all folds of a row. Weights are random at first unless a row names where its trunk is
-from."""
-COLUMNS = """\
-Columns headed "paper" are the paper's figures on its own data, all others were measured here."""
-LEARNING_COLUMNS = (
-    "system", "per_class", "correct", "test_samples", "vote_accuracy", "ci_low", "ci_high",
-)  # fmt: skip
 PAPER_DATA = ("tum", "kylberg", "kth_tips2b")
-PAPER_EXPERIMENTS = ("experiment=paper/", "experiment=table/")
-CHOICES = """\
-The paper leaves open: magnitude or power of the spectrogram (magnitude here), normalisation of each
-trace or of the data set (each trace in the paper's settings), the range of rotation (180 degrees),
-the dropout rate (0.5), the kernel of FC1 (6x6, which gives one prediction for 224 pixels), and
-which haptic and visual recording of a class form a sample (those of equal number). In its table of
-hyper-parameters FusionNet's step k = 4,000,000 exceeds the N = 100,000 iterations, so that its
-learning rate never drops. The row D8 names no method that public sources describe: rotation-
-invariant local binary patterns with 8 neighbours stand in for it. What the sources of the other
-rows leave unknown is said in their file in `conf/model`."""
+DATA_TABLES = PAPER_DATA[1:]  # the paper has a table for each of them
+# Settings that leave a system what it is: its runs are pooled.
+POOLED = (
+    "data.test_fold", "data.val_fold", "data.test_where", "crossval.", "model.name", "data.name",
+    "task", "logger.", "hydra.",
+)  # fmt: skip
+MAX_SETTINGS = 4  # that a label shows
 
 
-def write_report(directory: Path, runs: Sequence[Path], command: str) -> None:
-    """Write ``report.md`` and its figures; nothing where no run tested anything.
+@dataclass(frozen=True)
+class System:
+    """One system and all its tests.
+
+    Attributes:
+        model: Name of its configuration.
+        kind: Its sense, or ``fusion``.
+        inside: The FusionNet that trained it as its part; empty for a system of its own.
+        data: Name of the data set's configuration.
+        variant: Settings by which it differs from other systems of the same model.
+        classes: Class names in order.
+        entries: Its entries of ``results.json``, one for each run.
+        outcomes: Outcomes of all runs together.
+    """
+
+    model: str
+    kind: str
+    inside: str
+    data: str
+    variant: str
+    classes: list[str]
+    entries: list[dict[str, Any]]
+    outcomes: list[Outcome]
+
+    @property
+    def label(self) -> str:
+        """Name in tables: that of the paper, if it has the system."""
+        rows = [row for name in self.tables for row in paper_table(name).get("rows", ())]
+        known = {row["model"]: row["label"] for row in rows}
+        name = str(known.get(self.model, self.model))
+        inside = f" inside {self.inside}" if self.inside else ""
+        return name + inside + (f" ({self.variant})" if self.variant else "")
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the paper's tables that may have it."""
+        return (self.data, self.kind) if self.data in DATA_TABLES else (self.kind,)
+
+
+def read_systems(runs: Iterable[Path]) -> list[System]:
+    """All systems that finished runs have tested; runs that differ in the fold alone are pooled.
 
     Args:
-        directory: Where they go.
-        runs: Finished run folders.
-        command: What repeats them.
+        runs: Run folders of ``fit``, ``crossval`` or ``evaluate``; others are passed over.
     """
-    systems = read_systems(runs)
-    if not systems:
-        return
-    complete = len({system.model for system in systems if not system.inside}) > 1
-    paper = _concerns_paper(systems)
-    parts = ["# Which material is it?"]
-    if any(is_tiny(run_overrides(run)) for run in runs):
-        parts.append(f"> **{TINY}**")
-    parts += ["This command repeats the report:", f"```bash\n{command}\n```"]
-    parts += [_tested(systems), NOTES, COLUMNS if paper else ""]
-    parts.append(accuracy_tables(systems, complete=complete and paper, paper=paper))
-    parts.append(conditions_table(systems))
-    profiles = _profiles(runs)
-    if profiles:
-        parts.append(profiling_table(profiles, paper=paper))
-    parts.append(_learning_curve(directory, systems))
-    parts += [_confusions(directory, systems), _pairs(systems)]
+    models: dict[tuple[str, ...], list[tuple[Path, dict[str, Any]]]] = {}
+    for run in runs:
+        results = read_or_empty(run / "results.json")
+        names = list(results.get("networks", {}))
+        for kind in names:
+            if "vote_accuracy" in results["networks"][kind]:
+                own = kind == names[-1]
+                model, inside = (results["model"], "") if own else (kind, results["model"])
+                models.setdefault((model, kind, inside, results["data"]), []).append((run, results))
+    systems = []
+    for key, members in models.items():
+        groups: dict[str, list[tuple[Path, dict[str, Any]]]] = {}
+        for member, variant in zip(members, _variants([run for run, _ in members]), strict=True):
+            groups.setdefault(variant, []).append(member)
+        systems += [_pool(key, variant, group) for variant, group in groups.items()]
+    return systems
+
+
+def _variants(runs: Sequence[Path]) -> list[str]:
+    """What each run of one model has set differently from the others."""
+    every = [run_settings(run) for run in runs]
+    keys = {key for settings in every for key in settings if not key.startswith(POOLED)}
+    differing = [key for key in keys if len({str(each.get(key)) for each in every}) > 1]
+    # the same value under a longer key was taken from the shorter one
+    differing.sort(key=lambda key: (key.count("."), key))
+    variants = []
+    for settings in every:
+        shown = {(key.rpartition(".")[2], str(settings.get(key))): key for key in differing[::-1]}
+        items = [f"{key}={value}" for (_, value), key in reversed(shown.items())]
+        held = [key.split(".")[2] for key in settings if key.startswith("data.test_where.")]
+        unseen = [f"unseen {' and '.join(dict.fromkeys(held))}"] if held else []
+        variants.append(", ".join([*items[:MAX_SETTINGS], *unseen]))
+    return variants
+
+
+def _pool(
+    key: tuple[str, ...], variant: str, members: Sequence[tuple[Path, dict[str, Any]]]
+) -> System:
+    model, kind, inside, data = key
+    entries = [results["networks"][kind] for _, results in members]
+    files = [run / "predictions" / f"{kind}.csv" for run, _ in members]
+    outcomes = [outcome for file in files for outcome in read_outcomes(file)]
+    return System(model, kind, inside, data, variant, members[0][1]["classes"], entries, outcomes)
+
+
+def comparison_tables(systems: Sequence[System], runs: Sequence[Path]) -> list[Table]:
+    """Every table that compares systems: accuracies, votes by condition, times, confused pairs."""
+    groups: dict[str, list[System]] = {}
+    for system in systems:
+        groups.setdefault(system.tables[0], []).append(system)
+    tables = [
+        accuracy_table(name, [each for each in group if not each.inside] or group)
+        for name, group in groups.items()
+    ]
+    by_condition = {system.label: pool_conditions(system.entries) for system in systems}
+    tables.append(
+        Table(
+            "By condition",
+            condition_rows({label: entry for label, entry in by_condition.items() if entry}),
+            "A row that says unseen was trained without the conditions that it tested.",
+        )
+    )
+    tables += [_profile_table(runs), _pairs_table(systems)]
+    return [table for table in tables if table.rows]
+
+
+def accuracy_table(name: str, systems: Sequence[System]) -> Table:
+    """A line for each system, with the paper's figures where these are of the same data."""
+    table = paper_table(name)
+    order = [row["model"] for row in table.get("rows", ())]
+    ordered = sorted(
+        systems,
+        key=lambda each: order.index(each.model) if each.model in order else len(order),
+    )
+    best = max(systems, key=lambda each: float(summarise(each.outcomes)["vote_accuracy"]))
+    paper = {row["model"]: row for row in table.get("rows", ()) if best.data in PAPER_DATA}
+    data, classes = ", ".join(sorted({each.data for each in systems})), len(best.classes)
+    text = f"Data: {data}, {classes} classes (chance {1 / classes:.1%})."
     if paper:
-        parts += ["### Where the paper leaves a choice", CHOICES]
-    write_text(directory / "report.md", "\n\n".join(part for part in parts if part) + "\n")
+        text += f" The paper's: {table['data']}."
+    rows = [_line(each, best, {} if each.inside else paper.get(each.model, {})) for each in ordered]
+    return Table(table.get("title") or f"{name.capitalize()} classification", rows, text)
 
 
-def _concerns_paper(systems: Sequence[System]) -> bool:
-    """Whether a data set is the paper's, or a table of the paper was asked for."""
-    runs = {run for system in systems for run in system.directories}
-    return any(system.data in PAPER_DATA for system in systems) or any(
-        item.startswith(PAPER_EXPERIMENTS) for run in runs for item in run_overrides(run)
-    )
+def _line(system: System, best: System, paper: Mapping[str, Any]) -> Row:
+    ours = summarise(system.outcomes)
+    return {
+        "system": system.label,
+        "votes, paper": f"{paper['vote']:g} %" if "vote" in paper else "",
+        "votes": counted(ours),
+        "95 % interval": "{:.1%} to {:.1%}".format(*ours["vote_ci95"]),
+        "p against the best": "best" if system is best else _against(best, system),
+        "fragments, paper": f"{paper['fragment']:g} %" if "fragment" in paper else "",
+        "fragments": f"{ours['fragment_accuracy']:.1%}",
+        "ms a sample": f"{ours['latency_ms']['median']:.1f}",
+        "fit s": f"{sum(entry['fit_seconds'] for entry in system.entries):.1f}",
+        "parameters": f"{system.entries[0]['parameters']:,}",
+    }
 
 
-def _tested(systems: Sequence[System]) -> str:
-    """List the folds, or conditions, and the number of samples that each row tested."""
-    rows: dict[str, list[str]] = {}
-    for system in systems:
-        name = f"{system.model} in {system.inside}" if system.inside else system.model
-        rows.setdefault(f"{_folds(system)}, {len(system.outcomes)} samples", []).append(name)
-    lines = [
-        f"- {to_markdown(what)}: {to_markdown(', '.join(dict.fromkeys(names)))}"
-        for what, names in rows.items()
-    ]
-    return "\n".join(["What each row tested:", "", *lines])
+def _against(best: System, system: System) -> str:
+    """Return p of the exact McNemar test against the best row, with its counts.
+
+    A system of fewer senses is compared on its part of each sample; a dash stands where the
+    samples are others.
+    """
+    pairs = pair(system.outcomes, best.outcomes)
+    if pairs is None or len(pairs) < len(best.outcomes):
+        return "-"
+    _, own, others = zip(*pairs, strict=True)
+    only_best, only_own, p_value = mcnemar(others, own)
+    return f"{p_value:.2g} ({only_best}:{only_own})"
 
 
-def _folds(system: System) -> str:
-    """Return which folds, or conditions, the runs of a system tested."""
-    tested: dict[str, None] = {}
-    for run, entry in zip(system.directories, system.entries, strict=True):
-        data = run_data(run)
-        if where := data.get("test_where"):
-            tested[describe(where)] = None
-            continue
-        folds = [fold["fold"] for fold in entry.get("folds", [{"fold": data.get("test_fold")}])]
-        of = f" of {data['folds']}" if data.get("folds") is not None else ""
-        tested |= {"all" if fold is None else f"fold {fold}{of}": None for fold in folds}
-    return ", ".join(tested)
-
-
-def _learning_curve(directory: Path, systems: Sequence[System]) -> str:
-    """Draw accuracy over the recordings of a class, where runs differ in that."""
-    curves = _learning_curves(systems)
-    if not curves:
-        return ""
-    path = directory / "figures" / "learning_curve"
-    file = save_figure(learning_figure(curves), path)
-    rows = [
-        (name, *point, point.accuracy, *point.interval)
-        for name, points in curves.items()
-        for point in points
-    ]
-    write_rows(directory / "learning_curve.csv", LEARNING_COLUMNS, rows)
-    return (
-        "### Few recordings of a class\n\n"
-        "Votes over the recordings of each class that were trained on, with Wilson's intervals; "
-        "the numbers are in `learning_curve.csv`.\n\n"
-        f"{picture('learning curves', file)}"
-    )
-
-
-def _learning_curves(systems: Sequence[System]) -> dict[str, list[LearningPoint]]:
-    """Return points by system, in the order of their recordings, of systems with two or more."""
-    curves: dict[str, list[LearningPoint]] = {}
-    for system in systems:
-        items = system.variant.split(", ")
-        counts = [item.removeprefix(PER_CLASS) for item in items if item.startswith(PER_CLASS)]
-        if system.inside or not counts or not counts[-1].isdecimal():
-            continue
-        others = [item for item in items if item and not item.startswith(PER_CLASS)]
-        hits = [outcome.label == outcome.predicted for outcome in system.outcomes]
-        point = LearningPoint(int(counts[-1]), sum(hits), len(hits))
-        curves.setdefault(" ".join([system.model, *others]), []).append(point)
-    return {name: sorted(points) for name, points in curves.items() if len(points) > 1}
-
-
-def _profiles(runs: Sequence[Path]) -> dict[str, dict[str, Any]]:
-    """Profiles by model that cross-validations left behind."""
-    found: dict[str, dict[str, Any]] = {}
+def _profile_table(runs: Sequence[Path]) -> Table:
+    """Times of dense passes and sliding windows that cross-validations measured."""
+    theirs, rows = paper_table("profiling"), []
     for run in runs:
         file = run / "profile" / "results.json"
-        if file.is_file():
-            results = read_record(file)
-            for kind, network in results["networks"].items():
-                found[results["model"]] = {**network, "kind": kind}
-    return found
+        results = read_record(file) if file.is_file() else {"networks": {}}
+        for kind, network in results["networks"].items():
+            paper = theirs.get(kind)
+            rows.append(
+                {
+                    "network": str(results["model"]),
+                    "windows (ms)": f"{network['sliding_window_ms']:.1f}",
+                    "dense (ms)": f"{network['reference_ms']:.1f}",
+                    "ratio": f"{network['speedup']:.1f}x",
+                    "ratio in the same engine": f"{network['speedup_same_engine']:.1f}x",
+                    "ratio, paper": f"{paper['sliding_window_ms'] / paper['fcn_ms']:.1f}x"
+                    if paper
+                    else "",
+                    "labels equal": f"{network['label_agreement']:.1%}",
+                }
+            )
+    return Table("Running time", rows, f"The paper's device: {theirs['device']}.")
 
 
-def _networks(systems: Sequence[System]) -> list[System]:
+def _networks(systems: Sequence[System]) -> dict[str, System]:
     """The networks, each once: by itself if it was run so, else as a part of a FusionNet."""
     chosen: dict[str, System] = {}
-    for system in sorted(systems, key=lambda item: bool(item.inside)):
+    for system in sorted(systems, key=lambda each: bool(each.inside)):
         if system.kind in (system.model, FUSION):
             chosen.setdefault(system.model, system)
-    return list(chosen.values())
+    return chosen
 
 
-def _confusions(directory: Path, systems: Sequence[System]) -> str:
-    """Fragments by class, as in the paper's figures of HapticNet, VisualNet and FusionNet."""
-    lines = []
-    for system in _networks(systems):
-        name, classes = system.model, system.classes
-        counts = fragment_counts(system.outcomes, classes)
-        heading = f"{name}: fragments of {len(system.outcomes)} test samples"
-        figures = {
-            "fragment_confusion": confusion_figure(counts, classes, heading),
-            "fragment_accuracy": class_accuracy_figure(counts, classes, name, heading, "fragment"),
-        }
-        for title, figure in figures.items():
-            file = save_figure(figure, directory / "figures" / f"{name}_{title}")
-            lines.append(picture(f"{name}, {title.replace('_', ' ')}", file))
-    return "\n".join(["### Fragments by class", "", *lines]) if lines else ""
+def draw_confusions(systems: Sequence[System], directory: Path) -> None:
+    """Draw fragments by class, as in the paper's figures of its networks."""
+    for name, system in _networks(systems).items():
+        counts = fragment_counts(system.outcomes, system.classes)
+        title = f"{name}: fragments of {len(system.outcomes)} test samples"
+        figure = confusion_figure(counts, system.classes, title)
+        save_figure(figure, directory / "figures" / f"{name}_fragment_confusion")
 
 
-def _pairs(systems: Sequence[System]) -> str:
-    """List the pairs of classes that one sense confuses and another tells apart."""
-    senses: dict[str, System] = {}
-    for system in _networks(systems):
-        if system.kind != FUSION:
-            senses.setdefault(system.kind, system)
-    classes = [system.classes for system in senses.values()]
-    if len(senses) < 2 or any(names != classes[0] for names in classes):
-        return ""
-    counts = {
-        name: fragment_counts(system.outcomes, system.classes) for name, system in senses.items()
+def _pairs_table(systems: Sequence[System]) -> Table:
+    """The pairs of classes that one sense confuses and another tells apart."""
+    senses = {
+        system.kind: system for system in _networks(systems).values() if system.kind != FUSION
     }
-    lines = [
-        f"- {' and '.join(map(to_markdown, pair.classes))}: confused by the {pair.confused_by} "
-        f"network ({pair.confusion:.1%} of fragments), not by the {pair.separated_by} network "
-        f"({pair.other:.1%})"
-        for pair in confused_pairs(counts, classes[0])
+    classes = [system.classes for system in senses.values()]
+    title = "Pairs that one sense confuses and another separates"
+    if len(senses) < 2 or any(names != classes[0] for names in classes):
+        return Table(title, [])
+    counts = {name: fragment_counts(each.outcomes, classes[0]) for name, each in senses.items()}
+    rows = [
+        {
+            "classes": " and ".join(found.classes),
+            "confused by": f"{found.confused_by} ({found.confusion:.1%} of fragments)",
+            "told apart by": f"{found.separated_by} ({found.other:.1%})",
+        }
+        for found in confused_pairs(counts, classes[0])
     ]
-    title = "### Pairs that one sense confuses and another separates"
-    return "\n".join([title, "", *lines]) if lines else ""
+    return Table(title, rows)

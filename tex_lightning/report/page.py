@@ -1,29 +1,30 @@
-"""Write ``report.html`` from what a run folder holds."""
+"""``report.html`` and ``report.md``: one context of a run folder, rendered twice."""
 
-import csv
 import math
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from statistics import fmean
 from typing import Any
-from urllib.parse import unquote
 
 from jinja2 import Environment, StrictUndefined
-from markdown_it import MarkdownIt
 
-from tex_lightning.core.files import read_record, read_rows, write_text
+from tex_lightning.core.files import read_rows, write_text
+from tex_lightning.report.document import comparison_tables, draw_confusions, read_systems
 from tex_lightning.report.page_media import LEGEND, embedded, map_folder, shown_samples
 from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
     TINY,
+    Table,
     facts,
     is_tiny,
-    python_command,
-    run_flags,
+    read_or_empty,
+    rerun_command,
     run_overrides,
+    run_settings,
 )
+from tex_lightning.text import to_markdown
 
 METRICS = {
     "train/loss": "training loss",
@@ -31,159 +32,122 @@ METRICS = {
     "val/loss": "validation loss",
     "val/vote_accuracy": "validation votes",
 }
+FILES = ("frontier.csv", "breaking_points.csv", "conditions.csv", "sweep.csv")
+MOST_LINES = 200  # of a file that are shown
+NOTES = """\
+Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
+p is the exact McNemar test of the row against the best one on the same samples, with the samples
+that only the best row and only this row had right. Milliseconds run from decoded recordings to the
+label on this machine; fit s is the time of training of all folds of a row."""
+Curve = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Curve:
-    """One metric of one network.
+def write_report(
+    directory: Path, runs: Sequence[Path] | None = None, command: str | None = None
+) -> None:
+    """Write ``report.html``, and ``report.md`` for a sweep or a cross-validation.
 
-    Attributes:
-        network: Its name.
-        metric: In words.
-        values: One for each epoch, a mean over its steps; of several folds the first one's.
-    """
-
-    network: str
-    metric: str
-    values: list[float]
-
-
-def read_curves(directory: Path) -> list[Curve]:
-    """The curves of a run; of a cross-validation those of its first fold."""
-    own = sorted(directory.glob("metrics/*/metrics.csv"))
-    folds = sorted(directory.glob("folds/*/metrics/*/metrics.csv"))
-    first = [path for path in folds if path.parts[-4] == folds[0].parts[-4]]
-    found = [curve for path in [*own, *first] if path.is_file() for curve in _curves(path)]
-    return [curve for curve in found if len(curve.values) > 1]
-
-
-def _curves(path: Path) -> list[Curve]:
-    values: dict[str, dict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
-    with path.open(newline="", encoding="utf-8") as stream:
-        for line in csv.DictReader(stream):
-            for key in METRICS:
-                if line.get(key) and line.get("epoch"):
-                    values[key][int(line["epoch"])].append(float(line[key]))
-    return [
-        Curve(path.parent.name, METRICS[key], [fmean(steps) for _, steps in sorted(epochs.items())])
-        for key, epochs in values.items()
-    ]
-
-
-PAGE = "report.html"
-REPORT = "report.md"
-TABLES = ("frontier.csv", "senses.csv", "breaking_points.csv", "conditions.csv", "sweep.csv")
-MOST_LINES = 200  # of a table that are shown; the file has all
-
-
-def write_page(directory: Path, command: str | None = None) -> None:
-    """Write ``report.html``: headline, curves, tables, figures, worst samples, settings, command.
-
-    Everything is inside: pictures, and the recordings of the worst samples, small. Nothing is
-    fetched, and what comes out of files is text, never markup.
+    Everything is inside of the page: pictures, and the recordings of the worst samples, small.
+    Nothing is fetched, and what comes out of files is text, never markup.
 
     Args:
         directory: A run folder, or that of a sweep.
+        runs: Run folders of a sweep; None for a single run.
         command: What repeats it; None takes what the run folder says.
     """
-    results = _read(directory / "results.json")
-    settings = _read(directory / "settings.json")
-    given = run_overrides(directory)
-    report = directory / REPORT
-    shown = _rendered(report, directory) if report.is_file() else ""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    template = environment.from_string(
-        files("tex_lightning.report").joinpath("page.html").read_text(encoding="utf-8")
-    )
+    results = read_or_empty(directory / "results.json")
+    folders = [directory] if runs is None else runs
+    compares = runs is not None or results.get("task") == "crossval"
+    systems = read_systems(folders) if compares else []
+    if systems:
+        draw_confusions(systems, directory)
+    names = [str(results[key]) for key in ("task", "model", "data") if results.get(key)]
+    tiny = any(is_tiny(run_overrides(each)) for each in folders)
+    context = {
+        "title": " · ".join(names) or directory.name,
+        "tiny": TINY if tiny else "",
+        "command": command or rerun_command(directory),
+        "notes": NOTES if systems else "",
+        "tables": comparison_tables(systems, folders),
+        "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
+        "directory": directory,
+    }
+    if systems:
+        write_text(directory / "report.md", _rendered("report.md.jinja", context, html=False))
     networks = facts(results)
-    page = template.render(
-        title=" · ".join(str(results[key]) for key in ("task", "model", "data") if results.get(key))
-        or directory.name,
-        tiny=TINY if is_tiny(given) else "",
-        networks=networks,
-        colours={name: colour_of(name) for name in networks},
-        curves=[_drawn(curve) for curve in read_curves(directory)],
-        report=shown,
-        tables={name: _table(directory / name) for name in TABLES if (directory / name).is_file()},
-        figures=_figures(directory, shown),
-        samples=shown_samples(directory, list(networks)),
-        legend=LEGEND if networks and map_folder(directory, [*networks][-1]).is_dir() else {},
-        settings=settings,
-        environment=results.get("environment", {}),
-        seconds=results.get("wall_seconds"),
-        command=command
-        or python_command(*run_flags(directory), *given, f"hydra.run.dir={directory}"),
+    further = {
+        "networks": networks,
+        "colours": {name: colour_of(name) for name in networks},
+        "curves": read_curves(directory),
+        "files": [_file_table(directory / name) for name in FILES if (directory / name).is_file()],
+        "samples": shown_samples(directory, list(networks)),
+        "legend": LEGEND if networks and map_folder(directory, [*networks][-1]).is_dir() else {},
+        "settings": run_settings(directory),
+        "environment": results.get("environment", {}),
+        "seconds": results.get("wall_seconds"),
+    }
+    page = _rendered("page.html", {**context, **further}, html=True)
+    write_text(directory / "report.html", page)
+
+
+def _rendered(name: str, context: dict[str, Any], *, html: bool) -> str:
+    environment = Environment(
+        autoescape=html, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    write_text(directory / PAGE, page)
+    environment.filters |= {"md": to_markdown, "embedded": embedded}
+    source = files("tex_lightning.report").joinpath(name).read_text(encoding="utf-8")
+    return environment.from_string(source).render(context)
 
 
-def _read(path: Path) -> dict[str, Any]:
-    return read_record(path) if path.is_file() else {}
-
-
-def _rendered(report: Path, directory: Path) -> str:
-    """``report.md`` as HTML, its title and command left out, its figures inside."""
-    text = report.read_text(encoding="utf-8")
-    _, _, rest = text.partition("```bash")
-    body = rest.partition("```")[2] if rest else text
-    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
-    tokens = parser.parse(body)
-    for token in tokens:
-        for child in token.children or ():
-            if child.type == "image":
-                name = Path(unquote(str(child.attrs["src"]))).name
-                source = directory / "figures" / name
-                child.attrs["src"] = embedded(source) if source.is_file() else ""
-    html: str = parser.renderer.render(tokens, parser.options, {})
-    return html.replace("<table>", '<div class="wide"><table>').replace(
-        "</table>", "</table></div>"
-    )
-
-
-def _figures(directory: Path, shown: str) -> list[dict[str, Any]]:
-    """Return name and source of every figure that the report does not show."""
-    paths = [*sorted(directory.glob("*.png")), *sorted(directory.glob("figures/*.png"))]
-    sources = {path: embedded(path) for path in paths}
-    return [
-        {"name": path.stem.replace("_", " "), "source": source}
-        for path, source in sources.items()
-        if source not in shown
-    ]
-
-
-def _table(path: Path) -> dict[str, Any]:
-    """Heading and lines of a CSV, figures with four digits."""
+def _file_table(path: Path) -> Table:
+    """The first lines of a CSV, figures with four digits."""
     lines = read_rows(path)
-    heading = list(lines[0]) if lines else []
-    return {
-        "heading": heading,
-        "lines": [[_short(line.get(name)) for name in heading] for line in lines[:MOST_LINES]],
-        "left_out": max(0, len(lines) - MOST_LINES),
-    }
-
-
-def _short(value: str | None) -> str:
-    try:
-        number = float(value or "")
-    except ValueError:
-        return value or ""
-    return value or "" if number == int(number) else f"{number:.4g}"
-
-
-def _drawn(curve: Curve, width: int = 560, height: int = 150) -> dict[str, Any]:
-    """A curve with the corners of its polyline in a box of so many units; NaN has none."""
-    finite = [value for value in curve.values if math.isfinite(value)]
-    low, high = min(finite, default=math.nan), max(finite, default=math.nan)
-    across, span = max(1, len(curve.values) - 1), (high - low) or 1
-    corners = [
-        f"{index / across * width:.1f},{height - (value - low) / span * height:.1f}"
-        for index, value in enumerate(curve.values)
-        if math.isfinite(value)
+    rows = [
+        {name.replace("_", " "): _short(cell) for name, cell in line.items()}
+        for line in lines[:MOST_LINES]
     ]
-    return {
-        "curve": curve,
-        "colour": colour_of(curve.network),
-        "low": low,
-        "high": high,
-        "points": " ".join(corners),
-    }
+    left_out = len(lines) - len(rows)
+    return Table(path.name, rows, f"{left_out} more lines are in the file." if left_out else "")
+
+
+def _short(cell: str) -> str:
+    try:
+        number = float(cell)
+    except ValueError:
+        return cell
+    return cell if number == int(number) else f"{number:.4g}"
+
+
+def read_curves(directory: Path) -> list[Curve]:
+    """The metrics of a run by epoch, means over steps; of a cross-validation its first fold's.
+
+    Returns:
+        Network, metric, values, and the corners of a line in a box of 560 by 150.
+    """
+    own = sorted(directory.glob("metrics/*/metrics.csv"))
+    folds = sorted(directory.glob("folds/*/metrics/*/metrics.csv"))
+    curves: list[Curve] = []
+    for path in own or [each for each in folds if each.parts[-4] == folds[0].parts[-4]]:
+        values: dict[str, dict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
+        for line in read_rows(path):
+            for key in METRICS:
+                if line.get(key) and line.get("epoch"):
+                    values[key][int(line["epoch"])].append(float(line[key]))
+        for key, epochs in values.items():
+            means = [fmean(epochs[epoch]) for epoch in sorted(epochs)]
+            if len(means) > 1:
+                curve = {"network": path.parent.name, "metric": METRICS[key], "values": means}
+                curves.append({**curve, "points": _corners(means)})
+    return curves
+
+
+def _corners(values: Sequence[float], width: int = 560, height: int = 150) -> str:
+    """Points of a polyline; a value that is not finite has none."""
+    finite = [value for value in values if math.isfinite(value)]
+    low = min(finite, default=0.0)
+    span = (max(finite, default=1.0) - low) or 1
+    return " ".join(
+        f"{index / (len(values) - 1) * width:.1f},{height - (value - low) / span * height:.1f}"
+        for index, value in enumerate(values)
+        if math.isfinite(value)
+    )

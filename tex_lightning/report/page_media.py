@@ -1,10 +1,10 @@
-"""Pictures and sounds as they are put into a page, and the samples that they are shown of."""
+"""Pictures and sounds of the worst samples, small enough to be put into a page."""
 
 import base64
 import io
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,31 +23,37 @@ from tex_lightning.data.decode import (
     to_rate,
 )
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, worst_first
+from tex_lightning.evaluation.outcomes import read_outcomes, worst_first
 from tex_lightning.inference.evidence import Evidence, PhotoEvidence, SignalEvidence, nearest
-from tex_lightning.report.explanation import COLOURS, Key, overlaid
+from tex_lightning.report.explanation import COLOURS, overlaid
 
 TRUE, TAKEN, OTHER = COLOURS[:3]
 LEGEND = {"the true class": TRUE, "the one it was taken for": TAKEN, "any other": OTHER}
+MOST_SAMPLES = 10
 SIDE = 280  # pixels of a photo
-PER_SECOND = 100  # pixels of a signal
+PER_SECOND = 100  # pixels of the label map of a signal
+SECONDS = 5.0  # of a signal
+STRIP = 14  # pixels that the label map of a signal is high
+GAP = 2  # pixels between it and what is above
+AUDIBLE = 8_000.0  # Hz; browsers refuse much lower rates
+RANGE_DB = 60.0  # of a spectrogram
+Samples = npt.NDArray[np.floating]
+Medium = dict[str, str]  # kind (image or audio), name, content as a data URI
 
 
 def map_folder(directory: Path, network: str) -> Path:
-    """Where a run folder has those of a network."""
+    """Where a run folder has the label maps of a network."""
     return directory / "label_maps" / network
-
-
-def find_maps(directory: Path, network: str, row: int, modality: str) -> list[Path]:
-    """Those of one recording, one of each sense that looks at it."""
-    found = (map_folder(directory, network) / str(row) / modality).glob("*.png")
-    return sorted(filter(Path.is_file, found))
 
 
 def write_map(
     path: Path, evidence: Evidence, classes: Sequence[str], label: str, predicted: str
 ) -> None:
-    """Write what a sense said of a sample as PNG.
+    """Write what a sense said of every position of a sample as PNG.
+
+    Of a photo it is the photo in grey, at most :data:`SIDE` pixels a side, under the colours of
+    its classes; of a signal a strip over the whole recording, one pixel high, :data:`PER_SECOND`
+    long, transparent where no fragment reaches.
 
     Args:
         path: The file.
@@ -59,75 +65,94 @@ def write_map(
     Raises:
         UserError: If it cannot be written.
     """
-    named = {predicted: TAKEN, label: TRUE}  # right ones have the colour of the true class
-    key = Key([*classes], 0, {i: named.get(name, OTHER) for i, name in enumerate(classes)})
-    image = draw_map(evidence, key)
+    named = {predicted: TAKEN, label: TRUE}  # correct ones have the colour of the true class
+    colours = [named.get(name, OTHER) for name in classes]
+    if isinstance(evidence, PhotoEvidence):
+        pixels = overlaid(evidence, -(-max(evidence.pixels.shape[:2]) // SIDE), colours)
+    else:
+        assert isinstance(evidence, SignalEvidence)  # there is no third kind
+        count = max(1, round(evidence.seconds * PER_SECOND))
+        places = nearest(evidence.columns, (np.arange(count) + 0.5) / count * evidence.seconds)
+        painted = np.array([(*to_rgb(colour), 1.0) for colour in colours])
+        pixels = painted[evidence.labels[0, places]]
+        pixels[places < 0] = 0
+        pixels = pixels[None]
+    image = Image.fromarray((255 * pixels).round().astype(np.uint8))
     write_atomically(path, lambda partial: image.save(partial, "PNG"))
 
 
-def draw_map(evidence: Evidence, key: Key) -> Image.Image:
-    """What every position said.
+def shown_samples(directory: Path, networks: Sequence[str]) -> list[dict[str, Any]]:
+    """The worst samples of the last network: wrong and confident first, then right and unsure.
+
+    Args:
+        directory: A run folder.
+        networks: The names of its networks.
 
     Returns:
-        Of a photo itself in grey, at most :data:`SIDE` pixels a side, under the colours of its
-        classes. Of a signal a strip over the whole recording, one pixel high, :data:`PER_SECOND`
-        long, transparent where no fragment reaches.
+        ``network, label, predicted``, the probabilities of the latter two (``own``,
+        ``probability``) and the ``media`` of those recordings that can be shown.
     """
-    if isinstance(evidence, PhotoEvidence):
-        step = -(-max(evidence.pixels.shape[:2]) // SIDE)
-        return Image.fromarray((255 * overlaid(evidence, step, key)).round().astype(np.uint8))
-    assert isinstance(evidence, SignalEvidence)  # there is no third kind
-    count = max(1, round(evidence.seconds * PER_SECOND))
-    places = nearest(evidence.columns, (np.arange(count) + 0.5) / count * evidence.seconds)
-    colours = np.array([(*to_rgb(key.colour(i)), 1.0) for i in range(len(key.classes))])
-    pixels = colours[evidence.labels[0, places]]
-    pixels[places < 0] = 0
-    return Image.fromarray((255 * pixels[None]).round().astype(np.uint8))
+    file = directory / "predictions" / f"{networks[-1]}.csv" if networks else directory
+    if not file.is_file():
+        return []
+    outcomes = read_outcomes(file)
+    shown = []
+    for row in worst_first(outcomes)[:MOST_SAMPLES]:
+        outcome, folder = outcomes[row], map_folder(directory, networks[-1]) / str(row)
+        shown.append(
+            {
+                "network": networks[-1],
+                "label": outcome.label,
+                "predicted": outcome.predicted,
+                "own": outcome.class_probabilities.get(outcome.label, 0.0),
+                "probability": outcome.class_probabilities.get(outcome.predicted, outcome.share),
+                "media": list(_all_media(outcome.files, outcome.file_rates, folder)),
+            }
+        )
+    return shown
 
 
-MOST_SAMPLES = 10
-SECONDS = 5.0  # of a signal
-STRIP = 14  # pixels that the label map of a signal is high
-GAP = 2  # pixels between it and what is above
-AUDIBLE = 8_000.0  # Hz; browsers refuse much lower rates
-RANGE_DB = 60.0  # of a spectrogram
-Samples = npt.NDArray[np.floating]
+def _all_media(
+    files: Mapping[str, str], rates: Mapping[str, float], folder: Path
+) -> Iterator[Medium]:
+    """What can be shown of a sample; nothing of a file that is gone, or of a part of one."""
+    for modality, file in files.items():
+        path, maps = Path(file), sorted((folder / modality).glob("*.png"))
+        try:
+            if path.suffix.lower() in IMAGE_SUFFIXES:
+                yield from _photo_media(path, maps)
+            elif path.is_file():
+                yield from _signal_media(path, maps, rates.get(modality))
+        except (UserError, OSError):
+            continue
 
 
-@dataclass(frozen=True)
-class Medium:
-    """A recording that can be seen or heard.
-
-    Attributes:
-        kind: ``image`` or ``audio``.
-        name: Of the file.
-        content: A data URI.
-    """
-
-    kind: str
-    name: str
-    content: str
+def _photo_media(path: Path, maps: Sequence[Path]) -> Iterator[Medium]:
+    with Image.open(path, formats=IMAGE_FORMATS) as image:
+        image.draft("RGB", (2 * SIDE, 2 * SIDE))  # let the JPEG decoder leave out what is not seen
+        small = ImageOps.exif_transpose(image).convert("RGB")
+    small.thumbnail((SIDE, SIDE))
+    yield _jpeg(path.name, small)
+    for each in maps:
+        with Image.open(each, formats=IMAGE_FORMATS) as image:  # perhaps brought to a square
+            yield _jpeg(f"label map of {each.stem}", image.resize(small.size))
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A sample with its recordings.
-
-    Attributes:
-        network: That classified it.
-        label: The true class.
-        predicted: The label it got.
-        probability: Of that.
-        own: Probability of the true class.
-        media: Of its recordings those that can be shown.
-    """
-
-    network: str
-    label: str
-    predicted: str
-    probability: float
-    own: float
-    media: list[Medium]
+def _signal_media(path: Path, maps: Sequence[Path], rate: float | None) -> Iterator[Medium]:
+    """Spectrogram above the label maps, and the sound, of a signal tested at a rate in Hz."""
+    samples, source = read_trace(path, SignalDecoder().assuming(rate))
+    heard = samples[:, : int(SECONDS * source.hz)]
+    canvas = Image.new("RGB", (SIDE, SIDE // 3 + len(maps) * (STRIP + GAP)))
+    canvas.paste(_spectrogram(heard))
+    share = heard.shape[1] / samples.shape[1]
+    for number, each in enumerate(maps):
+        with Image.open(each, formats=IMAGE_FORMATS) as image:
+            box = (0, 0, share * image.width, image.height)
+            strip = image.resize((SIDE, STRIP), Image.Resampling.NEAREST, box)
+        top = SIDE // 3 + GAP + number * (STRIP + GAP)
+        canvas.paste(strip, (0, top), strip)
+    yield _jpeg(", ".join(["spectrogram", *(f"label map of {each.stem}" for each in maps)]), canvas)
+    yield {"kind": "audio", "name": path.name, "content": _sound(heard, source.hz)}
 
 
 def embedded(path: Path) -> str:
@@ -139,78 +164,10 @@ def _data_uri(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def shown_samples(directory: Path, networks: Sequence[str]) -> list[Shown]:
-    """The worst samples of the last network: wrong and sure first, then right and unsure.
-
-    Args:
-        directory: A run folder.
-        networks: The names of its networks.
-    """
-    file = directory / "predictions" / f"{networks[-1]}.csv" if networks else directory
-    if not file.is_file():
-        return []
-    outcomes = read_outcomes(file)
-    return [
-        _shown(outcomes[row], networks[-1], row, directory)
-        for row in worst_first(outcomes)[:MOST_SAMPLES]
-    ]
-
-
-def _shown(outcome: Outcome, network: str, row: int, directory: Path) -> Shown:
-    known, rates = outcome.class_probabilities, outcome.file_rates
-    return Shown(
-        network,
-        outcome.label,
-        outcome.predicted,
-        known.get(outcome.predicted, outcome.share),
-        known.get(outcome.label, 0.0),
-        [
-            medium
-            for modality, file in outcome.files.items()
-            for medium in _media(
-                Path(file), find_maps(directory, network, row, modality), rates.get(modality)
-            )
-        ],
-    )
-
-
-def _media(path: Path, maps: Sequence[Path], rate: float | None) -> Iterator[Medium]:
-    """What can be shown of a file; nothing of one that is gone, or of a part of one.
-
-    Its ``rate`` in Hz is the one that it was tested at, if it is a signal.
-    """
-    try:
-        if path.suffix.lower() in IMAGE_SUFFIXES:
-            small = _thumbnail(path)
-            yield Medium("image", path.name, _jpeg(small))
-            for each in maps:
-                with Image.open(each, formats=IMAGE_FORMATS) as image:
-                    # perhaps of a photo brought to a square
-                    own = image.resize(small.size)
-                yield Medium("image", f"label map of {each.stem}", _jpeg(own))
-        elif path.is_file():
-            samples, source = read_trace(path, SignalDecoder().assuming(rate))
-            heard = samples[:, : int(SECONDS * source.hz)]
-            name = ", ".join(["spectrogram", *(f"label map of {each.stem}" for each in maps)])
-            strips = [_strip(each, heard.shape[1] / samples.shape[1]) for each in maps]
-            yield Medium("image", name, _jpeg(_stacked([_spectrogram(heard), *strips])))
-            yield Medium("audio", path.name, _sound(heard, source.hz))
-    except (UserError, OSError):
-        return
-
-
-def _thumbnail(path: Path) -> Image.Image:
-    with Image.open(path, formats=IMAGE_FORMATS) as image:
-        image.draft("RGB", (2 * SIDE, 2 * SIDE))  # let the JPEG decoder leave out what is not seen
-        small = ImageOps.exif_transpose(image).convert("RGB")
-    small.thumbnail((SIDE, SIDE))
-    return small
-
-
-def _jpeg(image: Image.Image) -> str:
+def _jpeg(name: str, image: Image.Image) -> Medium:
     stream = io.BytesIO()
     image.save(stream, "JPEG", quality=80)
-    return _data_uri("image/jpeg", stream.getvalue())
+    return {"kind": "image", "name": name, "content": _data_uri("image/jpeg", stream.getvalue())}
 
 
 def _spectrogram(samples: Samples) -> Image.Image:
@@ -227,23 +184,6 @@ def _spectrogram(samples: Samples) -> Image.Image:
     begin, end = ((place - length / 2) / step + 2.5 for place in (0, count))
     size, box = (SIDE, SIDE // 3), (begin, 0, end, len(padded))
     return Image.fromarray(padded).resize(size, box=box)
-
-
-def _strip(path: Path, share: float) -> Image.Image:
-    """The first ``share`` of the label map of a signal."""
-    with Image.open(path, formats=IMAGE_FORMATS) as image:
-        box = (0, 0, share * image.width, image.height)
-        return image.resize((SIDE, STRIP), Image.Resampling.NEAREST, box)
-
-
-def _stacked(images: Sequence[Image.Image]) -> Image.Image:
-    """All of them below one another, on black."""
-    canvas = Image.new("RGB", (SIDE, sum(image.height + GAP for image in images) - GAP))
-    top = 0
-    for image in images:
-        canvas.paste(image, (0, top), image if image.mode == "RGBA" else None)
-        top += image.height + GAP
-    return canvas
 
 
 def _sound(samples: Samples, source: float) -> str:

@@ -4,22 +4,17 @@ The colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/). Their
 seen on white, and their black is kept for what is no system: two of Tol's take their place.
 """
 
-import re
-from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 from zlib import crc32
 
 from matplotlib import rc_context
-from matplotlib.colors import to_hex, to_rgb
 
 from tex_lightning.text import printable
 
 FAMILIES = {"haptic": "#0072b2", "visual": "#009e73", "sound": "#56b4e9", "fusion": "#cc79a7"}
 OTHERS = ("#e69f00", "#d55e00", "#332288", "#661100")
-DARKER = 0.5  # of a family's colour, for every other variant
 MARKERS = "osD^vPX<"
 GUIDE = "#999999"  # of lines that belong to no system
 STYLE: Any = {
@@ -39,18 +34,13 @@ STYLE: Any = {
     "grid.alpha": 0.3,
     "grid.linewidth": 0.5,
 }
+MAX_NAME = 44  # characters of a name
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Look:
-    """Colour and marker of a system.
-
-    Attributes:
-        colour: As ``#rrggbb``.
-        marker: Matplotlib's, told apart without the colour.
-    """
+class Look(NamedTuple):
+    """Colour of a system as ``#rrggbb``, and a marker that is told apart without it."""
 
     colour: str
     marker: str
@@ -68,59 +58,29 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
-    """Colours and markers of the systems of one chart, by name.
+    """Colours and markers of the systems of one chart, by name, in the order given.
 
-    HapticNet, VisualNet, the sound network and FusionNet have a colour each, in which variants
-    (``haptic_bands``, ``fusion (RUN)``, ``haptic+visual``) have that or a darker one. Any other
-    name takes one of the other colours. Which one depends on the name alone, except that a colour
-    is taken twice only when all are; then the markers differ.
-
-    Args:
-        names: Names of systems or networks, in any order, which is kept.
+    Colours are those of :func:`colour_of`; systems of one colour have different markers, up to
+    eight of them.
     """
-    names = list(names)
-    found: dict[str, Look] = {}
-    used: Counter[str] = Counter()
-    for name in sorted(set(names), key=lambda name: (not _is_plain(name), name)):
-        colours = _colours(name)
-        first = 0 if _is_plain(name) else crc32(name.encode()) % len(colours)
-        colour = min(colours[first:] + colours[:first], key=used.__getitem__)
-        place = _hues().index(colours[0]) + colours.index(colour) + used[colour]
-        found[name] = Look(colour, MARKERS[place % len(MARKERS)])
-        used[colour] += 1
-    return {name: found[name] for name in names}
+    colours = {name: colour_of(name) for name in names}
+    found = {}
+    for name, colour in colours.items():
+        alike = sorted(other for other in colours if colours[other] == colour)
+        found[name] = Look(colour, MARKERS[alike.index(name) % len(MARKERS)])
+    return found
 
 
 def colour_of(name: str) -> str:
-    """The colour of a system that is alone in its chart."""
-    return looks([name])[name].colour
+    """The colour of a system in every chart.
 
-
-def _family(name: str) -> str:
-    """The first word of a name without ``net``; several senses are fused."""
-    word = re.split(r"[ (]", name.lower())[0]
-    return "fusion" if "+" in word else word.partition("_")[0].removesuffix("net")
-
-
-def _is_plain(name: str) -> bool:
-    return name.lower().removesuffix("net") in FAMILIES
-
-
-def _hues() -> list[str]:
-    return [*FAMILIES.values(), *OTHERS]
-
-
-def _colours(name: str) -> list[str]:
-    """Colours that a name may take."""
-    hue = FAMILIES.get(_family(name))
-    if hue is None:
-        return list(OTHERS)
-    red, green, blue = (DARKER * part for part in to_rgb(hue))
-    return [hue, to_hex((red, green, blue))]
-
-
-LABEL_SIZE = 7  # points
-MAX_NAME = 44  # characters of a name
+    HapticNet, VisualNet, the sound network and FusionNet have a colour each, which their variants
+    (``haptic_bands``, ``fusion (RUN)``, ``haptic+visual``) share. Any other name takes one of four
+    others.
+    """
+    word = name.lower().partition(" ")[0]
+    family = "fusion" if "+" in word else word.partition("_")[0].removesuffix("net")
+    return FAMILIES.get(family) or OTHERS[crc32(name.encode()) % len(OTHERS)]
 
 
 def brief(name: str, longest: int = MAX_NAME) -> str:

@@ -2,7 +2,7 @@
 
 import json
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from math import prod
 from pathlib import Path
@@ -24,20 +24,18 @@ from tex_lightning.core.run_folder import locked_folder
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import optimized_value, wilson_interval
-from tex_lightning.report.systems import FOLD_KEYS, SEED_KEYS
 from tex_lightning.report.table import (
     TINY,
+    counted,
     folder_flags,
     is_tiny,
     make_table,
     print_table,
     python_command,
     run_overrides,
-    seconds,
+    run_settings,
     written,
 )
-
-OBJECTIVE = ("objective", "best_trial")  # columns of a search
 
 Row = dict[str, Any]
 
@@ -47,6 +45,7 @@ FAILURE = "failure.json"
 ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
 GRID = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 OWN_KEYS = ("hydra.mode=", "hydra.sweep.dir=")
+FOLD_KEYS = ("data.test_fold", "data.val_fold")  # settings that tell folds of one system apart
 NO_SWEEP = (
     "A sweep runs every job in one process; leave out trainer=ddp, trainer.devices and "
     "trainer.num_nodes, or run without -m."
@@ -55,6 +54,8 @@ COLUMNS = (
     "job", "overrides", "status", "network", "vote_accuracy", "vote_accuracy_sd", "ci_low",
     "ci_high", "correct", "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
 )  # fmt: skip
+KEPT = ("vote_accuracy", "correct", "test_samples", "fragment_accuracy", "fit_seconds")
+OBJECTIVE = ("objective", "best_trial")  # further columns of a search
 
 
 def note_failure(job: Job, reason: str) -> None:
@@ -97,12 +98,10 @@ class SweepSummary(Callback):
         chosen: Any = OmegaConf.to_container(config)
         trust(*chosen["trusted"], *named_classes(chosen["model"]))
         trainer = OmegaConf.select(config, "trainer")
-        if (trainer.devices, trainer.num_nodes) != (1, 1):
-            with _as_exit():
-                raise UserError(NO_SWEEP)
-        directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
         with _as_exit():
-            self._running.enter_context(locked_folder(directory, "hydra.sweep.dir"))
+            if (trainer.devices, trainer.num_nodes) != (1, 1):
+                raise UserError(NO_SWEEP)
+            self._running.enter_context(locked_folder(_folder(config), "hydra.sweep.dir"))
         verbose = OmegaConf.select(config, "verbose")
         Screen.verbose = verbose if isinstance(verbose, int) else NORMAL  # it may be swept
         if not runs_side_by_side(config):
@@ -124,27 +123,28 @@ class SweepSummary(Callback):
             if SweepSummary.jobs is not None:
                 SweepSummary.jobs.end()
             SweepSummary.jobs = None
-            self._summarise(config)
+            _summarise(config, _folder(config))
 
-    def _summarise(self, config: DictConfig) -> None:
-        directory = Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
-        marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
-        jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
-        jobs.sort(key=lambda path: natural_key(path.name))
-        rows = [row for job in jobs for row in _rows(job, directory)]
-        rows += _pooled(rows)
-        columns = [*COLUMNS, *_add_objectives(rows, directory, config)]
-        SweepSummary.failures = sum(row["status"] != "done" for row in rows)
-        lines = [{**row, "overrides": " ".join(row["overrides"])} for row in rows]
-        table = [[line.get(column, "") for column in columns] for line in lines]
-        write_rows(directory / "sweep.csv", columns, table)
-        _print(rows, directory)
-        from tex_lightning.report.document import write_report  # heavy, and only now needed
-        from tex_lightning.report.page import write_page
 
-        command = rerun_command(config, directory)
-        write_report(directory, jobs, command)
-        write_page(directory, command)
+def _folder(config: DictConfig) -> Path:
+    return Path(str(OmegaConf.select(config, "hydra.sweep.dir"))).resolve()
+
+
+def _summarise(config: DictConfig, directory: Path) -> None:
+    marks = [*directory.glob("*/.hydra/overrides.yaml"), *directory.glob(f"*/{FAILURE}")]
+    jobs = sorted({directory / mark.relative_to(directory).parts[0] for mark in marks})
+    jobs.sort(key=lambda path: natural_key(path.name))
+    rows = [row for job in jobs for row in _rows(job)]
+    rows += _pooled(rows)
+    columns = [*COLUMNS, *_add_objectives(rows, directory, config)]
+    SweepSummary.failures = sum(row["status"] != "done" for row in rows)
+    lines = [{**row, "overrides": " ".join(row["overrides"])} for row in rows]
+    table = [[line.get(column, "") for column in columns] for line in lines]
+    write_rows(directory / "sweep.csv", columns, table)
+    _print(rows, directory)
+    from tex_lightning.report.page import write_report  # heavy, and only now needed
+
+    write_report(directory, jobs, rerun_command(config, directory))
 
 
 def runs_side_by_side(config: DictConfig) -> bool:
@@ -154,10 +154,9 @@ def runs_side_by_side(config: DictConfig) -> bool:
 
 def count_jobs(config: DictConfig) -> int | None:
     """Number of jobs of a sweep; None if its sweeper does not know."""
-    sweeper = OmegaConf.to_container(OmegaConf.select(config, "hydra.sweeper"))
-    assert isinstance(sweeper, dict)
+    sweeper: Any = OmegaConf.to_container(OmegaConf.select(config, "hydra.sweeper"))
     if sweeper["_target_"] != GRID:
-        return sweeper.get("n_trials")
+        return sweeper.get("n_trials")  # type: ignore[no-any-return]
     given = [f"{name}={value}" for name, value in (sweeper["params"] or {}).items()]
     given += OmegaConf.select(config, "hydra.overrides.task")
     parsed = OverridesParser.create().parse_overrides(given)
@@ -173,39 +172,34 @@ def rerun_command(config: DictConfig, directory: Path) -> str:
     return python_command("-m", *folder_flags(config), *kept, f"hydra.sweep.dir={directory}")
 
 
-def _rows(job: Path, root: Path) -> list[Row]:
-    start: Row = {"job": str(job.relative_to(root))}
+def _rows(job: Path) -> list[Row]:
+    """A row for each network that a job tested, or one that says what became of it."""
+    start: Row = {"job": job.name, "overrides": run_overrides(job), "settings": run_settings(job)}
     if (job / FAILURE).is_file():
         failure = read_record(job / FAILURE)
         return [{**start, "overrides": failure["overrides"], "status": failure["error"]}]
-    start["overrides"] = run_overrides(job)
     results = job / "results.json"
     if not results.is_file():
         silent = {f"task={task}" for task in SILENT} & {*start["overrides"]}
         return [{**start, "status": "done" if silent else "not finished"}]
     start["status"] = "done"
-    # a frontier and a test of stability have tables of their own
+    # a frontier, a profile and a test of stability have tables of their own
     networks = read_record(results).get("networks", {})
-    return [{**start, **_row(name, network)} for name, network in networks.items()] or [start]
+    return [
+        {
+            **start,
+            "network": name,
+            "ci_low": network["vote_ci95"][0],
+            "ci_high": network["vote_ci95"][1],
+            "latency_ms": network["latency_ms"]["median"],
+            **{key: network[key] for key in KEPT},
+        }
+        for name, network in networks.items()
+        if "vote_accuracy" in network
+    ] or [start]
 
 
-def _row(name: str, network: dict[str, Any]) -> dict[str, Any]:
-    if "fcn_ms" in network:  # a profile, which knows no truth
-        return {"network": name, "latency_ms": network["fcn_ms"]}
-    return {
-        "network": name,
-        "vote_accuracy": network["vote_accuracy"],
-        "ci_low": network["vote_ci95"][0],
-        "ci_high": network["vote_ci95"][1],
-        "correct": network["correct"],
-        "test_samples": network["test_samples"],
-        "fragment_accuracy": network["fragment_accuracy"],
-        "latency_ms": network["latency_ms"]["median"],
-        "fit_seconds": network["fit_seconds"],
-    }
-
-
-def _add_objectives(rows: list[Row], directory: Path, config: DictConfig) -> tuple[str, ...]:
+def _add_objectives(rows: Sequence[Row], directory: Path, config: DictConfig) -> tuple[str, ...]:
     """Add what a search, such as Optuna's, minimised, and which trial was best.
 
     Returns:
@@ -214,8 +208,9 @@ def _add_objectives(rows: list[Row], directory: Path, config: DictConfig) -> tup
     if OmegaConf.select(config, "hydra.sweeper._target_", default=GRID) == GRID:
         return ()
     metric = OmegaConf.select(config, "optimized_metric")
-    last = {row["job"]: row for row in rows if "vote_accuracy" in row and " " not in row["job"]}
-    for job, row in last.items():  # the network that was asked for
+    tested = [row for row in rows if "latency_ms" in row]
+    last = {row["job"]: row for row in tested}  # the network that was asked for
+    for job, row in last.items():
         results = read_record(directory / job / "results.json")
         row["objective"] = optimized_value(results, metric)
     if last:
@@ -223,83 +218,62 @@ def _add_objectives(rows: list[Row], directory: Path, config: DictConfig) -> tup
     return OBJECTIVE
 
 
-def _pooled(rows: list[Row]) -> list[Row]:
+def _pooled(rows: Sequence[Row]) -> list[Row]:
     """Counts over jobs that differ in the tested fold alone, then means over seeds."""
     tested = [row for row in rows if "vote_accuracy" in row]
-    groups = list(_alike(tested, FOLD_KEYS))
-    folds = [_over_folds(*group) for group in groups]
-    pooled = {id(row) for _, members in groups for row in members}
-    whole = [row for row in tested if id(row) not in pooled]
-    return folds + [_over_seeds(*group) for group in _alike(whole + folds, SEED_KEYS)]
-
-
-def _alike(rows: list[Row], keys: tuple[str, ...]) -> Iterator[tuple[list[str], list[Row]]]:
-    """Rows of one network that differ in ``keys`` alone, with the overrides that they share."""
-    groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
-    for row in rows:
-        if any(item.startswith(keys) for item in row["overrides"]):
-            kept = tuple(item for item in row["overrides"] if not item.startswith(keys))
-            groups.setdefault((kept, row["network"]), []).append(row)
-    for (overrides, _), members in groups.items():
+    folds, whole = [], []
+    for members in _alike(tested, FOLD_KEYS):
+        whole += members if len(members) == 1 else []
         if len(members) > 1:
-            yield list(overrides), members
+            correct, count = (sum(row[key] for row in members) for key in KEPT[1:3])
+            low, high = wilson_interval(correct, count)
+            votes = {"correct": correct, "test_samples": count, "ci_low": low, "ci_high": high}
+            folds.append({**_over("folds", members), **votes, "vote_accuracy": correct / count})
+    seeds = []
+    for members in _alike([*whole, *folds], ("seed",)):
+        if len(members) > 1:  # they test the same samples, so no count is pooled
+            values = [row["vote_accuracy"] for row in members]
+            spread = {"vote_accuracy": mean(values), "vote_accuracy_sd": stdev(values)}
+            seeds.append({**_over("seeds", members), **spread})
+    return folds + seeds
 
 
-def _over_folds(overrides: list[str], members: list[Row]) -> Row:
-    correct = sum(row["correct"] for row in members)
-    count = sum(row["test_samples"] for row in members)
-    low, high = wilson_interval(correct, count)
-    return {
-        **_over("folds", overrides, members),
-        "vote_accuracy": correct / count,
-        "ci_low": low,
-        "ci_high": high,
-        "correct": correct,
-        "test_samples": count,
-    }
+def _alike(rows: Sequence[Row], keys: tuple[str, ...]) -> list[list[Row]]:
+    """Groups of rows of one network whose settings differ in ``keys`` alone."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        kept = {key: value for key, value in row["settings"].items() if key not in keys}
+        groups.setdefault(json.dumps([row["network"], kept], sort_keys=True), []).append(row)
+    return list(groups.values())
 
 
-def _over_seeds(overrides: list[str], members: list[Row]) -> Row:
-    """Mean and sample standard deviation; the runs test the same samples, so no count is pooled."""
-    accuracies = [row["vote_accuracy"] for row in members]
-    return {
-        **_over("seeds", overrides, members),
-        "vote_accuracy": mean(accuracies),
-        "vote_accuracy_sd": stdev(accuracies),
-    }
-
-
-def _over(what: str, overrides: list[str], members: list[Row]) -> Row:
+def _over(what: str, members: Sequence[Row]) -> Row:
+    shared = set.intersection(*({*row["overrides"]} for row in members))
     return {
         "job": f"{len(members)} {what}",
-        "overrides": overrides,
+        "overrides": [item for item in members[0]["overrides"] if item in shared],
+        "settings": members[0]["settings"],
         "status": "done",
         "network": members[0]["network"],
         "fit_seconds": sum(row["fit_seconds"] for row in members),
     }
 
 
-def _varying(row: Row, rows: list[Row]) -> list[str]:
-    """What distinguishes a job's overrides from those that all jobs share."""
-    every = [{*other["overrides"]} for other in rows if " " not in other["job"]]
+def _print(rows: Sequence[Row], directory: Path) -> None:
+    """Print a line per row, with what distinguishes its overrides from those of all jobs."""
+    searched = ["objective"] * any("objective" in row for row in rows)
+    table = make_table(
+        "sweep", ["job", "overrides", "network"], ["votes", "95 % CI", "fit s", *searched]
+    )
+    every = [{*row["overrides"]} for row in rows if " " not in row["job"]]
     shared = set.intersection(*every) if len(every) > 1 else set()
-    return [item for item in row["overrides"] if item not in shared]
-
-
-def _print(rows: list[Row], directory: Path) -> None:
-    searched = any("objective" in row for row in rows)
-    figures = ["votes", "95 % CI", "fit s", *["objective"] * searched]
-    table = make_table("sweep", ["job", "overrides", "network"], figures)
     for row in rows:
-        pooled = " " in row["job"]
-        job = "" if pooled else row["job"]
-        said = "\n".join([*_varying(row, rows), *([row["job"]] if pooled else [])])
-        table.add_row(job, said, row.get("network", ""), *_figures(row))
+        varying = "\n".join(item for item in row["overrides"] if item not in shared)
+        table.add_row(row["job"], varying, row.get("network", ""), *_figures(row))
     print_table(table)
     for row in rows:
         if "best_trial" in row:
-            given = " ".join(_varying(row, rows))
-            console.print(f"Best trial: {row['job']}, objective {row['objective']:.4g}: {given}")
+            console.print(f"Best trial: {row['job']}, objective {row['objective']:.4g}")
         if row["status"] != "done":
             console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True)
     if any(is_tiny(row["overrides"]) for row in rows):
@@ -311,10 +285,9 @@ def _figures(row: Row) -> tuple[str, ...]:
     """Votes, interval and time of a row, as far as it has them."""
     if "vote_accuracy" not in row:
         return ("done" if row["status"] == "done" else "failed",)
-    accuracy, fit = f"{row['vote_accuracy']:.1%}", seconds(row["fit_seconds"])
+    fit = f"{row['fit_seconds']:.1f}"
     if "vote_accuracy_sd" in row:
-        return f"{accuracy} ± {row['vote_accuracy_sd']:.1%}", "", fit
-    counts = f"({row['correct']}/{row['test_samples']})"
+        return f"{row['vote_accuracy']:.1%} ± {row['vote_accuracy_sd']:.1%}", "", fit
     interval = f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}"
     objective = [f"{row['objective']:.4g}"] if "objective" in row else []
-    return f"{accuracy} {counts}", interval, fit, *objective
+    return counted(row), interval, fit, *objective

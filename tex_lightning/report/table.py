@@ -1,23 +1,24 @@
-"""The closing table of a run, votes by condition, and what tables are made with."""
+"""Tables of a run: made once, shown on the terminal, in ``report.md`` and in ``report.html``."""
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 from rich import box
 from rich.measure import Measurement
-from rich.table import Table
+from rich.table import Table as Screened
 
 from tex_lightning.core.console import DEBUG, Screen, console
-from tex_lightning.core.files import write_rows
-from tex_lightning.evaluation.conditions import KEY, pool_conditions
+from tex_lightning.core.files import read_record, write_rows
+from tex_lightning.core.run_folder import SETTINGS
+from tex_lightning.data.folds import in_order
+from tex_lightning.evaluation.conditions import KEY
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
 WIDE = 1000  # columns, for which no table is too wide
-NONE = "-"
 OLD, NEW = "old_classes", "new_classes"  # of an entry of task=enroll
 ENROLLED = {OLD: "old classes", NEW: "new classes"}
 CONDITIONS_FILE = "conditions.csv"
@@ -25,27 +26,52 @@ CONDITIONS_COLUMNS = (
     "condition", "value", "network", "correct", "test_samples", "vote_accuracy", "ci_low",
     "ci_high",
 )  # fmt: skip
-MAX_LISTED = 12  # values of a condition that a table does not list
+MAX_LISTED = 12  # values of a condition that a table lists; the file has all
 
-Network = dict[str, Any]
-Networks = Mapping[str, Mapping[str, Any]]  # entries of results.json, by name
-Counts = Mapping[str, Any]
+Network = Mapping[str, Any]  # an entry of results.json
+Row = Mapping[str, str]
 
 
-def facts(results: dict[str, Any]) -> dict[str, dict[str, str]]:
+class Table(NamedTuple):
+    """A table for every medium.
+
+    Attributes:
+        title: Heading.
+        rows: Cells by heading; a column without any text is left out.
+        text: A sentence above it.
+    """
+
+    title: str
+    rows: Sequence[Row]
+    text: str = ""
+
+    @property
+    def headings(self) -> list[str]:
+        """Headings of the columns that have text."""
+        return list(dict.fromkeys(name for row in self.rows for name, cell in row.items() if cell))
+
+    @property
+    def cells(self) -> list[list[str]]:
+        """Cells of every row, below the headings."""
+        return [[row.get(name, "") for name in self.headings] for row in self.rows]
+
+
+def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """What tables and the page say of each tested network, by its name."""
-    networks: dict[str, Network] = results.get("networks", {})
+    networks: Mapping[str, Network] = results.get("networks", {})
     return {
         name: {
             "votes": f"{network['vote_accuracy']:.1%}",
             "correct": f"{network['correct']}/{network['test_samples']}",
             "95 % interval": "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
             "chance": f"{1 / len(results['classes']):.1%}",
-            **{text: _counted(network[key]) for key, text in ENROLLED.items() if key in network},
-            **rejections(network),
+            **{
+                key.replace("_", " "): counted(network[key]) for key in (OLD, NEW) if key in network
+            },
+            **_rejections(network),
             "fragments": f"{network['fragment_accuracy']:.1%}",
             "ms/sample": f"{network['latency_ms']['median']:.1f}",
-            "fit s": seconds(network["fit_seconds"]),
+            "fit s": f"{network['fit_seconds']:.1f}",
             "parameters": f"{network['parameters']:,}",
             "MMAC/sample": _millions(network["macs_per_sample"]),
         }
@@ -54,31 +80,36 @@ def facts(results: dict[str, Any]) -> dict[str, dict[str, str]]:
     }
 
 
-def _counted(votes: dict[str, Any]) -> str:
-    return f"{votes['correct']}/{votes['test_samples']} ({votes['vote_accuracy']:.1%})"
+def counted(votes: Mapping[str, Any]) -> str:
+    """Accuracy, and the counts behind it."""
+    return f"{votes['vote_accuracy']:.1%} ({votes['correct']}/{votes['test_samples']})"
 
 
-def rejections(network: Network) -> dict[str, str]:
+def _rejections(network: Network) -> dict[str, str]:
     """What ``reject_below``, ``decision.unknown`` and ``data.hold_out`` led to, if given."""
-    said: dict[str, str] = {}
+    cells: dict[str, str] = {}
     if selective := network.get("selective"):
-        accuracy = selective["selective_accuracy"]
-        said[f"labelled (from {selective['reject_below']:g})"] = f"{selective['coverage']:.1%}"
-        said["correct of these"] = NONE if accuracy is None else f"{accuracy:.1%}"
+        cells[f"labelled (from {selective['reject_below']:g})"] = f"{selective['coverage']:.1%}"
+        if selective["selective_accuracy"] is not None:
+            cells["correct of these"] = f"{selective['selective_accuracy']:.1%}"
     unknown = network.get("unknown", {})
-    if "rate" in unknown:
-        said[f"known rejected (asked {unknown['rate']:.0%})"] = _share(unknown, "false_rejections")
-        said["unknown accepted"] = _share(unknown, "accepted_unknown")
-    aurocs = [unknown.get(key) for key in ("novelty_auroc", "auroc")]
-    if known := [value for value in aurocs if value is not None]:
-        said["AUROC of unknown"] = f"{known[0]:.3f}"
-    return said
+    for key in ("false_rejections", "accepted_unknown"):
+        if counts := unknown.get(key):
+            cells[key.replace("_", " ")] = "{count}/{of} ({share:.1%})".format(**counts)
+    aurocs = [unknown[key] for key in ("novelty_auroc", "auroc") if unknown.get(key) is not None]
+    if aurocs:
+        cells["AUROC of unknown"] = f"{aurocs[0]:.3f}"
+    return cells
 
 
-def _share(unknown: Network, key: str) -> str:
-    """A count and its share; a dash where nothing set a threshold, or nothing was tested."""
-    counts = unknown.get(key)
-    return NONE if counts is None else f"{counts['count']}/{counts['of']} ({counts['share']:.1%})"
+def _millions(macs: int | None) -> str:
+    return "not counted" if macs is None else f"{macs / 1e6:,.0f}"
+
+
+def markdown(headings: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of a table in Markdown."""
+    first, *rows = [f"| {' | '.join(cells)} |" for cells in (headings, *lines)]
+    return [first, f"|{'---|' * len(headings)}", *rows]
 
 
 def print_results(results: dict[str, Any], directory: Path) -> None:
@@ -88,30 +119,34 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     """
     if Screen.sweep and Screen.verbose < DEBUG:
         return
-    title = f"{results['task']} · {results['model']} · {results['data']}"
     shown = facts(results)
+    title = f"{results['task']} · {results['model']} · {results['data']}"
     table = make_table(title, [""], list(shown))
     for fact in {fact: None for network in shown.values() for fact in network}:
         table.add_row(fact, *(network.get(fact, "") for network in shown.values()))
-    print_tables(directory, table, *_by_condition(results, directory))
+    by_condition = condition_rows(results["networks"])
+    if by_condition and results["data"] == "manifest":
+        further = make_table("votes by condition", ["", ""], list(results["networks"]))
+        for row in by_condition:
+            further.add_row(*row.values())
+        print_tables(directory, table, further)
+    else:
+        print_tables(directory, table)
 
 
-def _by_condition(results: dict[str, Any], directory: Path) -> list[Table]:
-    """A table of votes by condition, where a manifest gives them or ``data.test_where`` does."""
-    asked = any(item.lstrip("+").startswith("data.test_where") for item in run_overrides(directory))
-    if results["data"] != "manifest" and not asked:
-        return []
-    networks = results["networks"]
-    rows = condition_rows(
-        networks, "{0[vote_accuracy]:.1%} ({0[correct]}/{0[test_samples]})".format
-    )
-    table = make_table("votes by condition", ["", ""], list(networks))
-    for row in rows:
-        table.add_row(*row)
-    return [table] if rows else []
+def _condition_votes(networks: Mapping[str, Network]) -> dict[tuple[str, str], dict[str, Network]]:
+    """Return votes by condition and value, and there by network."""
+    votes: dict[tuple[str, str], dict[str, Network]] = {}
+    for network, entry in networks.items():
+        for name, values in entry.get(KEY, {}).items():
+            for value, counts in values.items():
+                votes.setdefault((name, value), {})[network] = counts
+    names = [name for name, _ in votes]
+    ordered = sorted(votes, key=lambda pair: (names.index(pair[0]), in_order(pair[1])))
+    return {pair: votes[pair] for pair in ordered}
 
 
-def write_conditions(networks: Networks, directory: Path) -> None:
+def write_conditions(networks: Mapping[str, Network], directory: Path) -> None:
     """Write ``conditions.csv``; nothing without conditions."""
     lines = [
         (*place, network, counts["correct"], counts["test_samples"], counts["vote_accuracy"],
@@ -123,48 +158,30 @@ def write_conditions(networks: Networks, directory: Path) -> None:
         write_rows(directory / CONDITIONS_FILE, CONDITIONS_COLUMNS, lines)
 
 
-def condition_rows(networks: Networks, say: Callable[[Counts], str]) -> list[list[str]]:
-    """Return rows of a table: condition, value and what ``say`` makes of each network's votes.
+def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
+    """Return votes of each network by condition and value.
 
-    A condition of many values, such as a date, has one row that names the file with all of them;
-    one of a single value has none, as its votes are those of all samples.
+    A condition of a single value has no row, and one of very many is left to the file.
     """
-    rows: dict[str, list[list[str]]] = {}
-    for (name, value), votes in _condition_votes(networks).items():
-        cells = [say(votes[network]) if network in votes else "" for network in networks]
-        rows.setdefault(name, []).append([name, value, *cells])
-    for name, lines in rows.items():
-        if len(lines) > MAX_LISTED:
-            file = f"{len(lines)} values, see {CONDITIONS_FILE}"
-            rows[name] = [[name, file, *[""] * len(networks)]]
-        elif len(lines) == 1:
-            rows[name] = []
-    return [line for lines in rows.values() for line in lines]
+    votes = _condition_votes(networks)
+    names = [name for name, _ in votes]
+    return [
+        {"condition": name, "value": value}
+        | {network: counted(each[network]) if network in each else "" for network in networks}
+        for (name, value), each in votes.items()
+        if 1 < names.count(name) <= MAX_LISTED
+    ]
 
 
-def _condition_votes(networks: Networks) -> dict[tuple[str, str], dict[str, Counts]]:
-    """Return votes by condition and value, and there by network."""
-    pooled = pool_conditions(networks.values()).get(KEY, {})
-    places = [(name, value) for name, values in pooled.items() for value in values]
-    return {
-        (name, value): {
-            network: entry[KEY][name][value]
-            for network, entry in networks.items()
-            if value in entry.get(KEY, {}).get(name, {})
-        }
-        for name, value in places
-    }
-
-
-def make_table(title: str, names: list[str], figures: list[str]) -> Table:
-    """A table with as little ink as fits 80 columns; long names go on in the next line.
+def make_table(title: str, names: Sequence[str], figures: Sequence[str]) -> Screened:
+    """A table of the terminal with as little ink as fits 80 columns.
 
     Args:
         title: Above it.
-        names: Headings of columns of text.
+        names: Headings of columns of text, which go on in the next line.
         figures: Headings of columns of figures, after those.
     """
-    table = Table(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Screened(title=title, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in names:
         table.add_column(heading, overflow="fold")
     for heading in figures:
@@ -172,7 +189,7 @@ def make_table(title: str, names: list[str], figures: list[str]) -> Table:
     return table
 
 
-def print_table(table: Table) -> None:
+def print_table(table: Screened) -> None:
     """Print a table; where a terminal is too narrow for it, figures go on in the next line."""
     wide = console.options.update(width=WIDE)
     if Measurement.get(console, wide, table).minimum > console.width:
@@ -183,7 +200,7 @@ def print_table(table: Table) -> None:
         console.print()
 
 
-def print_tables(directory: Path, *tables: Table) -> None:
+def print_tables(directory: Path, *tables: Screened) -> None:
     """Print tables, the path of the results, and a note if the run was only a trial."""
     for table in tables:
         print_table(table)
@@ -192,16 +209,27 @@ def print_tables(directory: Path, *tables: Table) -> None:
     console.print(f"Results in {directory}", soft_wrap=True)
 
 
+def read_or_empty(path: Path) -> dict[str, Any]:
+    """Read a JSON object; empty where there is no such file."""
+    return read_record(path) if path.is_file() else {}
+
+
+def run_settings(directory: Path) -> dict[str, Any]:
+    """Settings of a run folder by dotted key."""
+    return read_or_empty(directory / SETTINGS)
+
+
 def run_overrides(directory: Path) -> list[str]:
     """Overrides of a run folder, as they were written; empty if it has none on record."""
     path = directory / ".hydra" / "overrides.yaml"
     return written(OmegaConf.load(path)) if path.is_file() else []
 
 
-def run_flags(directory: Path) -> list[str]:
-    """The ``--config-dir`` that a run folder was made with; empty if it has none on record."""
+def rerun_command(directory: Path) -> str:
+    """The command that repeats a run in its folder."""
     path = directory / ".hydra" / "hydra.yaml"
-    return folder_flags(OmegaConf.load(path)) if path.is_file() else []
+    flags = folder_flags(OmegaConf.load(path)) if path.is_file() else []
+    return python_command(*flags, *run_overrides(directory), f"hydra.run.dir={directory}")
 
 
 def folder_flags(config: Any) -> list[str]:  # noqa: ANN401  (OmegaConf's)
@@ -217,7 +245,7 @@ def written(overrides: Any) -> list[str]:  # noqa: ANN401  (a list, or one of Om
     return [str(item) for item in plain]
 
 
-def is_tiny(overrides: list[str]) -> bool:
+def is_tiny(overrides: Sequence[str]) -> bool:
     """Whether a run only tried the plumbing."""
     return "debug=tiny" in [item.lstrip("+") for item in overrides]
 
@@ -225,15 +253,6 @@ def is_tiny(overrides: list[str]) -> bool:
 def python_command(*arguments: str) -> str:
     """The command that runs this package with some arguments."""
     return shlex.join(["python", "-m", "tex_lightning", *arguments])
-
-
-def seconds(value: float) -> str:
-    """A time as every table has it."""
-    return f"{value:.1f}"
-
-
-def _millions(macs: int | None) -> str:
-    return "not counted" if macs is None else f"{macs / 1e6:,.0f}"
 
 
 def paper_table(name: str) -> dict[str, Any]:

@@ -31,14 +31,7 @@ from tex_lightning.evaluation.outcomes import (
     write_results,
 )
 from tex_lightning.learning.loggers import log_test
-from tex_lightning.report.document import write_report
-from tex_lightning.report.table import (
-    print_results,
-    python_command,
-    run_flags,
-    run_overrides,
-    write_conditions,
-)
+from tex_lightning.report.table import print_results, write_conditions
 from tex_lightning.studies.console_summary import Opening, trained_networks
 from tex_lightning.studies.dataset import Workspace, open_workspace
 from tex_lightning.studies.evaluate_checkpoint import (
@@ -74,9 +67,6 @@ def cross_validate(config: Config, job: Job) -> dict[str, Any]:
         _profile(config, networks[workspace.kind]["checkpoint"], job)
     write_conditions(networks, directory)
     write_results(directory / "results.json", results)
-    overrides = [*run_overrides(directory), f"hydra.run.dir={directory}"]
-    command = python_command(*run_flags(directory), *overrides)
-    write_report(directory, [directory], command)
     print_results(results, directory)
     return results
 
