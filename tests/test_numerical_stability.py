@@ -22,7 +22,6 @@ ENGINE = EngineConfig(
     fast_spectrogram=True,
     channels_last=True,
     precision="fp32",
-    compile=False,
     tile=None,
 )
 

@@ -38,7 +38,7 @@ def test_predict_and_evaluate_read_the_checkpoint(checkpoint, surfaces, cli, tmp
     assert line["label"] == "beta"
     found = tl.load(checkpoint).predict(haptic=trace)
     assert (found.label, found.probability) == ("beta", line["probability"])
-    with pytest.raises(tl.UserError, match="a live stream is classified by HapticNet"):
+    with pytest.raises(tl.UserError, match="takes HapticNet on spectrograms"):
         tl.load(checkpoint).stream()
     outcome = cli(
         "task=evaluate", f"checkpoint={checkpoint}", "data=folder", f"data.root={surfaces}",

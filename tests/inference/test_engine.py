@@ -10,7 +10,6 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.trunks import TRUNKS
 
@@ -20,7 +19,6 @@ OFF = EngineConfig(
     fast_spectrogram=False,
     channels_last=False,
     precision="fp32",
-    compile=False,
     tile=None,
 )
 DEFAULT = replace(
@@ -97,10 +95,9 @@ def test_without_a_switch_nothing_changes_in_a_single_bit(kind):
         replace(OFF, fold_batch_norm=True),
         replace(OFF, fast_response_norm=True),
         replace(OFF, fast_spectrogram=True),
-        replace(OFF, channels_last=True),
         DEFAULT,
     ],
-    ids=["fold_batch_norm", "fast_response_norm", "fast_spectrogram", "channels_last", "default"],
+    ids=["fold_batch_norm", "fast_response_norm", "fast_spectrogram", "default"],
 )
 def test_every_switch_keeps_class_scores_and_fragments(kind, norm, config):
     model = classifier(kind, norm)
@@ -162,28 +159,6 @@ def test_a_processor_without_bf16_is_warned_of(monkeypatch, caplog, told, warned
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: told, raising=False)
     accelerate(classifier("haptic"), replace(DEFAULT, precision="bf16"))
     assert ("no bfloat16 arithmetic" in caplog.text) == warned
-
-
-def test_a_compiler_that_fails_is_said_in_one_sentence(monkeypatch):
-    def fail(*arguments, **options):
-        raise RuntimeError("g++: not found")
-
-    monkeypatch.setattr(nn.Module, "compile", fail)
-    with pytest.raises(UserError, match=r"install a C\+\+ compiler .* or set engine.compile=false"):
-        accelerate(classifier("visual"), replace(DEFAULT, compile=True))
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("default")  # of the compiler's own
-@pytest.mark.parametrize("norm", ["batch", "lrn"])
-@pytest.mark.parametrize("kind", SENSES)
-def test_compiled_networks_keep_class_scores_and_say_how_long_it_took(caplog, kind, norm):
-    caplog.set_level("INFO")
-    model = classifier(kind, norm)
-    engine = accelerate(model, replace(DEFAULT, compile=True))
-    assert "Compiled in" in caplog.text
-    expected, found = model.logits(**inputs()), engine.logits(**inputs())
-    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("kind", SENSES)

@@ -13,7 +13,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.errors import UserError
-from tex_lightning.inference.inputs import Files, match_files
+from tex_lightning.inference.inputs import match_files
 
 
 @pytest.fixture(scope="module")
@@ -72,44 +72,28 @@ def test_what_gives_no_files_is_said(cli, untrained, folder):
         assert outcome.status == 2
         assert "gives no file of a known type" in outcome.err
     some = predict(cli, untrained, f"haptic={folder}/traces", f"image={folder}/photos/s1*")
-    assert "3 traces and 2 photos; give as many of each (s2.wav has no partner" in some.err
+    assert "3 traces and 2 photos; give as many of each" in some.err
 
 
-def test_stems_decide_where_nobody_chose_the_order():
-    traces = tuple(map(Path, ("a.wav", "b.wav")))
-    photos = tuple(map(Path, ("b.png", "a.png")))
-
-    def matched(haptic: Files, image: Files) -> list[tuple[Path, Path]]:
-        return [
-            (each["haptic"], each["image"])
-            for each in match_files({"haptic": haptic, "image": image})
-        ]
-
-    by_order = list(zip(traces, photos, strict=True))
-    assert matched(Files(traces), Files(photos)) == by_order
-    by_stem = list(zip(traces, reversed(photos), strict=True))
-    assert matched(Files(traces, searched=True), Files(photos)) == by_stem
-    others = tuple(map(Path, ("x.png", "y.png")))
-    in_order = list(zip(traces, others, strict=True))
-    assert matched(Files(traces, searched=True), Files(others, searched=True)) == in_order
-    with pytest.raises(UserError, match="nothing to classify"):
-        matched(Files(), Files())
-
-
-def test_files_of_three_modalities_are_matched():
+def test_stems_decide_where_they_are_the_same_and_else_the_order():
     given = {
-        "haptic": Files((Path("a.wav"), Path("b.wav"))),
-        "image": Files((Path("b.png"), Path("a.png")), searched=True),
-        "sound": Files((Path("b.flac"), Path("a.flac"))),
+        "haptic": [Path("a.wav"), Path("b.wav")],
+        "image": [Path("b.png"), Path("a.png")],
+        "sound": [Path("b.flac"), Path("a.flac")],
     }
     stems = [{name: path.stem for name, path in each.items()} for each in match_files(given)]
     assert stems == [dict.fromkeys(given, stem) for stem in "ab"]
-    one = match_files({"haptic": Files(), "sound": given["sound"]})
-    assert one == [{"sound": Path("b.flac")}, {"sound": Path("a.flac")}]
-    more = {**given, "sound": Files((Path("b.flac"), Path("a.flac"), Path("c.flac")))}
-    said = "2 traces and 2 photos and 3 .*c.flac has no partner"
-    with pytest.raises(UserError, match=said):
-        match_files(more)
+    others = [Path("x.png"), Path("y.png")]
+    in_order = match_files({**given, "image": others})
+    assert [each["image"] for each in in_order] == others
+    assert match_files({"haptic": [], "sound": given["sound"]}) == [
+        {"sound": Path("b.flac")},
+        {"sound": Path("a.flac")},
+    ]
+    with pytest.raises(UserError, match="2 traces and 3 photos; give as many of each"):
+        match_files({"haptic": given["haptic"], "image": [*others, Path("z.png")]})
+    with pytest.raises(UserError, match="nothing to classify"):
+        match_files({"haptic": []})
 
 
 def test_a_reader_that_has_enough_ends_a_stream_quietly(untrained, folder, tmp_path):

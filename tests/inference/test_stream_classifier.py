@@ -15,7 +15,7 @@ from tex_lightning.inference.stream_classifier import StreamingClassifier
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 RATE = 10_000
-ENGINE = EngineConfig(True, True, True, True, "fp32", False, None)
+ENGINE = EngineConfig(True, True, True, True, "fp32", None)
 
 
 def make_classifier(

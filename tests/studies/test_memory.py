@@ -15,7 +15,6 @@ ENGINE = EngineConfig(
     fast_response_norm=True,
     channels_last=False,
     precision="fp32",
-    compile=False,
     tile=None,
 )
 

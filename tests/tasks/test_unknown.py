@@ -120,12 +120,12 @@ def test_novelties_add_up_as_far_as_all_are_known():
 
 
 def test_checkpoints_that_cannot_tell_are_refused(untrained, bands, tmp_path):
-    with pytest.raises(UserError, match="keeps no statistics"):
+    with pytest.raises(UserError, match="needs statistics"):
         tl.load(untrained, "decision.unknown=0.05")
     content = torch.load(bands / "checkpoints" / "haptic.ckpt", weights_only=True)
     card = content["hyper_parameters"]["card"]
     for change, message in (
-        ({"calibration": {}}, "without a validation fold"),
+        ({"calibration": {}}, "validation fold"),
         ({"classes": ["alpha", "beta", "unknown"]}, "a class named unknown"),
     ):
         content["hyper_parameters"]["card"] = card | change

@@ -57,15 +57,17 @@ def learn_filters(
 
 def draw_patches(traces: Sequence[Tensor], length: int, count: int) -> Tensor:
     """Patches (count, length) from random places, with mean 0 and deviation 1."""
-    pieces = []
-    for _ in range(count):
-        trace = traces[int(torch.randint(len(traces), ()))]
-        start = int(torch.randint(len(trace) - length + 1, ()))
-        pieces.append(trace[start : start + length])
-    data = torch.stack(pieces)
+    chosen = (traces[int(torch.randint(len(traces), ()))] for _ in range(count))
+    data = torch.stack([_cut(trace, length) for trace in chosen])
     data = data - data.mean(dim=1, keepdim=True)
     deviation = data.std(dim=1, keepdim=True)
     return data / torch.where(deviation > 0, deviation, 1.0)
+
+
+def _cut(trace: Tensor, length: int) -> Tensor:
+    """A piece from a random place."""
+    start = int(torch.randint(len(trace) - length + 1, ()))
+    return trace[start : start + length]
 
 
 def divergence(activation: Tensor, sparsity: float) -> Tensor:
@@ -110,13 +112,8 @@ class RawNetwork(Baseline):
     kind: ClassVar = "haptic"
 
     def __post_init__(self) -> None:
-        if not 0 < self.sparsity < 1 or not 0 <= self.dropout < 1:
-            raise UserError("model.baseline: sparsity must be within (0, 1), dropout [0, 1).")
-        if min(self.patches, self.steps) < 1 or self.batch_size < 2 or self.learning_rate <= 0:
-            raise UserError(
-                "model.baseline: patches, steps and learning_rate must be positive, batch_size at "
-                "least 2."
-            )
+        if self.batch_size < 2:
+            raise UserError("model.baseline.batch_size must be at least 2.")
         self.scale = 1.0
 
     def with_budget(self, budget: float) -> Self:
@@ -160,20 +157,16 @@ class RawNetwork(Baseline):
             optimizer, self.learning_rate, total_steps=self.steps + 1
         )
         self.network.train()
+        length = fragment_length(self.width)
         for _ in range(self.steps):
             chosen = torch.randint(len(traces), (self.batch_size,))
-            pieces = torch.stack([self._cut(traces[int(index)]) for index in chosen])
+            pieces = torch.stack([_cut(traces[int(index)], length) for index in chosen])
             scores = self.network(pieces[:, None])[..., 0]
             optimizer.zero_grad()
             loss = nn.functional.cross_entropy(scores, labels[chosen])
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             schedule.step()
-
-    def _cut(self, trace: Tensor) -> Tensor:
-        length = fragment_length(self.width)
-        start = int(torch.randint(len(trace) - length + 1, ()))
-        return trace[start : start + length]
 
     def _prepare(self, trace: Tensor) -> Tensor:
         """A trace (samples,) at the training set's scale, repeated if less than a fragment."""

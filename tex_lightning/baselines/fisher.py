@@ -8,7 +8,6 @@ Gaussians.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from itertools import count
 from typing import ClassVar, Self
 
@@ -23,24 +22,34 @@ from torch import Tensor, nn
 from tex_lightning.baselines.base import Array, Baseline, State
 from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
+from tex_lightning.networks.geometry import side_after
 from tex_lightning.networks.trunks import TRUNKS, Trunk, published
 from tex_lightning.networks.weights import load_trunk_weights, warn_of_random_weights
 from tex_lightning.senses.features.image import ImageFeatures
 
 PREFIX = "trunk."
+VARIANCE_FLOOR = 1e-4  # of the largest variance of a feature
+MIXTURE = ("weights", "means", "variances")
+PLANES = ("directions", "offsets")
 
 
 @dataclass
-class TrunkBaseline(Baseline):
-    """A baseline on the features of a trunk of VisualNet, which is never trained.
+class FisherVectors(Baseline):
+    """FV-CNN: features of a trunk over scales, Fisher vectors, one linear SVM for each class.
 
-    The trunk has its published width and normalisation. Its weights come from
+    The trunk has its published width and normalisation, and is never trained. Its weights come from
     :meth:`load_weights`; without them they are drawn at random when it is fitted.
 
     Attributes:
         trunk: Its name among the trunks of VisualNet.
         max_side: Photos of more than its square in pixels are made smaller, to bound time and
             memory.
+        scales: Exponents of two of the factors on the photo's sides. A scale is left out where a
+            side falls below ``MIN_SIDE`` pixels or the photo grows beyond ``max_side``.
+        components: Gaussians of the mixture.
+        photos: Most training photos that the mixture is fitted to.
+        descriptors: Most features (positions of the map) that each of these gives.
+        cost: C of the SVMs.
 
     Raises:
         UserError: If there is no such trunk.
@@ -48,17 +57,28 @@ class TrunkBaseline(Baseline):
 
     trunk: str
     max_side: int
+    scales: list[float]
+    components: int
+    photos: int
+    descriptors: int
+    cost: float
 
     kind: ClassVar = "visual"
+    MIN_SIDE: ClassVar = 30
 
     def __post_init__(self) -> None:
-        if self.trunk not in TRUNKS:
+        known = [name for name, trunk in TRUNKS.items() if trunk.final]
+        if self.trunk not in known:
             raise UserError(
-                f"model.baseline.trunk={self.trunk} is unknown; choose one of {', '.join(TRUNKS)}."
+                f"model.baseline.trunk={self.trunk} is unknown; choose one of {', '.join(known)}."
             )
         self.frozen: Trunk | None = None
         self.pixels = ImageFeatures()
-        self.min_side = _least_side(TRUNKS[self.trunk])
+        before = TRUNKS[self.trunk].geometry[:-1]  # the trunk's pooling
+        smallest = next(side for side in count(1) if side_after(before, side))
+        self.map_side = max(smallest, self.MIN_SIDE)
+        self.min_side = math.ceil(self.map_side / 2 ** max(self.scales))
+        self.fitted: State = {}
 
     @property
     def network(self) -> Trunk:
@@ -86,103 +106,6 @@ class TrunkBaseline(Baseline):
         frozen = trunk.eval().requires_grad_(False)
         self.frozen = frozen.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    def image(self, photo: Array) -> Tensor:
-        """Normalised pixels (1, 3, height, width) of a photo of any size."""
-        pixels: Tensor = self.pixels(torch.from_numpy(photo).permute(2, 0, 1)[None])
-        return pixels
-
-    def largest_factor(self, image: Tensor) -> float:
-        """The factor on an image's sides that brings it to ``max_side``."""
-        return self.max_side / math.sqrt(image.shape[-2] * image.shape[-1])
-
-    def maps(self, image: Tensor, layers: Sequence[str]) -> dict[str, Tensor]:
-        """Outputs of the trunk's layers of these names; those behind the last are left out."""
-        found: dict[str, Tensor] = {}
-        for name, layer in self.network.layers.named_children():
-            image = layer(image)
-            if name in layers:
-                found[name] = image
-            if len(found) == len(layers):
-                break
-        return found
-
-    def state(self) -> State:
-        """The trunk's tensors."""
-        return {PREFIX + name: value for name, value in self.network.state_dict().items()}
-
-    def load_state(self, state: State) -> None:
-        """Read the trunk back."""
-        trunk = published(self.trunk)
-        trunk.load_state_dict(
-            {
-                name.removeprefix(PREFIX): value
-                for name, value in state.items()
-                if name.startswith(PREFIX)
-            }
-        )
-        self._freeze(trunk)
-
-    def count_parameters(self) -> int:
-        """Weights of the trunk."""
-        return sum(parameter.numel() for parameter in self.network.parameters())
-
-
-def _least_side(trunk: type[Trunk]) -> int:
-    """Smallest image side in pixels that the last map before the trunk's pooling is made of."""
-    before = trunk.geometry[:-1]
-    return next(
-        side for side in count(1) if reduce(lambda size, window: window.output(size), before, side)
-    )
-
-
-def resized(image: Tensor, factor: float) -> Tensor:
-    """An image (1, 3, height, width) with its sides multiplied, smoothed before it shrinks."""
-    size = [max(1, round(side * factor)) for side in image.shape[-2:]]
-    return nn.functional.interpolate(image, size, mode="bilinear", antialias=True)
-
-
-VARIANCE_FLOOR = 1e-4  # of the largest variance of a feature
-MIXTURE = ("weights", "means", "variances")
-PLANES = ("directions", "offsets")
-
-
-@dataclass
-class FisherVectors(TrunkBaseline):
-    """FV-CNN: features of a trunk over scales, Fisher vectors, one linear SVM for each class.
-
-    Attributes:
-        scales: Exponents of two of the factors on the photo's sides. A scale is left out where a
-            side falls below ``MIN_SIDE`` pixels or the photo grows beyond ``max_side``.
-        components: Gaussians of the mixture.
-        photos: Most training photos that the mixture is fitted to.
-        descriptors: Most features (positions of the map) that each of these gives.
-        cost: C of the SVMs.
-
-    Raises:
-        UserError: If there is no such trunk, or a number cannot be used.
-    """
-
-    scales: list[float]
-    components: int
-    photos: int
-    descriptors: int
-    cost: float
-
-    MIN_SIDE: ClassVar = 30
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.scales or min(self.components, self.photos, self.descriptors) < 1:
-            raise UserError(
-                "model.baseline: scales must not be empty, and components, photos and descriptors "
-                "are at least 1."
-            )
-        if not self.cost > 0:
-            raise UserError(f"model.baseline.cost is {self.cost}: choose a positive number.")
-        self.map_side = max(self.min_side, self.MIN_SIDE)
-        self.min_side = math.ceil(self.map_side / 2 ** max(self.scales))
-        self.fitted: State = {}
-
     def with_budget(self, budget: float) -> Self:
         """Fewer Gaussians and features, and only the scales nearest to the photo's own."""
         kept = max(1, int(len(self.scales) * budget))
@@ -204,8 +127,7 @@ class FisherVectors(TrunkBaseline):
         self.fitted |= fit_planes(vectors, labels, self.cost)
 
     def _fit_mixture(self, recordings: Sequence[Array], rng: np.random.Generator) -> State:
-        count = min(self.photos, len(recordings))
-        chosen = np.sort(rng.permutation(len(recordings))[:count])
+        chosen = np.sort(rng.permutation(len(recordings))[: self.photos])
         samples = []
         for index in track(chosen, "Features of the frozen trunk"):
             rows = self.features(recordings[index])
@@ -224,34 +146,32 @@ class FisherVectors(TrunkBaseline):
         found = (mixture.weights_, mixture.means_, mixture.covariances_)
         return dict(zip(MIXTURE, (torch.from_numpy(array).float() for array in found), strict=True))
 
-    def factors(self, image: Tensor) -> list[float]:
-        """Factors on the sides of an image (1, 3, height, width); at least one."""
-        least, largest = self.map_side / min(image.shape[-2:]), self.largest_factor(image)
+    def factors(self, height: int, width: int) -> list[float]:
+        """Factors on the sides of a photo; at least one."""
+        least, largest = self.map_side / min(height, width), self.max_side / (height * width) ** 0.5
         factors = [2.0**scale for scale in self.scales]
         return [factor for factor in factors if least <= factor <= largest] or [largest]
 
     @torch.inference_mode()
     def features(self, photo: Array) -> Tensor:
-        """Features (positions, channels) of all scales of a photo."""
-        image = self.image(photo)
-        rows = [self._features_at(image, factor) for factor in self.factors(image)]
+        """Features (positions, channels) of all scales of a photo of any size."""
+        image = self.pixels(torch.from_numpy(photo).permute(2, 0, 1)[None])
+        sizes = [
+            [max(1, round(side * factor)) for side in photo.shape[:2]]
+            for factor in self.factors(*photo.shape[:2])
+        ]
+        rows = [self._last_maps(_resized(image, size))[0].flatten(1).T for size in sizes]
         return torch.cat(rows)
 
-    def _features_at(self, image: Tensor, factor: float) -> Tensor:
-        """Outputs of the last convolutions before ReLU, (positions, channels)."""
-        trunk = self.network
-        outputs: list[Tensor] = []
-
-        def keep(_module: nn.Module, _inputs: object, output: Tensor) -> None:
-            outputs.append(output[0].flatten(1).T.clone())  # ReLU will overwrite it
-
-        hooks = [trunk.get_submodule(name).register_forward_hook(keep) for name in trunk.final]
-        try:
-            self.maps(image if factor == 1 else resized(image, factor), [last_layer(trunk.final)])
-        finally:
-            for hook in hooks:
-                hook.remove()
-        return torch.cat(outputs, dim=1)
+    def _last_maps(self, image: Tensor) -> Tensor:
+        """Outputs of the last convolutions before ReLU (1, channels, rows, columns)."""
+        last = self.network.final[0].split(".")[1]  # as layers.conv5.0
+        for name, layer in self.network.layers.named_children():
+            if name == last:
+                found: Tensor = self.network.get_submodule(self.network.final[0])(image)
+                return found
+            image = layer(image)
+        raise ValueError(f"{self.trunk} has no layer {last}")
 
     @torch.inference_mode()
     def vector(self, photo: Array) -> Tensor:
@@ -265,21 +185,29 @@ class FisherVectors(TrunkBaseline):
 
     def state(self) -> State:
         """Trunk, mixture and planes."""
-        return {**super().state(), **self.fitted}
+        trunk = self.network.state_dict().items()
+        return {**{PREFIX + name: value for name, value in trunk}, **self.fitted}
 
     def load_state(self, state: State) -> None:
         """Read them back."""
-        super().load_state(state)
+        trunk, stored = published(self.trunk), state.items()
+        trunk.load_state_dict(
+            {key.removeprefix(PREFIX): each for key, each in stored if key.startswith(PREFIX)}
+        )
+        self._freeze(trunk)
         self.fitted = {key: state[key] for key in (*MIXTURE, *PLANES)}
 
     def count_parameters(self) -> int:
         """Weights of the trunk, mixture and planes."""
-        return super().count_parameters() + sum(value.numel() for value in self.fitted.values())
+        tensors = [*self.network.parameters(), *self.fitted.values()]
+        return sum(each.numel() for each in tensors)
 
 
-def last_layer(final: Sequence[str]) -> str:
-    """Name of the trunk's layer that its last convolutions are in, as ``layers.conv5.0``."""
-    return final[0].split(".")[1]
+def _resized(image: Tensor, size: list[int]) -> Tensor:
+    """An image (1, 3, height, width) of another size, smoothed before it shrinks."""
+    if size == list(image.shape[-2:]):
+        return image
+    return nn.functional.interpolate(image, size, mode="bilinear", antialias=True)
 
 
 def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: Tensor) -> Tensor:
@@ -298,7 +226,10 @@ def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: T
     Returns:
         (2 K D,), all u before all v.
     """
-    posteriors = _posteriors(features, weights, means, variances)
+    precision = 1 / variances
+    distance = features.square() @ precision.T - 2 * features @ (means * precision).T
+    constant = (means.square() * precision).sum(dim=1) + variances.log().sum(dim=1)
+    posteriors = torch.softmax(weights.log() - 0.5 * (distance + constant), dim=1)
     count = len(features)
     mass = posteriors.sum(dim=0)[:, None]
     first, second = posteriors.T @ features, posteriors.T @ features.square()
@@ -308,14 +239,6 @@ def fisher_vector(features: Tensor, weights: Tensor, means: Tensor, variances: T
     u = centred / (scale * variances.sqrt())
     v = spread / (scale * math.sqrt(2) * variances)
     return torch.cat([u.flatten(), v.flatten()])
-
-
-def _posteriors(features: Tensor, weights: Tensor, means: Tensor, variances: Tensor) -> Tensor:
-    """Probabilities (N, K) of the Gaussians given each feature."""
-    precision = 1 / variances
-    distance = features.square() @ precision.T - 2 * features @ (means * precision).T
-    constant = (means.square() * precision).sum(dim=1) + variances.log().sum(dim=1)
-    return torch.softmax(weights.log() - 0.5 * (distance + constant), dim=1)
 
 
 def improved(vector: Tensor) -> Tensor:

@@ -31,7 +31,6 @@ from tex_lightning.baselines.base import (
 )
 from tex_lightning.errors import UserError
 
-SPACINGS = ("mel", "decreasing")
 MAX_SECONDS, MAX_OVERLAP, MAX_FILTERS = 1, 20, 1000  # far beyond any use, little memory
 ZERO_PADDING = 4  # so that the narrowest filters meet several bins
 FLOOR = 1e-10  # of the mean energy; digital silence would be minus infinity
@@ -62,30 +61,21 @@ class Cepstra:
     last: int
 
     def check(self) -> None:
-        """Refuse settings that give no coefficients.
+        """Refuse what takes up too much memory, or has no coefficients.
 
         Raises:
-            UserError: Naming the settings and what they may be.
+            UserError: Saying what is possible.
         """
-        if self.spacing not in SPACINGS:
-            raise UserError(f"model.baseline.spacing={self.spacing}: use {' or '.join(SPACINGS)}.")
-        if min(self.window_seconds, self.hop_seconds, self.highest_hz) <= 0:
+        bounded = (
+            self.window_seconds <= min(MAX_SECONDS, MAX_OVERLAP * self.hop_seconds)
+            and 0 < self.hop_seconds <= MAX_SECONDS
+            and 1 <= self.first <= self.last <= self.filters <= MAX_FILTERS
+        )
+        if not bounded:
             raise UserError(
-                "model.baseline: window_seconds, hop_seconds, highest_hz must exceed 0."
-            )
-        if not self.window_seconds <= min(MAX_SECONDS, MAX_OVERLAP * self.hop_seconds):
-            raise UserError(
-                f"model.baseline.window_seconds={self.window_seconds:g} takes up too much memory: "
-                f"give at most {MAX_SECONDS} s and {MAX_OVERLAP} times hop_seconds."
-            )
-        if self.filters > MAX_FILTERS or self.hop_seconds > MAX_SECONDS:
-            raise UserError(
-                f"model.baseline: give at most {MAX_FILTERS} filters and hops of {MAX_SECONDS} s."
-            )
-        if not 1 <= self.first <= self.last <= self.filters:
-            raise UserError(
-                f"model.baseline: coefficients {self.first} to {self.last} are not among 1 to "
-                f"{self.filters}; make 1 <= first <= last <= filters."
+                f"model.baseline: give windows and hops up to {MAX_SECONDS} s, window_seconds up "
+                f"to {MAX_OVERLAP} times hop_seconds, and 1 <= first <= last <= filters <= "
+                f"{MAX_FILTERS}."
             )
 
     def coefficients(self, trace: Array, sampling_rate: float) -> Array:
@@ -107,23 +97,16 @@ class Cepstra:
         frames = np.lib.stride_tricks.sliding_window_view(padded, length)[::hop]
         size = ZERO_PADDING * length
         spectrum = np.fft.rfft(frames * get_window("hamming", length), size)
-        energies = np.abs(spectrum) ** 2 @ self.bank(size, sampling_rate).T
-        floor = FLOOR * energies.mean() + np.finfo(np.float64).tiny
-        cepstrum = dct(np.log(np.maximum(energies, floor)), type=2, norm="ortho", axis=1)
-        kept: Array = cepstrum[:, self.first - 1 : self.last]
-        return kept
-
-    def bank(self, size: int, sampling_rate: float) -> Array:
-        """Triangles (filters, size // 2 + 1) with peaks of 1 over a spectrum of ``size`` samples.
-
-        Each rises from the peak of the filter below it and falls to that of the filter above.
-        """
+        # triangles, each from the peak of the filter below it to that of the filter above
         edges = filter_edges(self.filters, self.highest_hz, self.spacing)
         frequencies = np.fft.rfftfreq(size, 1 / sampling_rate)
         rise = (frequencies - edges[:-2, None]) / np.diff(edges)[:-1, None]
         fall = (edges[2:, None] - frequencies) / np.diff(edges)[1:, None]
-        triangles: Array = np.minimum(rise, fall).clip(0)
-        return triangles
+        energies = np.abs(spectrum) ** 2 @ np.minimum(rise, fall).clip(0).T
+        floor = FLOOR * energies.mean() + np.finfo(np.float64).tiny
+        cepstrum = dct(np.log(np.maximum(energies, floor)), type=2, norm="ortho", axis=1)
+        kept: Array = cepstrum[:, self.first - 1 : self.last]
+        return kept
 
 
 def filter_edges(filters: int, highest_hz: float, spacing: str) -> Array:
@@ -157,10 +140,6 @@ class MfccMixtures(Baseline, Cepstra):
 
     def __post_init__(self) -> None:
         self.check()
-        if self.components < 1 or self.min_variance <= 0:
-            raise UserError(
-                "model.baseline: components must be at least 1 and min_variance exceed 0."
-            )
         self.mixtures: list[Any] = []
 
     def with_budget(self, budget: float) -> Self:
@@ -172,9 +151,7 @@ class MfccMixtures(Baseline, Cepstra):
         frames = [self.coefficients(trace, self.sampling_rate) for trace in recordings]
         self.mixtures = []
         for label in range(int(labels.max()) + 1):
-            own = np.concatenate(
-                [part for part, of in zip(frames, labels, strict=True) if of == label]
-            )
+            own = np.concatenate([frames[index] for index in np.flatnonzero(labels == label)])
             mixture = GaussianMixture(
                 min(self.components, len(own)),
                 covariance_type="diag",

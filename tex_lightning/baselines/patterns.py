@@ -15,7 +15,6 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 
 from tex_lightning.baselines.base import Array, EstimatorBaseline
-from tex_lightning.errors import UserError
 
 NEIGHBOURS = 8
 CODES = 2**NEIGHBOURS  # room for every pattern; turned ones share the smallest code
@@ -31,9 +30,6 @@ class LocalBinaryPatterns(EstimatorBaseline):
     Attributes:
         radii: Radii of the circles that the neighbours lie on, in pixels; one histogram each.
         strength: Inverse strength C of the regularisation.
-
-    Raises:
-        UserError: If a number cannot be used.
     """
 
     radii: list[int]
@@ -43,10 +39,6 @@ class LocalBinaryPatterns(EstimatorBaseline):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.radii or min(self.radii) < 1 or not self.strength > 0:
-            raise UserError(
-                "model.baseline: radii are at least 1 pixel, and strength is a positive number."
-            )
         self.min_side = 2 * max(self.radii) + 1
 
     def features(self, recording: Array) -> Array:

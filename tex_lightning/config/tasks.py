@@ -127,7 +127,6 @@ class EngineConfig:
     precision: str = key(
         "precision of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
     )
-    compile: bool = key("fuse layers with torch.compile, which needs a C++ compiler")
     tile: int | None = key(
         "most pixels, or frames times 50 channels, that go through a network at once, but at least "
         "twice its receptive field each way; null never divides",

@@ -5,8 +5,7 @@ Layers are rewritten by exact algebra, so that only the rounding of float32 diff
 """
 
 import logging
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import lru_cache
 from typing import Any
@@ -18,13 +17,9 @@ from torch.utils.flop_counter import FlopCounterMode
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import EngineConfig
-from tex_lightning.errors import UserError
-from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
-PIECE = 1 << 19  # elements; with three float32 buffers of this size the cache is not exceeded
-
-
+PIECE = 1 << 18  # elements; with two float32 buffers of this size the cache is not exceeded
 log = logging.getLogger(__name__)
 
 
@@ -32,9 +27,8 @@ class FastResponseNorm(nn.Module):
     """``x / (k + alpha / 5 * sum of the squares of 5 channels)^0.75`` across channels.
 
     PyTorch averages over a padded copy with the channels as a spatial axis, and raises to a power
-    with logarithms. Here three shifted additions give the sum and two roots the power, on pieces
-    of the image with the channels innermost, whose buffers are used again and again. Every channel
-    brings a fifth of ``k`` into the sum, and so do the two beyond either end.
+    with logarithms. Here four shifted additions give the sum and two roots the power, on pieces
+    of the image with the channels innermost, which stay in the cache.
 
     Args:
         layer: PyTorch's layer, of size 5 and beta 0.75 as in AlexNet.
@@ -44,53 +38,24 @@ class FastResponseNorm(nn.Module):
         super().__init__()
         if layer.size != 5 or layer.beta != 0.75:
             raise ValueError(f"size {layer.size} and beta {layer.beta} are not those of AlexNet")
-        self.scale = layer.alpha / layer.size
-        self.k = layer.k
-        self.part = layer.k / layer.size
-
-    def stay_uncompiled(self) -> None:
-        """Keep torch.compile from what is done piece by piece, which makes no graph.
-
-        Not a decorator: PyTorch's compiler, which that imports, takes a second to import.
-        """
-        uncompiled: Any = torch.compiler.disable(self.forward)  # type: ignore[no-untyped-call]
-        self.forward = uncompiled  # type: ignore[method-assign]
+        self.scale, self.k = layer.alpha / layer.size, layer.k
 
     def forward(self, x: Tensor) -> Tensor:
         """Normalise (B, C, H, W) across C, in place where the channels are innermost."""
         pixels = x.permute(0, 2, 3, 1).contiguous()
         flat = pixels.flatten(0, 2)
-        channels = flat.shape[1]
-        count = len(flat)
-        if x.device.type == "cpu":  # elsewhere many small pieces cost more than they save
-            count = min(count, max(1, PIECE // channels))
-        lines = flat.new_full((3, count, channels + 4), self.part, dtype=torch.float32)
+        # elsewhere than on a CPU many small pieces cost more than they save
+        count = max(1, PIECE // flat.shape[1]) if x.device.type == "cpu" else len(flat)
         for piece in torch.split(flat, count):
-            self._normalise(piece, lines[:, : len(piece)])
+            values = piece.float()
+            squares = values.square().mul_(self.scale)
+            sums = squares + self.k
+            for distance in (1, 2):
+                sums[:, distance:] += squares[:, :-distance]
+                sums[:, :-distance] += squares[:, distance:]
+            factor = sums.rsqrt_()
+            piece.copy_(values.mul_(factor).mul_(factor.sqrt_()))
         return pixels.permute(0, 3, 1, 2)
-
-    def _normalise(self, pixels: Tensor, lines: Tensor) -> None:
-        """Normalise (P, C) in place.
-
-        Args:
-            pixels: The values.
-            lines: Three buffers (3, P, C + 4); the first has ``part`` in two columns at either end.
-        """
-        wide, channels = pixels.float(), pixels.shape[1]
-        torch.addcmul(
-            lines.new_tensor(self.part), wide, wide, value=self.scale, out=lines[0, :, 2:-2]
-        )
-        # Neighbours in memory, across the rows' ends as well: faster, and those are not read.
-        squares, pairs, sums = lines.flatten(1)
-        torch.add(squares[:-1], squares[1:], out=pairs[:-1])
-        factor = torch.add(pairs[:-4], pairs[2:-2], out=sums[:-4])
-        factor.add_(squares[4:]).rsqrt_()
-        factor.mul_(torch.sqrt(factor, out=pairs[:-4]))
-        factors = lines[2, :, :channels]
-        if wide is pixels:
-            pixels.mul_(factors)
-        else:
-            pixels.copy_(wide.mul_(factors))
 
 
 def fold_batch_norm(network: nn.Module) -> None:
@@ -112,14 +77,6 @@ def fold_batch_norm(network: nn.Module) -> None:
             if isinstance(conv, nn.Conv2d) and not (pooled and bool((scale <= 0).any())):
                 layers[before] = _scaled(conv, scale, shift)
                 setattr(layers, name, nn.Identity())
-
-
-def speed_up_response_norm(network: nn.Module) -> None:
-    """Put :class:`FastResponseNorm` in the place of PyTorch's local response normalisation."""
-    for layers in _sequences(network):
-        for place, layer in enumerate(layers):
-            if isinstance(layer, nn.LocalResponseNorm):
-                layers[place] = FastResponseNorm(layer)
 
 
 def _sequences(network: nn.Module) -> Iterator[nn.Sequential]:
@@ -158,9 +115,6 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
 
     Returns:
         An independent classifier on the same device, in evaluation mode and without gradients.
-
-    Raises:
-        UserError: If the network is to be compiled and cannot be.
     """
     if classifier.card.baseline:
         return classifier
@@ -174,10 +128,11 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
                 features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
         _rewrite(sense.network, config)
     fast.to(device)
-    if config.precision == "bf16":
-        _warn_of_slow_bf16(device)
-    if config.compile:
-        _compile(fast.senses.values())
+    if config.precision == "bf16" and has_bf16(device) is False:
+        log.warning(
+            "engine.precision=bf16: this processor has no bfloat16 arithmetic, so it will be "
+            "slower than fp32."
+        )
     return fast
 
 
@@ -193,7 +148,10 @@ def _rewrite(network: nn.Module, config: EngineConfig) -> None:
     if config.fold_batch_norm:
         fold_batch_norm(network)
     if config.fast_response_norm:
-        speed_up_response_norm(network)
+        for layers in _sequences(network):
+            for place, layer in enumerate(layers):
+                if isinstance(layer, nn.LocalResponseNorm):
+                    layers[place] = FastResponseNorm(layer)
     if config.channels_last:
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
     head: Any = getattr(network, "head", None)  # that the network's class scores end in
@@ -203,38 +161,6 @@ def _rewrite(network: nn.Module, config: EngineConfig) -> None:
         head.scores = nn.Sequential(Widen(), *scores.float().children())  # its last is score_layer
 
 
-@torch.inference_mode()
-def _compile(senses: Iterable[Sense]) -> None:
-    """Compile for inputs of any size, and run once so that this is not part of a latency."""
-    begin = time.perf_counter()
-    try:
-        for sense in senses:
-            known = sense.geometry is not None  # which is tried before anything is compiled
-            for layer in sense.network.modules():
-                if isinstance(layer, FastResponseNorm):
-                    layer.stay_uncompiled()
-            for part in [*sense.network.children()] or [sense.network]:
-                part.compile(dynamic=True)
-            if known:
-                sense.dense(_few_positions(sense), "fc3")
-    except Exception as error:  # of PyTorch's compiler or of the one it calls, in many ways
-        raise UserError(
-            f"engine.compile=true: torch.compile failed ({type(error).__name__}); install a "
-            "C++ compiler (g++ or clang++) or set engine.compile=false."
-        ) from error
-    log.info(
-        "Compiled in %.1f s; the first recording of another size may take as long.",
-        time.perf_counter() - begin,
-    )
-
-
-def _few_positions(sense: Sense) -> Tensor:
-    """An input of a few positions, as the weights of the network are."""
-    height, width = sense.window_size
-    wide = sense.blank(height, 2 * width)
-    return wide.to(next(sense.network.parameters()))
-
-
 def has_bf16(device: torch.device) -> bool | None:
     """Whether a device computes in bfloat16; None if PyTorch cannot tell for the processor."""
     if device.type != "cpu":
@@ -242,14 +168,6 @@ def has_bf16(device: torch.device) -> bool | None:
     # only newer versions of PyTorch tell
     known: dict[str, object] = getattr(torch.cpu, "get_capabilities", dict)()
     return any(known.get(name) for name in BFLOAT16) if known else None
-
-
-def _warn_of_slow_bf16(device: torch.device) -> None:
-    if has_bf16(device) is False:
-        log.warning(
-            "engine.precision=bf16: this processor has no bfloat16 arithmetic, so it will be "
-            "slower than fp32."
-        )
 
 
 def count_macs(function: Callable[[], object]) -> int:

@@ -65,16 +65,11 @@ class Prediction:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; leave out those that say nothing about this sample."""
-        values = asdict(self)
-        if self.rejected is None:
-            del values["rejected"]
-        if not self.modalities:
-            del values["modalities"]
-        if self.novelty is None:
-            del values["novelty"]
+        values, empty = asdict(self), {"rejected", "modalities", "novelty", "contact"}
+        left_out = {name for name in empty if values[name] in (None, ())}
         if self.contact is None:
-            del values["contact"], values["changed_at"]
-        return values
+            left_out.add("changed_at")
+        return {name: value for name, value in values.items() if name not in left_out}
 
 
 def describe(
@@ -137,22 +132,13 @@ def check_unknown(card: Card, described: bool) -> None:
     """
     if not card.unknown:
         return
-    if card.baseline:
-        raise UserError(
-            f"decision.unknown needs features of a network, and {card.title} is none; set "
-            "decision.reject_below instead."
-        )
-    if not described:
-        raise UserError(
-            f"This {card.title} keeps no statistics of its features, which decision.unknown needs; "
-            "train it anew with this version, or set decision.unknown=0."
-        )
     if LABEL in card.classes:
         raise taken("The checkpoint knows")
-    if not card.novelties:
+    if card.baseline or not described or not card.novelties:
         raise UserError(
-            f"This {card.title} was trained without a validation fold, so decision.unknown has "
-            "nothing to be set by; train with data.val_fold=1, or set decision.unknown=0."
+            "decision.unknown needs statistics of a network's features and recordings of a "
+            f"validation fold, and this {card.title} has none; train a network with "
+            "data.val_fold=1, or set decision.unknown=0."
         )
     warn_of_few(card)
 

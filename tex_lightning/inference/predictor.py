@@ -118,7 +118,11 @@ class Predictor:
         Raises:
             UserError: If the input is unusable, or of a modality that the checkpoint does not use.
         """
-        return self._classified(recordings, rate, colour, _classify)[0]
+
+        def classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
+            return decider.classify(**decoded)
+
+        return self._classified(recordings, rate, colour, classify)[0]
 
     def explain(
         self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
@@ -156,12 +160,11 @@ class Predictor:
         """Classify one sample: ``classify`` gets the deciding classifier and the recordings."""
         given = {name: each for name, each in recordings.items() if each is not None}
         self.check_senses(given)
-        senses = self._senses(given)
-        decider = self._decider(senses)
+        decider = self._decider(self._senses(given))
         begin = time.perf_counter()
         try:
-            decoded, quality = self._decoded(given, senses, rate, colour)
-            vote = classify(decider, decoded)
+            decoded = self._decoded(given, rate, colour)
+            vote = classify(decider, {name: each for name, (each, _) in decoded.items()})
         except (UserError, MemoryError, RuntimeError) as error:
             if not isinstance(error, UserError) and not is_out_of_memory(error):
                 raise
@@ -172,6 +175,7 @@ class Predictor:
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         said = decider.card.modalities if fused else ()
+        quality = together(found for _, found in decoded.values())
         return describe(vote, decider.card, quality, self.config.top_k, latency, said), vote
 
     def stream(
@@ -208,13 +212,7 @@ class Predictor:
             )
         engine = accelerate(self.classifier.with_senses(self._senses(given)), self.config.engine)
         engine.card = engine.card.deciding(self.config.decision)
-        decoded = {
-            name: senses[name].decode_input(
-                photo, self.card.input_ranges.get(name, {}),
-                colour=colour, fast=self.config.predict.fast_decode,
-            )
-            for name, photo in fixed.items()
-        }  # fmt: skip
+        decoded = self._decoded(fixed, rate=None, colour=colour)
         rates = {name: rate.get(name) if isinstance(rate, Mapping) else rate for name in signals}
         return LiveStream(engine, rates, decoded, self.config.stream, self.config.top_k)
 
@@ -250,22 +248,15 @@ class Predictor:
         return self._deciders[senses]
 
     def _decoded(
-        self, given: Mapping[str, Input], senses: Sequence[str], rate: float | None, colour: str
-    ) -> tuple[dict[str, Tensor], Quality]:
+        self, given: Mapping[str, Input], rate: float | None, colour: str
+    ) -> dict[str, tuple[Tensor, Quality]]:
         """Decoded recordings by modality, and what is wrong with them."""
-        decoded: dict[str, Tensor] = {}
-        found: list[Quality] = []
+        decoded: dict[str, tuple[Tensor, Quality]] = {}
         rate = self.config.data.file_rate if rate is None else rate
         how = {"rate": rate, "colour": colour, "fast": self.config.predict.fast_decode}
-        for name in senses:
-            sense = self.classifier.sense(name)
-            ranges = self.card.input_ranges.get(sense.modality, {})
-            if sense.modality not in decoded:
-                recording, quality = sense.decode_input(given[sense.modality], ranges, **how)
-                decoded[sense.modality] = recording
-                found.append(quality)
-        return decoded, together(found)
-
-
-def _classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
-    return decider.classify(**decoded)
+        for sense in self.classifier.senses.values():
+            name = sense.modality
+            if name in given and name not in decoded:
+                ranges = self.card.input_ranges.get(name, {})
+                decoded[name] = sense.decode_input(given[name], ranges, **how)
+        return decoded

@@ -103,9 +103,8 @@ def compare(subject: Subject, engine: EngineConfig, profile: ProfileConfig) -> d
         profile: Budgets.
     """
     measured = _measure(subject, engine, profile)
-    plain = replace(engine, compile=False)
     card, shape = subject.classifier.card, tuple(measured["input"])
-    peak = forward_peak_mib(card, plain, shape, subject.classifier.device)
+    peak = forward_peak_mib(card, engine, shape, subject.classifier.device)
     return {**measured, "peak_memory_mib": peak}
 
 
