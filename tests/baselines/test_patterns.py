@@ -7,7 +7,6 @@ import pytest
 from conftest import make_photo
 
 from tex_lightning.baselines.patterns import CODES, LocalBinaryPatterns
-from tex_lightning.errors import UserError
 
 
 def test_quarter_turns_change_nothing():
@@ -44,11 +43,6 @@ def test_state_round_trip():
     for photo in photos:
         assert system.logits(photo).equal(other.logits(photo))
     assert system.count_parameters() == other.count_parameters() > 0
-
-
-def test_wrong_settings():
-    with pytest.raises(UserError, match="radii"):
-        LocalBinaryPatterns(radii=[0], strength=1.0)
 
 
 def test_command_line(cli, surfaces, tmp_path):

@@ -100,7 +100,7 @@ def _objects(state: object) -> Iterator[tuple[str, str]]:
             yield from _objects(item)
 
 
-AEONS = ("parameters", "parameter", "parameter1")  # fitted without an underscore in their name
+FITTED = ("steps", "transformer_list", "parameters", "parameter", "parameter1")  # aeon's too
 Array = npt.NDArray[Any]
 State = dict[str, Tensor]
 
@@ -236,15 +236,9 @@ def count_fitted(estimator: Any) -> int:  # noqa: ANN401
     """Numbers in the arrays of an estimator and of those inside it that end in an underscore."""
     if isinstance(estimator, np.ndarray):
         return estimator.size if estimator.dtype.kind == "f" else 0
-    if isinstance(estimator, dict):
-        return sum(count_fitted(value) for value in estimator.values())
-    if isinstance(estimator, list | tuple):
-        return sum(count_fitted(value) for value in estimator)
     if hasattr(estimator, "get_params") and hasattr(estimator, "__dict__"):
-        fitted = {key: value for key, value in vars(estimator).items() if _is_fitted(key)}
-        return count_fitted(fitted)
-    return 0
-
-
-def _is_fitted(key: str) -> bool:
-    return key.endswith("_") or key in ("steps", "transformer_list", *AEONS)
+        fitted = vars(estimator).items()
+        estimator = [value for key, value in fitted if key.endswith("_") or key in FITTED]
+    if isinstance(estimator, dict):
+        estimator = list(estimator.values())
+    return sum(map(count_fitted, estimator)) if isinstance(estimator, list | tuple) else 0

@@ -1,6 +1,6 @@
 """A fitted baseline as a classifier of raw recordings, saved and loaded like a network."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,7 +62,6 @@ def make_baseline(name: str, node: Mapping[str, Any], budget: float) -> "Baselin
     return made.with_budget(budget) if budget != 1 else made
 
 
-MEDIA = {"haptic": "signal", "visual": "photo"}  # by the kind of a baseline
 MIN_SECONDS = 0.05  # of movement: the paper's window
 
 
@@ -191,7 +190,8 @@ class BaselineClassifier(SurfaceClassifier):
         self.baseline = make_baseline(name, node, budget)
         (sense,), (values,) = self.card.sense_names, self.card.senses.values()
         kind = trusted_class(f"model.{sense}", values)
-        if kind.medium != (medium := MEDIA[self.baseline.kind]):
+        medium = "signal" if self.baseline.kind == "haptic" else "photo"
+        if kind.medium != medium:
             raise UserError(
                 f"{name} looks at a {medium}, and {sense} is a {kind.medium}; choose "
                 "another sense in model.senses, or leave it out."
@@ -224,19 +224,15 @@ def new_classifier(card: Card) -> SurfaceClassifier:
 
 
 def load_classifier(path: str | Path) -> SurfaceClassifier:
-    """Load a checkpoint of a network or of a baseline.
-
-    Raises:
-        UserError: If the file cannot be used, or a library that the baseline needs is missing.
-    """
+    """Load a checkpoint of a network or of a baseline; see :func:`load_trained`."""
     return load_trained(path).classifier
 
 
 def load_trained(path: str | Path) -> Trained:
-    """Load the same with what its checkpoint says of the training.
+    """Load a checkpoint with what it says of the training.
 
     Raises:
-        UserError: As :func:`load_classifier`.
+        UserError: If the file cannot be used, or a library that the baseline needs is missing.
     """
     path, content = Path(path).expanduser(), read_checkpoint(path)
     if not isinstance(content, dict) or "baseline" not in content:
@@ -263,9 +259,6 @@ class Loaded(Sequence["Array"]):
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def __iter__(self) -> Iterator["Array"]:
-        return (self[index] for index in range(len(self.rows)))
 
     def __getitem__(self, index: Any) -> Any:  # noqa: ANN401  (a number or a slice)
         if isinstance(index, slice):
