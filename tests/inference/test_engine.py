@@ -152,15 +152,6 @@ def test_texture_features_keep_class_scores_under_every_switch(trunk, norm):
     torch.testing.assert_close(rounded, expected, rtol=0.1, atol=0.1 * expected.abs().max().item())
 
 
-@pytest.mark.parametrize(
-    ("told", "warned"), [({"avx2": True}, True), ({"avx512_bf16": True}, False)]
-)
-def test_a_processor_without_bf16_is_warned_of(monkeypatch, caplog, told, warned):
-    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: told, raising=False)
-    accelerate(classifier("haptic"), replace(DEFAULT, precision="bf16"))
-    assert ("no bfloat16 arithmetic" in caplog.text) == warned
-
-
 @pytest.mark.parametrize("kind", SENSES)
 def test_the_original_is_left_alone_and_the_type_is_kept(kind):
     model = classifier(kind).requires_grad_(True)

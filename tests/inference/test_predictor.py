@@ -130,11 +130,6 @@ def test_too_little_memory_is_said_in_one_sentence(haptic, tmp_path, monkeypatch
         haptic.predict(haptic=path)
 
 
-def test_what_this_network_does_not_look_at_is_said(haptic):
-    with pytest.raises(tl.UserError, match="does not look at image"):
-        haptic.predict(haptic=TRACE, image=PHOTO)
-
-
 @pytest.mark.parametrize("override", ["tpo_k=3", "top_k=0", "engine=fast", "task=fit"])
 def test_overrides_that_cannot_be_meant_are_said(untrained, override):
     with pytest.raises(tl.UserError, match=override.partition("=")[0]):

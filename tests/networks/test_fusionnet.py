@@ -60,47 +60,6 @@ def test_pair_scores_equal_concatenation_and_linear(level):
         torch.testing.assert_close(scores[..., index], net.head(both))
 
 
-def test_parts_sum_to_the_scores():
-    net = fusion().eval()
-    spectrogram, image = inputs()
-    haptic, visual = net.parts(spectrogram, image)
-    assert haptic.shape == (2, CLASSES, 4)
-    assert visual.shape == (2, CLASSES, 6)
-    pairs = torch.tensor([[3, 5], [0, 1], [3, 5]])
-    scores = net(spectrogram, image, tuples=pairs)
-    assert torch.equal(scores, haptic[..., [3, 0, 3]] + visual[..., [5, 1, 5]])
-
-
-@pytest.mark.parametrize("level", ["fc2", "fc3"])
-def test_a_start_from_scores_adds_the_scores_of_both_networks(level):
-    torch.manual_seed(0)
-    haptic = HapticNet(CLASSES, width=0.05).eval()
-    visual = visualnet(CLASSES, trunk="tcnn", width=0.05).eval()
-    for score_layer in (haptic.score_layer, visual.score_layer):
-        torch.nn.init.normal_(score_layer.weight)
-        torch.nn.init.normal_(score_layer.bias)
-    net = FusionNet(haptic, visual, classes=CLASSES, level=level).eval()
-    net.start_from_scores(haptic, visual)
-    spectrogram, image = inputs()
-    pairs = torch.tensor([[3, 5], [0, 1]])
-    expected = haptic(spectrogram)[..., [3, 0]] + visual(image).flatten(2)[..., [5, 1]]
-    torch.testing.assert_close(net(spectrogram, image, tuples=pairs), expected)
-
-
-def test_a_single_pair_needs_no_tuples():
-    net = fusion().eval()
-    spectrogram, image = inputs(192, 224, 224)
-    scores = net(spectrogram, image)
-    assert scores.shape == (2, CLASSES, 1)
-    assert torch.equal(scores, net(spectrogram, image, tuples=torch.tensor([[0, 0]])))
-
-
-@pytest.mark.parametrize("sides", [(193, 224, 224), (192, 231, 224)])
-def test_several_pairs_need_tuples(sides):
-    with pytest.raises(ValueError, match="tuples is needed for"):
-        fusion().eval()(*inputs(*sides))
-
-
 def test_paper_parameter_counts():
     haptic, visual = HapticNet(69, norm="lrn"), visualnet(69, norm="lrn")
     unused = 2 * (250 * 69 + 69)
@@ -124,18 +83,6 @@ def test_caller_keeps_its_networks():
         torch.nn.init.zeros_(parameter)
     assert torch.equal(haptic(spectrogram), before[0])
     assert torch.equal(visual(image), before[1])
-
-
-@pytest.mark.parametrize("level", ["fc2", "fc3"])
-def test_state_loads_into_a_fresh_network(level):
-    trained = fusion(level, norm="batch").eval()
-    torch.manual_seed(9)
-    haptic = HapticNet(4, width=0.05)
-    visual = visualnet(3, trunk="tcnn", width=0.05)
-    fresh = FusionNet(haptic, visual, classes=CLASSES, level=level).eval()
-    fresh.load_state_dict(trained.state_dict())
-    sample = inputs(192, 224, 224)
-    assert torch.equal(fresh(*sample), trained(*sample))
 
 
 @pytest.mark.parametrize("level", ["fc2", "fc3"])
@@ -222,15 +169,6 @@ def test_tuples_of_three_senses_are_needed_unless_all_have_one_position():
     assert net(*single).shape == (2, CLASSES, 1)
     with pytest.raises(ValueError, match="1 and 1 and 2 positions"):
         net(*single[:2], torch.randn(2, 2, 8))
-
-
-def test_fused_networks_lose_the_scores_that_are_not_fused():
-    networks, _ = senses(3)
-    fused = FusionNet(*networks, classes=CLASSES, level="fc2")
-    for whole, part in zip(networks, fused.networks, strict=True):
-        gone = whole.state_dict().keys() - part.state_dict().keys()
-        scores = {"head.scores.1.weight", "head.scores.1.bias"}
-        assert gone == (set() if isinstance(whole, OwnNet) else scores)
 
 
 @pytest.mark.parametrize(

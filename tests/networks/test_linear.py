@@ -5,10 +5,8 @@ import pytest
 import torch
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
-from torchmetrics.functional.classification import multiclass_calibration_error
 
-from tex_lightning.networks.fusionnet import FusionNet
-from tex_lightning.networks.linear import LinearNet, _ridge, fit_temperature
+from tex_lightning.networks.linear import LinearNet, _ridge
 
 CLASSES, BANDS = 3, 12
 
@@ -89,33 +87,6 @@ def test_probabilities_are_as_sure_as_they_are_right():
     assert abs(sure.double().mean() - accuracy) < 0.08
 
 
-def test_a_temperature_of_eight_recordings_would_make_probabilities_worse():
-    """Why a network that is fitted with its probabilities gets none from a validation fold."""
-    centres = 3 * np.random.default_rng(4).standard_normal((CLASSES, BANDS))
-
-    def draw(each: int, seed: int) -> tuple[list[torch.Tensor], torch.Tensor]:
-        rng, labels = np.random.default_rng(seed), torch.arange(CLASSES).repeat(each)
-        rows = centres[labels] + 2.5 * rng.standard_normal((len(labels), BANDS))
-        return [torch.from_numpy(row).float()[None, :, None] for row in rows], labels
-
-    network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
-    network.fit(*draw(40, seed=0))
-
-    def scores(inputs: list[torch.Tensor]) -> list[torch.Tensor]:
-        return [network(one[None])[0].detach().double() for one in inputs]
-
-    few, few_labels = draw(3, seed=1)
-    temperature = fit_temperature(scores(few)[:8], few_labels[:8].tolist())
-    unseen, truth = draw(300, seed=2)
-    logits = torch.cat(scores(unseen), dim=1).T
-    before, after = (
-        float(multiclass_calibration_error(each.softmax(dim=1), truth, CLASSES, n_bins=15))
-        for each in (logits, logits / temperature)
-    )
-    assert before < 0.03
-    assert after > 2 * before
-
-
 def test_pieces_of_a_group_do_not_answer_for_each_other():
     """Four pieces of a stroke are alike: left out one by one they make any score look right."""
     pieces, strokes, bands = 4, 30 * CLASSES, 40
@@ -147,18 +118,3 @@ def test_features_of_fusion_are_standardised_or_the_scores():
     rows = network.features(whole, "fc2")[0].T
     np.testing.assert_allclose(rows, standardised(inputs), atol=1e-5)
     torch.testing.assert_close(network.features(whole, "fc3"), network(whole))
-
-
-def test_a_fusion_that_lacks_the_other_sense_says_what_the_network_itself_says():
-    inputs, labels = recordings(4)
-    network, other = (LinearNet(CLASSES, bands=BANDS, strength=0.03) for _ in range(2))
-    network.fit(inputs, labels)
-    other.fit([each + 100 for each in inputs], labels)
-    fusion = FusionNet(network, other, classes=CLASSES)
-    fusion.start_from_scores(network, other)
-    for index, single in enumerate((network, other)):
-        part = fusion.subset([index])
-        for one in inputs:
-            x = one[None] + 100 * index
-            alone = part.parts(x)[0].softmax(dim=1)
-            torch.testing.assert_close(alone, single(x).softmax(dim=1), atol=1e-3, rtol=0)

@@ -41,15 +41,6 @@ def test_paper_parameter_counts(trunk, norm, fc1_kernel, count):
     assert parameters(visualnet(69, trunk=trunk, norm=norm, fc1_kernel=fc1_kernel)) == count
 
 
-def test_published_head_of_tcnn():
-    """T-CNN-3 for the 11 classes of KTH-TIPS-2b, layer by layer."""
-    convolutions = 96 * (3 * 11**2 + 1) + 256 * (48 * 5**2 + 1) + 384 * (256 * 3**2 + 1)
-    dense = 4096 * (384 + 1) + 4096 * (4096 + 1) + 11 * (4096 + 1)
-    net = visualnet(11, trunk="tcnn", norm="lrn", head=(4096, 4096))
-    assert parameters(net) == convolutions + dense == 19_630_859
-    assert net.hidden == net.score_layer.in_channels == 4096
-
-
 @pytest.mark.parametrize(
     ("trunk", "count"),
     [
@@ -73,21 +64,6 @@ def test_one_prediction_for_a_patch(trunk):
     assert net.min_size == (low, low) == (net.trunk.min_side, net.trunk.min_side)
 
 
-@pytest.mark.parametrize(
-    ("trunk", "height", "width", "expected"),
-    [
-        ("alexnet_caffe", 384, 384, (6, 6)),
-        ("alexnet_caffe", 1224, 1632, (33, 45)),
-        ("tcnn", 1224, 1632, (64, 89)),
-        ("tcnn", 256, 256, (3, 3)),
-        ("alexnet_caffe", 256, 256, (2, 2)),
-        ("efficientnet_lite0", 300, 400, (3, 6)),
-    ],
-)
-def test_output_size(trunk, height, width, expected):
-    assert visualnet(1, trunk=trunk, width=NARROW).output_size(height, width) == expected
-
-
 @pytest.mark.parametrize("trunk", TRUNKS)
 def test_output_size_matches_the_forward_pass(trunk):
     net = visualnet(2, trunk=trunk, width=0.02).eval()
@@ -99,16 +75,6 @@ def test_output_size_matches_the_forward_pass(trunk):
     assert net.output_size(20, 5) == (0, 0)
     grown = net.output_size(1000 + net.stride, 1000)
     assert grown == (net.output_size(1000, 1000)[0] + 1, net.output_size(1000, 1000)[1])
-
-
-def test_caffe_map_sizes():
-    """The published map sides 55, 27, 13, 6 of a 227 input, and 6 rather than 5 at 224."""
-    geometry = TRUNKS["alexnet_caffe"].geometry
-    sides = [227]
-    for window in geometry:
-        sides.append(window.output(sides[-1]))
-    assert sides == [227, 55, 27, 13, 6]
-    assert TRUNKS["alexnet_caffe"](width=NARROW, norm="none").output_side(224) == 6
 
 
 @pytest.mark.parametrize("trunk", TRUNKS)
@@ -153,29 +119,6 @@ def test_tcnn_features_are_plain_averages():
         for column in range(columns):
             mean = conv3[..., row : row + 13, column : column + 13].mean((2, 3))
             torch.testing.assert_close(trunk(x)[..., row, column], mean)
-
-
-@pytest.mark.parametrize("trunk", TRUNKS)
-@pytest.mark.parametrize("width", [0.03, 0.13, 0.5])
-def test_any_width_builds_and_agrees_with_out_channels(trunk, width):
-    net = TRUNKS[trunk](width=width, norm="batch").eval()
-    assert net(torch.zeros(1, 3, 224, 224)).shape[1] == net.out_channels
-
-
-def test_width_scales_the_head_but_the_classes():
-    net = visualnet(69, width=0.5)
-    convolutions = [m for m in net.head.modules() if isinstance(m, torch.nn.Conv2d)]
-    assert [m.out_channels for m in convolutions] == [150, 125, 69]
-    assert net.trunk.out_channels == 128
-
-
-@pytest.mark.parametrize("trunk", TRUNKS)
-def test_batch_normalisation_follows_every_hidden_convolution(trunk):
-    net = visualnet(3, trunk=trunk, width=NARROW)
-    convolutions = [m for m in net.modules() if isinstance(m, torch.nn.Conv2d)]
-    norms = [m for m in net.modules() if isinstance(m, torch.nn.BatchNorm2d)]
-    assert len(norms) == len(convolutions) - 1
-    assert [m.bias is not None for m in convolutions] == [False] * len(norms) + [True]
 
 
 def test_features():

@@ -60,13 +60,6 @@ def test_the_twin_of_visualnet_equals_the_network_on_each_window(trunk, norm):
     check_twin(network, noise(1, 3, 224, 224 + network.stride))
 
 
-def test_the_literal_reading_of_fc1_has_smaller_windows():
-    network = lively(visualnet(5, width=0.125, norm="none", fc1_kernel=1))
-    assert network.output_size(*network.window_size) == (1, 1)
-    side = network.min_size[0] + 2 * network.stride
-    check_twin(network, noise(1, 3, side, side))
-
-
 def test_windows_stand_where_the_predictions_do():
     haptic = HapticNet(3, width=0.1)
     grid = cut(haptic, noise(1, 1, 50, 1996))
@@ -78,22 +71,6 @@ def test_windows_stand_where_the_predictions_do():
     assert torch.equal(grid[2, 5], x[0, :, 64 : 64 + 224, 160 : 160 + 224])
     rows, columns = visual.output_size(300, 400)
     assert (rows - 3, columns - 6) in {(0, 0), (0, 1), (1, 0), (1, 1)}
-
-
-def test_batches_hold_every_window_once_in_order():
-    network = visualnet(3, width=0.1)
-    grid = cut(network, noise(1, 3, 256, 288))
-    every = list(batches(grid, 4))
-    assert [len(batch) for batch in every] == [4, 2]
-    assert torch.equal(torch.cat(every), grid.flatten(0, 1))
-
-
-def test_dense_output_is_laid_out_as_the_windows_are():
-    image = noise(1, 5, 2, 7)
-    assert torch.equal(dense_grid(image)[1, 6], image[0, :, 1, 6])
-    trace = noise(1, 5, 7)
-    assert torch.equal(dense_grid(trace)[0, 6], trace[0, :, 6])
-    assert dense_grid(trace).shape == (1, 7, 5)
 
 
 def test_an_input_of_one_window_gives_the_same_densely():

@@ -12,9 +12,6 @@ import torch
 from conftest import make_trace
 from PIL import Image
 
-from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.vote import max_vote
-from tex_lightning.data.decode import decode_image
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.report.page_media import shown_samples
 
@@ -145,38 +142,6 @@ def test_photos_may_be_halved_by_the_jpeg_decoder(cli, surfaces, trained, tmp_pa
     assert fast["label"] == exact["label"]
 
 
-def test_every_engine_gives_the_same_label(cli, surfaces, trained):
-    wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
-    png = surfaces / "alpha" / "image" / "alpha_0.png"
-    labels = set()
-    for switches in ([], ["engine=reference"], ["engine.precision=bf16"]):
-        outcome = cli(
-            "task=predict",
-            checkpoint(trained, "fusion"),
-            f"haptic={wav}",
-            f"image={png}",
-            *switches,
-        )
-        assert outcome.status == 0, outcome.err
-        labels.add(json.loads(outcome.out)["label"])
-    assert len(labels) == 1
-
-
-def test_a_recording_at_another_rate_gives_the_same_label(cli, surfaces, trained, tmp_path):
-    trace, rate = soundfile.read(surfaces / "beta" / "haptic" / "beta_0.wav")
-    time = np.arange(int(len(trace) * 4.41)) / 44_100
-    soundfile.write(
-        tmp_path / "fast.wav", np.interp(time, np.arange(len(trace)) / rate, trace), 44_100
-    )
-    labels = [
-        json.loads(cli("task=predict", checkpoint(trained, "haptic"), f"haptic={file}").out)[
-            "label"
-        ]
-        for file in (tmp_path / "fast.wav", surfaces / "beta" / "haptic" / "beta_0.wav")
-    ]
-    assert labels[0] == labels[1]
-
-
 def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):
     for kind in range(2):
         folder = tmp_path / "data" / f"class{kind}" / "haptic"
@@ -202,33 +167,6 @@ def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):
     prediction = json.loads(cli("task=predict", given, f"haptic={tested[0].files['haptic']}").out)
     assert prediction["fragments"] == tested[0].fragments
     assert prediction["label"] == tested[0].predicted
-
-
-def test_a_fusion_network_does_with_one_modality_and_says_so(cli, surfaces, trained):
-    wav = surfaces / "beta" / "haptic" / "beta_0.wav"
-    png = surfaces / "beta" / "image" / "beta_0.png"
-    fusion = SurfaceClassifier.from_checkpoint(trained / "checkpoints" / "fusion.ckpt")
-    given = {"haptic": (f"haptic={wav}",), "image": (f"image={png}",)}
-    given["both"] = (*given["haptic"], *given["image"])
-    lines = {}
-    for name, files in given.items():
-        outcome = cli("task=predict", checkpoint(trained, "fusion"), *files)
-        assert outcome.status == 0, outcome.err
-        lines[name] = json.loads(outcome.out)
-    assert [lines[name]["modalities"] for name in given] == [
-        ["haptic"],
-        ["image"],
-        ["haptic", "image"],
-    ]
-    trace = torch.from_numpy(fusion.sense("haptic").decoder.decode(wav)[0])
-    photo = torch.from_numpy(decode_image(png, fusion.sense("visual").decoder))
-    with torch.no_grad():
-        haptic = max_vote(fusion.partial_logits("haptic", trace))
-        visual = max_vote(fusion.partial_logits("visual", photo))
-    for name, vote in (("haptic", haptic), ("image", visual)):
-        assert lines[name]["label"] == fusion.card.classes[vote.label]
-        assert lines[name]["confidence"] == pytest.approx(float(vote.shares[vote.label]))
-        assert lines[name]["fragments"] == len(vote.fragments)
 
 
 def test_unusable_input_is_said_in_one_sentence(cli, surfaces, trained, tmp_path, monkeypatch):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from conftest import visualnet
 from efficientnet_lite_pytorch import EfficientNet
 from torch.nn.functional import conv2d, pad
 
@@ -124,11 +123,6 @@ def test_every_feature_is_a_mean_over_its_window(patch, window, size):
         )
         expected = torch.cat([each.mean(dim=(1, 2)) for each in places])
         torch.testing.assert_close(features[:, row, column], expected, rtol=1e-4, atol=1e-5)
-
-
-def test_all_stages_are_features():
-    assert [published(name).out_channels for name in VARIANTS] == [784, 856]
-    assert visualnet(3, trunk="efficientnet_lite0", head=[]).hidden == 784
 
 
 def test_a_fragment_smaller_than_a_position_is_refused():
