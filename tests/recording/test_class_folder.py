@@ -1,7 +1,5 @@
 """A class folder that grows stays one that the readers read."""
 
-import io
-
 import cv2
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import read_manifest
 from tex_lightning.errors import UserError
 from tex_lightning.recording import class_folder
-from tex_lightning.recording.class_folder import Camera, ClassFolder, encode
+from tex_lightning.recording.class_folder import Camera, ClassFolder
 
 SIGNAL = np.stack([make_trace(0, n) for n in range(3)])
 SOUND = make_trace(1, 0)[None]
@@ -57,7 +55,7 @@ def test_recordings_of_all_senses_are_numbered_alike_and_read_back(tmp_path):
     (row, *_) = [row for row in read_manifest(root / "manifest.csv") if row.path == path.resolve()]
     assert row.sampling_rate == 2500
     SignalDecoder(sampling_rate=2500).decode(path, row.sampling_rate)  # header and manifest agree
-    picture = cv2.imread(str(root / "oak" / "image" / "oak_001.jpg"))
+    picture = cv2.imread(str(root / "oak" / "image" / "oak_001.jpg"))  # of the same colours
     assert np.abs(picture.astype(int) - PHOTO).mean() < 5
 
 
@@ -99,11 +97,11 @@ def test_a_recording_is_written_whole_or_not_at_all(tmp_path, monkeypatch, broke
 
 def test_folders_that_cannot_be_added_to(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
-    with pytest.raises(UserError, match="file is no folder; name another"):
+    with pytest.raises(UserError, match=r"file is no folder, or cannot be written to"):
         ClassFolder(tmp_path / "file" / "data", "oak", {})
     with monkeypatch.context() as patch:
         patch.setattr("os.access", lambda *arguments: False)  # root may write anywhere
-        with pytest.raises(UserError, match="cannot be written to; change its permissions"):
+        with pytest.raises(UserError, match="cannot be written to; change its"):
             ClassFolder(tmp_path / "data", "oak", {})
     (tmp_path / "side" / "oak").mkdir(parents=True)
     soundfile.write(tmp_path / "side" / "oak" / "a.wav", make_trace(0, 1), 10_000)
@@ -121,17 +119,14 @@ def pictures(tmp_path):
     return tmp_path / "p_%02d.png"
 
 
-def test_pictures_come_one_by_one_until_there_are_no_more(pictures):
+def test_pictures_come_one_by_one_until_there_are_no_more(pictures, capfd):
     camera = Camera(str(pictures))
     for number in range(2):
         np.testing.assert_array_equal(camera.photo(), make_photo(number, 0))
     with pytest.raises(UserError, match=r"gives no picture .any more.; check the path"):
         camera.photo()
     camera.close()
-
-
-def test_a_camera_that_is_not_there(capfd):
-    with pytest.raises(UserError, match="cannot be opened; check that the camera is plugged in"):
+    with pytest.raises(UserError, match="camera:93 cannot be opened; check the path, or that"):
         Camera("camera:93")
     assert capfd.readouterr().err == ""  # OpenCV has its say in words of its own
     with pytest.raises(UserError, match="names no camera; write camera:0"):
@@ -155,10 +150,3 @@ def test_a_real_camera_settles_before_the_photo_is_taken(monkeypatch):
 
     monkeypatch.setattr(cv2, "VideoCapture", Capture)
     assert Camera("camera:2").photo().mean() == 5
-
-
-def test_a_jpeg_has_the_colours_of_the_photo():
-    blue_first = np.full((32, 32, 3), (250, 120, 10), np.uint8)
-    with Image.open(io.BytesIO(encode(blue_first))) as image:
-        assert image.format == "JPEG"
-        np.testing.assert_allclose(np.asarray(image)[16, 16], (10, 120, 250), atol=3)

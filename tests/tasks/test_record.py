@@ -13,7 +13,7 @@ from conftest import CLASSES, RATE, make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.data.recordings import read_manifest
-from tex_lightning.recording.recorder import Meter
+from tex_lightning.recording.recorder import Recorder
 
 OAK = ("record.label=oak", f"record.haptic.rate={RATE}")
 
@@ -167,14 +167,14 @@ def test_what_is_wrong_with_a_recording_is_said_at_once(record):
 
 @pytest.mark.parametrize(("chunks", "kept"), [(15, True), (5, False)])
 def test_ctrl_c_keeps_what_is_long_enough(record, tmp_path, monkeypatch, chunks, kept):
-    show, trace = Meter.show, make_trace(0, 0, seconds=3)
+    follow, trace = Recorder.follow, make_trace(0, 0, seconds=3)
 
-    def interrupted(self, name, time, *rest):
-        show(self, name, time, *rest)
-        if time >= chunks / 10:
+    def interrupted(self, *given):
+        follow(self, *given)
+        if self.tracks[0].seconds >= chunks / 10:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(Meter, "show", interrupted)
+    monkeypatch.setattr(Recorder, "follow", interrupted)
     outcome = record(*OAK, haptic=trace)
     assert outcome.status == 130
     assert written(tmp_path) == (["manifest.csv", "oak/haptic/oak_001.wav"] if kept else [])

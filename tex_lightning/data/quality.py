@@ -46,6 +46,11 @@ class Quality:
     empty: bool = False
 
 
+def level(samples: Array) -> float:
+    """Root of the mean square of all axes (axes, samples) together, each without its mean."""
+    return float(np.sqrt(samples.var(axis=1, dtype=np.float64).sum()))
+
+
 class TraceMonitor:
     """Level, constancy and clipping of a signal that may come in pieces.
 
@@ -83,7 +88,7 @@ class TraceMonitor:
 
     @property
     def level(self) -> float:
-        """Root of the mean square of all axes together, each without its mean."""
+        """As :func:`level` of all samples so far."""
         variances = self.squares / self.count - np.square(self.sum / self.count)
         return float(np.sqrt(np.maximum(variances, 0).sum()))
 
@@ -121,9 +126,7 @@ def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str,
         rate: Rate of the recording in Hz.
         sampling_rate: Rate in Hz to which it was resampled: a higher rate adds nothing.
     """
-    monitor = TraceMonitor("trace")
-    monitor.update(trace)
-    return {"level": monitor.level, "rate": min(rate, sampling_rate)}
+    return {"level": level(trace), "rate": min(rate, sampling_rate)}
 
 
 def photo_quality(photo: Photo, ranges: Ranges, what: str) -> Quality:

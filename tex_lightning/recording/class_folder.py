@@ -27,6 +27,10 @@ from tex_lightning.recording.sources import Chunk
 Pixels = npt.NDArray[np.uint8]  # (height, width, 3), colours as OpenCV has them: BGR
 FIRST = 5  # pictures that are passed over: exposure settles, and older ones wait in the driver
 QUALITY = 95  # of JPEG, 0 to 100
+REMEDY = (
+    "check the path, or that the camera is plugged in and no other program has it; camera:1 is "
+    "another one"
+)
 
 
 class Camera:
@@ -52,16 +56,7 @@ class Camera:
         finally:
             cv2.utils.logging.setLogLevel(before)
         if not self._capture.isOpened():
-            raise UserError(f"{self.name} cannot be opened; {self._remedy}.")
-
-    @property
-    def _remedy(self) -> str:
-        if self.live:
-            return (
-                "check that the camera is plugged in and no other program has it, or give another "
-                "number, such as camera:1"
-            )
-        return "check the path, or give camera:0"
+            raise UserError(f"{self.name} cannot be opened; {REMEDY}.")
 
     def photo(self) -> Pixels:
         """What it sees now.
@@ -73,7 +68,7 @@ class Camera:
             self._capture.grab()
         there, picture = self._capture.read()
         if not there:
-            raise UserError(f"{self.name} gives no picture (any more); {self._remedy}.")
+            raise UserError(f"{self.name} gives no picture (any more); {REMEDY}.")
         return np.asarray(picture, np.uint8)
 
     def close(self) -> None:
@@ -109,20 +104,28 @@ class ClassFolder:
         for name in conditions:
             if name in KNOWN:
                 raise UserError(f"record.conditions: {name} is a column of its own; rename it.")
-        self._check_writable()
-        self._check_layout(self.table())
+        there = next(path for path in (self.folder, *self.folder.parents) if path.exists())
+        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+            raise UserError(
+                f"record.out={self.root}: {there} is no folder, or cannot be written to; change "
+                "its permissions or name another folder."
+            )
+        if here := [row for row in self.table() if row.path.parent == self.folder]:
+            raise UserError(
+                f"{self.folder} holds recordings side by side, such as {here[0].path.name}; move "
+                f"them to {self.folder / here[0].modality} or name another record.out."
+            )
 
     def table(self) -> Recordings:
         """All recordings of the data set: those of the manifest, or else those in the folder."""
         if self.manifest.is_file():
             return read_manifest(self.manifest)
         suffixes = {each for name in MODALITIES for each in suffixes_of(name)}
-        files = (file for depth in ("*/*", "*/*/*") for file in self.root.glob(depth))
-        found = any(file.suffix.lower() in suffixes for file in files)
+        found = any(file.suffix.lower() in suffixes for file in self.root.glob("*/**/*"))
         return read_folder(self.root) if found else Recordings(())
 
     def next_name(self) -> str:
-        """Of the files of the next recording, without suffix: its number is above all there are."""
+        """Of the files of the next recording, without suffix: its number is above all."""
         named = re.compile(re.escape(self.label) + r"_(\d+)\.[^.]+")
         names = [named.fullmatch(file.name) for file in self.folder.glob("*/*")]
         number = max((int(match[1]) for match in names if match), default=0) + 1
@@ -144,15 +147,15 @@ class ClassFolder:
         table, name = self.table(), self.next_name()
         own = [row.group for row in table if row.label == self.label]
         group = max((each for each in own if isinstance(each, int)), default=-1) + 1
-        writers: dict[Recording, Callable[[Path], None]] = {}
+        writers: dict[Recording, Callable[[Path], object]] = {}
         for modality, (rate, samples) in signals.items():
             path = self._place(table, modality) / f"{name}.wav"
             row = Recording(self.label, modality, path, group, float(rate), self.conditions)
             writers[row] = partial(_write_wav, rate, samples)
         if photo is not None:
-            path = self._place(table, "image") / f"{name}.jpg"
+            path, content = self._place(table, "image") / f"{name}.jpg", encode(photo)
             row = Recording(self.label, "image", path, group, conditions=self.conditions)
-            writers[row] = partial(_write, encode(photo))
+            writers[row] = partial(Path.write_bytes, data=content)
         try:
             for row, write in writers.items():
                 write_atomically(row.path, write)
@@ -170,28 +173,6 @@ class ClassFolder:
         inside = (folder for folder in own if folder.parent == self.folder)
         return next(inside, self.folder / modality)
 
-    def _check_writable(self) -> None:
-        """Before anything is recorded; nothing is made yet."""
-        there = self.folder
-        while not there.exists() and there != there.parent:
-            there = there.parent
-        if not there.is_dir():
-            raise UserError(f"record.out={self.root}: {there} is no folder; name another.")
-        if not os.access(there, os.W_OK | os.X_OK):
-            raise UserError(
-                f"record.out={self.root}: {there} cannot be written to; change its permissions or "
-                "name another folder."
-            )
-
-    def _check_layout(self, table: Recordings) -> None:
-        """Refuse files beside the folders of the senses: they would not be read any more."""
-        here = [row for row in table if row.path.parent == self.folder]
-        if here:
-            raise UserError(
-                f"{self.folder} holds recordings side by side, such as {here[0].path.name}; move "
-                f"them to {self.folder / here[0].modality} or name another record.out."
-            )
-
 
 def _write_wav(rate: int, samples: Chunk, path: Path) -> None:
     try:
@@ -200,7 +181,3 @@ def _write_wav(rate: int, samples: Chunk, path: Path) -> None:
         raise UserError(
             f"Cannot write {path} ({error}); free some space or choose another folder."
         ) from error
-
-
-def _write(content: bytes, path: Path) -> None:
-    path.write_bytes(content)

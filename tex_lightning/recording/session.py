@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from tex_lightning.data.quality import Ranges, TraceMonitor
+from tex_lightning.data.quality import Ranges, TraceMonitor, level
 from tex_lightning.data.recordings import name_one
 from tex_lightning.errors import UserError
 from tex_lightning.recording.sources import Chunk, Pieces, Source
@@ -40,8 +40,8 @@ class Feed:
         self._held: queue.Queue[Chunk | Exception | None] = queue.Queue(HELD)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
-        self._first: float | None = None  # time of the first samples, which are not counted
-        self._last, self._count = 0.0, 0
+        self._times: list[float] = []  # of the first samples, which are not counted, and the last
+        self._count = 0
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -79,16 +79,9 @@ class Feed:
     @property
     def arrival_rate(self) -> float | None:
         """Samples in a second as they came, in Hz; None where that says nothing."""
-        if not self.source.timed or self._first is None or not self._count:
+        if not self.source.timed or len(self._times) < 2:
             return None
-        return self._count / (self._last - self._first)
-
-    def _note(self, samples: int) -> None:
-        self._last = time.monotonic()
-        if self._first is None:
-            self._first = self._last
-        else:
-            self._count += samples
+        return self._count / (self._times[-1] - self._times[0])
 
     def _run(self) -> None:
         chunks = self.source.chunks()
@@ -108,7 +101,8 @@ class Feed:
                 return
             if piece is None or not piece.size:
                 continue
-            self._note(piece.shape[1])
+            self._count += piece.shape[1] if self._times else 0
+            self._times[1:] = [time.monotonic()]
             pieces.append(piece)
             if sum(each.shape[1] for each in pieces) >= self.size:
                 whole = np.concatenate(pieces, axis=1)
@@ -175,16 +169,15 @@ class Track:
         Args:
             ranges: Ranges of the training of a checkpoint; empty without one.
         """
-        samples, what = self.samples, name_one(self.modality)
-        monitor = TraceMonitor(what)
-        monitor.update(samples)
+        what, monitor = name_one(self.modality), TraceMonitor(name_one(self.modality))
+        monitor.update(self.samples)
         found = list(monitor.quality(ranges, level=monitor.level).warnings)
-        for axis, values in enumerate(samples, start=1):
-            if 1 < len(np.unique(values)) < FEW_VALUES:
-                found.append(
-                    f"Axis {axis} of the {what} is too quiet: it has only "
-                    f"{len(np.unique(values))} different values; raise the sensor's gain."
-                )
+        values = [len(np.unique(axis)) for axis in self.samples]
+        if 1 < min(values) < FEW_VALUES:
+            found.append(
+                f"The {what} is too quiet: it has only {min(values)} different values; raise the "
+                "sensor's gain."
+            )
         if self.feed.source.lost:
             self.feed.source.lost = False
             found.append(f"Samples of the {what} were lost; close other programs.")
@@ -200,11 +193,6 @@ class Track:
 QUIET_SECONDS = 0.5  # at first, in which nothing touches
 RISE = 3.0  # times the level of that, above which something does
 SILENT_SECONDS = 0.5  # below it, after which nothing does any more
-
-
-def level(chunk: Chunk) -> float:
-    """Root of the mean square of all axes (axes, samples) together, each without its mean."""
-    return float(np.sqrt(chunk.var(axis=1, dtype=np.float64).sum()))
 
 
 class Contact:
@@ -234,14 +222,9 @@ class Contact:
         if not self.ready:
             self._quiet.append(value)
             return
-        loud = value > RISE * median(self._quiet)
+        loud = value > RISE * float(np.median(self._quiet))
         self.silent = 0 if loud else self.silent + 1
         self.touching = loud or (self.touching and self.silent < self._patience)
-
-
-def median(values: Sequence[float]) -> float:
-    """The middle one."""
-    return float(np.median(values))
 
 
 Follow = Callable[[Chunk, float, bool], None]  # chunk, its level, whether it is recorded

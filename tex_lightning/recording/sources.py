@@ -18,7 +18,7 @@ import numpy.typing as npt
 from tex_lightning.config.data import SourceConfig
 from tex_lightning.data.decode import SignalDecoder, check_samples, read_trace
 from tex_lightning.data.traces import TRACE_SUFFIXES
-from tex_lightning.errors import UserError, shorten
+from tex_lightning.errors import UserError, reason, shorten
 
 Chunk = npt.NDArray[np.float32]  # (axes, samples)
 SAMPLE = np.dtype("<f4")
@@ -26,27 +26,26 @@ LONGEST_LINE = 1000  # bytes; what goes on without a line's end is no text
 NUMBERS = set(b"0123456789+-.,;eE# \t\r\n")
 
 
-class Parser(ABC):
+class Parser:
     """Turns pieces of bytes, cut anywhere, into samples.
+
+    Little-endian float32, the axes of a sample one after another, or text: a sample a line, numbers
+    apart by comma, semicolon or white space; # begins a remark.
 
     Args:
         name: The source as it was given, for messages.
         key: Section of its settings, such as ``record.haptic``.
-        axes: Numbers of one sample.
+        settings: That section: its format, and numbers of one sample.
+        cut: Whether the first line may have begun before we listened, and is passed over.
     """
 
-    def __init__(self, name: str, key: str, axes: int) -> None:
-        self.name, self.key, self.axes = name, key, axes
+    def __init__(self, name: str, key: str, settings: SourceConfig, *, cut: bool = False) -> None:
+        self.name, self.key, self.axes = name, key, settings.axes
+        self.text, self.cut = settings.format == "text", cut
         self.rest = b""  # of a sample that is not whole yet
         self.count = 0  # samples so far
-
-    @abstractmethod
-    def _take(self, content: bytes) -> npt.NDArray[Any]:
-        """Samples (samples, axes) of whole ones in ``content``; keeps the rest."""
-
-    @abstractmethod
-    def _expected(self) -> str:
-        """What the sensor should send."""
+        kind = "a line of text with" if self.text else "little-endian float32,"
+        self.expected = f"send {kind} {self.axes} numbers for each ({key}.axes)"
 
     def feed(self, content: bytes) -> Chunk:
         """Samples (axes, samples) that are whole now, perhaps none.
@@ -54,82 +53,49 @@ class Parser(ABC):
         Raises:
             UserError: If they are not of the format, or hold NaN or infinity.
         """
-        samples = self._take(self.rest + content).T
-        check_samples(samples, f"{self.name} ({self._expected()})", self.count)
+        take = self._lines if self.text else self._floats
+        samples = take(self.rest + content).reshape(-1, self.axes).T
+        check_samples(samples, self.name, self.count)
         self.count += samples.shape[1]
         return np.ascontiguousarray(samples, dtype=np.float32)
 
     def end(self) -> None:
-        """Refuse an end within a sample.
+        """Refuse an end within a sample; the last line of text may lack its end.
 
         Raises:
             UserError: If there was one.
         """
-        if self.rest.strip():
-            raise UserError(f"{self.name} ends within a sample; {self._expected()}.")
+        if self.rest and not self.text:
+            raise UserError(f"{self.name} ends within a sample; {self.expected}.")
 
-
-class Float32Parser(Parser):
-    """Little-endian float32, the axes of a sample one after another, as of ``task=stream``."""
-
-    def _expected(self) -> str:
-        return f"send {self.axes} little-endian float32 for each ({self.key}.axes)"
-
-    def _take(self, content: bytes) -> npt.NDArray[Any]:
+    def _floats(self, content: bytes) -> npt.NDArray[Any]:
         if not self.count and len(content) >= SAMPLE.itemsize and NUMBERS.issuperset(content):
             raise UserError(
                 f"{self.name} sends text, {shorten(content[:20])}; set {self.key}.format=text."
             )
-        size = self.axes * SAMPLE.itemsize
-        whole = len(content) - len(content) % size
+        whole = len(content) - len(content) % (self.axes * SAMPLE.itemsize)
         self.rest = content[whole:]
-        return np.frombuffer(content[:whole], SAMPLE).reshape(-1, self.axes)
+        return np.frombuffer(content[:whole], SAMPLE)
 
-
-class TextParser(Parser):
-    """A sample a line, numbers apart by comma, semicolon or white space; # begins a remark.
-
-    Args:
-        name: As of the base class.
-        key: Likewise.
-        axes: Likewise.
-        cut: Whether the first line may have begun before we listened, and is passed over.
-    """
-
-    def __init__(self, name: str, key: str, axes: int, *, cut: bool = False) -> None:
-        super().__init__(name, key, axes)
-        self.lines, self.cut = 0, cut
-
-    def _expected(self) -> str:
-        return f"print a line with {self.axes} numbers for each ({self.key}.axes)"
-
-    def _take(self, content: bytes) -> npt.NDArray[Any]:
+    def _lines(self, content: bytes) -> npt.NDArray[Any]:
         *lines, self.rest = content.split(b"\n")
         if len(self.rest) > LONGEST_LINE:
             raise UserError(f"{self.name} sends no lines of text; set {self.key}.format=float32.")
-        samples = [row for line in lines if (row := self._row(line))]
-        return np.array(samples, np.float64).reshape(-1, self.axes)
+        if lines and self.cut:
+            lines, self.cut = lines[1:], False
+        texts = [line.decode("ascii", "replace").strip().rstrip(",;") for line in lines]
+        rows = [self._row(text) for text in texts if text and not text.startswith("#")]
+        return np.array(rows, np.float64)
 
-    def end(self) -> None:
-        """As the base class; the last line may lack its end."""
-        self.rest = b""
-
-    def _row(self, line: bytes) -> list[float] | None:
-        self.lines += 1
-        text = line.decode("ascii", "replace").strip().rstrip(",;")
-        if (self.cut and self.lines == 1) or not text or text.startswith("#"):
-            return None
+    def _row(self, text: str) -> list[float]:
         try:
             row = [float(field) for field in re.split(r"\s*[,;\s]\s*", text)]
-        except ValueError as error:
-            raise UserError(
-                f"{self.name}, line {self.lines}: {shorten(repr(text))} is no number; "
-                f"{self._expected()}, remarks behind #."
-            ) from error
+        except ValueError:
+            row = []
         if len(row) != self.axes:
             raise UserError(
-                f"{self.name}, line {self.lines}: {shorten(repr(text))} has {len(row)} numbers; "
-                f"{self._expected()}."
+                f"{self.name} sends the line {shorten(repr(text))}; {self.expected}, remarks "
+                "behind #."
             )
         return row
 
@@ -170,6 +136,7 @@ class ByteSource(Source):
     Args:
         parser: Parser of its format; has the name for messages.
         rate: Rate of the samples in Hz.
+        place: Its path, address or name.
 
     Attributes:
         remedy: What to do if it cannot be opened or breaks off.
@@ -177,8 +144,8 @@ class ByteSource(Source):
 
     remedy = "check the path, and who writes to it"
 
-    def __init__(self, parser: Parser, rate: int) -> None:
-        self.parser, self.rate = parser, rate
+    def __init__(self, parser: Parser, rate: int, place: str) -> None:
+        self.parser, self.rate, self.place = parser, rate, place
 
     @abstractmethod
     def open(self) -> tuple[Read, Callable[[], object]]:
@@ -186,67 +153,43 @@ class ByteSource(Source):
 
     def chunks(self) -> Pieces:
         """As the base class."""
+        close: Callable[[], object] | None = None
         try:
             read, close = self.open()
-        except (OSError, OverflowError, ValueError) as error:
-            raise UserError(
-                f"{self.parser.name} cannot be opened ({reason(error)}); {self.remedy}."
-            ) from error
-        try:
             while (content := read()) != b"":
                 yield self.parser.feed(content) if content else None
             self.parser.end()
-        except OSError as error:
-            raise UserError(
-                f"{self.parser.name} broke off ({reason(error)}); {self.remedy}."
-            ) from error
+        except (OSError, OverflowError, ValueError) as error:
+            failed = "cannot be opened" if close is None else "broke off"
+            said = reason(getattr(error, "strerror", None) or error)
+            raise UserError(f"{self.parser.name} {failed} ({said}); {self.remedy}.") from error
         finally:
-            close()
+            if close is not None:
+                close()
 
 
 class PipeSource(ByteSource):
-    """Standard input, or a FIFO, device or file of raw samples.
-
-    Args:
-        parser: As of the base class.
-        rate: Likewise.
-        place: Its path, or the number of an open file.
-    """
-
-    def __init__(self, parser: Parser, rate: int, place: str | int) -> None:
-        super().__init__(parser, rate)
-        self.place = place
+    """Standard input (``-``), or a FIFO, device or file of raw samples."""
 
     def open(self) -> tuple[Read, Callable[[], object]]:
         """Without a buffer, so that samples are there when they come."""
+        standard = self.place == "-"
         file = open(  # noqa: SIM115  (may be a number)
-            self.place, "rb", buffering=0, closefd=isinstance(self.place, str)
+            sys.stdin.fileno() if standard else self.place, "rb", buffering=0, closefd=not standard
         )
         return lambda: file.read(PIECE), file.close
 
 
 class TcpSource(ByteSource):
-    """A server on the network that sends samples to who connects.
+    """A server on the network, HOST:PORT, that sends samples to who connects."""
 
-    Args:
-        parser: As of the base class.
-        rate: Likewise.
-        address: HOST:PORT.
-        timeout: Longest wait for the connection in seconds.
-    """
-
-    remedy = "check host and port, and that the sensor listens"
-
-    def __init__(self, parser: Parser, rate: int, address: str, timeout: float) -> None:
-        super().__init__(parser, rate)
-        self.host, _, port = address.rstrip("/").rpartition(":")
-        if not self.host or not port.isdecimal():
-            raise UserError(f"{parser.name} names no host and port; write tcp://HOST:PORT.")
-        self.port, self.timeout = int(port), timeout
+    remedy = "write tcp://HOST:PORT, and check that the sensor listens"
+    timeout = 5.0  # seconds for the connection
 
     def open(self) -> tuple[Read, Callable[[], object]]:
         """Connect."""
-        connection = socket.create_connection((self.host, self.port), self.timeout)
+        host, _, port = self.place.rstrip("/").rpartition(":")
+        connection = socket.create_connection((host, int(port)), self.timeout)
         connection.settimeout(WAIT)
 
         def read() -> bytes | None:
@@ -258,68 +201,42 @@ class TcpSource(ByteSource):
         return read, connection.close
 
 
+class SerialSource(ByteSource):
+    """A serial port, as microcontrollers have on USB, such as ``/dev/ttyUSB0`` or ``COM3``."""
+
+    timed = True
+    remedy = "check the name of the port, that it is plugged in, and that no other program has it"
+    baud = 115_200  # speed
+
+    def open(self) -> tuple[Read, Callable[[], object]]:
+        """Open it and forget what was sent before."""
+        port = _library("serial", self.parser.name).Serial(self.place, self.baud, timeout=WAIT)
+        port.reset_input_buffer()
+        return lambda: port.read(max(1, min(port.in_waiting, PIECE))) or None, port.close
+
+
 class FileSource(Source):
     """A recording in a file, as ``task=predict`` reads it.
 
     Args:
+        path: The file.
         name: As it was given, for messages.
         key: Section of its settings, such as ``record.haptic``.
-        path: The file.
         rate: What it is said to have in Hz; None takes what it says.
 
     Raises:
         UserError: If it cannot be read, or its rate is not stated.
     """
 
-    def __init__(self, name: str, key: str, path: Path, rate: int | None) -> None:
+    def __init__(self, path: Path, name: str, key: str, rate: int | None) -> None:
         self.samples, source = read_trace(path, SignalDecoder(), rate)
         if source.source == "assumed":
-            raise no_rate(name, key)
+            raise _no_rate(name, key)
         self.rate = round(source.hz)
 
     def chunks(self) -> Pieces:
         """As the base class."""
         yield self.samples.astype("float32")
-
-
-def no_rate(name: str, key: str) -> UserError:
-    """What to do about a source that says no rate."""
-    return UserError(f"{name} does not say its rate; give {key}.rate in Hz.")
-
-
-def reason(error: Exception) -> str:
-    """The cause in a few words on one line."""
-    said = getattr(error, "strerror", None) or str(error)
-    return " ".join(said.split()).rstrip(".") or type(error).__name__
-
-
-INSTALL = "pip install 'tex_lightning[live]'"
-
-
-class SerialSource(ByteSource):
-    """A serial port, as microcontrollers have on USB.
-
-    Args:
-        parser: As of the base class.
-        rate: Likewise.
-        port: Its name, such as ``/dev/ttyUSB0`` or ``COM3``.
-        baud: Its speed.
-    """
-
-    timed = True
-    remedy = "check the name of the port, that it is plugged in, and that no other program has it"
-
-    def __init__(self, parser: Parser, rate: int, port: str, baud: int) -> None:
-        super().__init__(parser, rate)
-        self.port, self.baud = port, baud
-        _library("serial", parser.name)
-
-    def open(self) -> tuple[Read, Callable[[], object]]:
-        """Open it and forget what was sent before."""
-        serial = _library("serial", self.parser.name)
-        port = serial.Serial(self.port, self.baud, timeout=WAIT)
-        port.reset_input_buffer()
-        return lambda: port.read(max(1, min(port.in_waiting, PIECE))) or None, port.close
 
 
 class SoundCardSource(Source):
@@ -332,7 +249,7 @@ class SoundCardSource(Source):
     """
 
     def __init__(self, name: str, device: str, settings: SourceConfig) -> None:
-        self.name, self.axes = name, settings.axes
+        self.name = name
         sounddevice = _library("sounddevice", name)
         self.failures = (sounddevice.PortAudioError, ValueError)
         given = int(device) if device.isdecimal() else device or None
@@ -340,7 +257,7 @@ class SoundCardSource(Source):
             found = sounddevice.query_devices(given, "input")
             self.rate = settings.rate or int(found["default_samplerate"])
             self.stream = sounddevice.InputStream(
-                samplerate=self.rate, device=given, channels=self.axes, dtype="float32"
+                samplerate=self.rate, device=given, channels=settings.axes, dtype="float32"
             )
         except self.failures as error:
             raise self._failed(error) from error
@@ -363,22 +280,22 @@ class SoundCardSource(Source):
         )
 
 
+def _no_rate(name: str, key: str) -> UserError:
+    return UserError(f"{name} does not say its rate; give {key}.rate in Hz.")
+
+
 def _library(module: str, name: str) -> Any:  # noqa: ANN401
     """A library of the extra ``live``, imported where it is needed."""
     try:
         return importlib.import_module(module)
-    except ModuleNotFoundError as error:
+    except (ModuleNotFoundError, OSError) as error:  # sounddevice's of a library of the system
         raise UserError(
-            f"{name} needs {error.name}, which is not installed; run: {INSTALL}"
-        ) from error
-    except OSError as error:  # sounddevice's of a missing library of the system
-        raise UserError(
-            f"{name} needs the library PortAudio, which is not installed; install it with your "
-            "system's packages, such as apt install libportaudio2."
+            f"{name} needs {module}, which is not installed ({reason(error)}); run: pip install "
+            "'tex_lightning[live]' (a sound card also needs PortAudio: apt install libportaudio2)"
         ) from error
 
 
-def open_source(modality: str, given: str, settings: SourceConfig, timeout: float) -> Source:
+def open_source(modality: str, given: str, settings: SourceConfig) -> Source:
     """The source that a person names.
 
     Args:
@@ -386,31 +303,30 @@ def open_source(modality: str, given: str, settings: SourceConfig, timeout: floa
         given: ``-``, ``tcp://HOST:PORT``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a
             path.
         settings: Its section.
-        timeout: Longest wait for a connection in seconds.
 
     Raises:
         UserError: If it is not there or cannot be used, or its rate is missing.
     """
-    name, key, axes = f"{modality}={given}", f"record.{modality}", settings.axes
+    name, key = f"{modality}={given}", f"record.{modality}"
     kind, _, rest = given.partition(":")
     if kind == "soundcard":
         return SoundCardSource(name, rest, settings)
     path = Path(given).expanduser()
     if path.suffix.lower() in TRACE_SUFFIXES and path.is_file():
-        return FileSource(name, key, path, settings.rate)
+        return FileSource(path, name, key, settings.rate)
     if settings.rate is None:
-        raise no_rate(name, key)
-    text = settings.format == "text"
-    parser: Parser = Float32Parser(name, key, axes)
-    if text:
-        parser = TextParser(name, key, axes, cut=kind == "serial")
+        raise _no_rate(name, key)
+    parser, place = Parser(name, key, settings, cut=kind == "serial"), rest.removeprefix("//")
     if kind == "tcp":
-        return TcpSource(parser, settings.rate, rest.removeprefix("//"), timeout)
+        return TcpSource(parser, settings.rate, place)
     if kind == "serial":
-        return SerialSource(parser, settings.rate, rest.removeprefix("//"), settings.baud)
+        _library("serial", name)
+        port = SerialSource(parser, settings.rate, place)
+        port.baud = settings.baud
+        return port
     if given != "-" and not path.exists():
         raise UserError(
             f"{name}: there is no such file; give a path, -, tcp://HOST:PORT, serial:PORT, "
             "soundcard or soundcard:NAME."
         )
-    return PipeSource(parser, settings.rate, sys.stdin.fileno() if given == "-" else str(path))
+    return PipeSource(parser, settings.rate, given if given == "-" else str(path))

@@ -3,10 +3,12 @@
 from contextlib import ExitStack, closing
 from pathlib import Path
 
+from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
+from tex_lightning.inference.predictor import Predictor
 from tex_lightning.recording.class_folder import Camera, ClassFolder
-from tex_lightning.recording.recorder import Recorder, RunningLabel, open_tracks, record_photos
+from tex_lightning.recording.recorder import Recorder, record_photos
 
 
 def run(config: Config, job: Job) -> None:
@@ -22,12 +24,13 @@ def run(config: Config, job: Job) -> None:
     settings = config.record
     out = Path(str(settings.out)).expanduser()
     folder = ClassFolder(out, str(settings.label), settings.conditions)
-    label = None if config.checkpoint is None else RunningLabel(config)
+    predictor = None
+    if config.checkpoint is not None:
+        predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     photos = config.files.get("image")
     with ExitStack() as stack:
         camera = stack.enter_context(closing(Camera(str(photos)))) if photos else None
-        tracks = open_tracks(config, stack, label)
-        if camera is not None and not tracks:
+        if camera is not None and list(config.files) == ["image"]:
             record_photos(camera, folder, settings.count, settings.seconds)
         else:
-            Recorder(config, folder, tracks, camera, label).record(settings.count)
+            Recorder(config, folder, camera, predictor, stack).record(settings.count)
