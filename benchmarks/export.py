@@ -76,8 +76,8 @@ def _measure(overrides: Sequence[str]) -> dict[str, Any]:
     samples = recordings(config.data, classifier, COUNT)
     _learn(classifier, samples[:CLASSES])
     model = make_onnx(classifier, trace(classifier))
-    found = compare(onnx_runner(model), classifier, samples, config.engine)
-    return {"megabytes": round(model.ByteSize() / 1e6, 2), **found.to_dict()}
+    found = compare(onnx_runner(model), classifier, samples)
+    return {"megabytes": round(model.ByteSize() / 1e6, 2), **found}
 
 
 def _data(config: Config) -> list[str]:

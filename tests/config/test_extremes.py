@@ -36,7 +36,7 @@ CASES = [
         "data.sampling_rate=500", "data.sampling_rate=1000000", "data.file_rate=1",
         "data.hold_out=[alpha,beta]", "data.folds=100000", "decision.reject_below=1",
         "decision.unknown=0.9 data.per_class=1", "decision=sequential decision.confidence=0",
-        "decision=sequential decision.alphas=[] decision.confidence_thresholds=[]",
+        "decision=sequential decision.confidence_thresholds=[]",
         "logger.tensorboard=false", "callbacks=[]", "model.budget=1000",
         "task=crossval crossval.only=[0,0]",
         "task=crossval data.inverted=true", "model=minirocket model.baseline.kernels=1",

@@ -65,7 +65,12 @@ def test_the_defaults_are_in_range(composed):
 
 def test_there_are_keys_to_check():
     names = {name for name, _, _ in numeric_keys()}
-    assert {"seed", "model.haptic.width", "model.visual.head", "decision.alphas"} <= names
+    assert {
+        "seed",
+        "model.haptic.width",
+        "model.visual.head",
+        "decision.confidence_thresholds",
+    } <= names
     assert len(names) > 80
     assert set(HARMLESS) <= names
 

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -32,13 +31,6 @@ def test_one_error_more_is_enough_only_where_there_are_many_samples(n):
     assert one_standard_error([best, small]).name == expected
 
 
-@pytest.mark.parametrize(("n", "expected"), [(MIN_SAMPLES - 2, "best"), (MIN_SAMPLES, "small")])
-def test_different_samples_are_compared_as_if_independent(n, expected):
-    best, small = candidate("best", 10, "+-" * (n // 2)), candidate("small", 1, "+-" * (n // 2))
-    fewer = {(1, key[1]): vote and key[1] != "0" for key, vote in small.correct.items()}
-    assert one_standard_error([best, replace(small, correct=fewer)]).name == expected
-
-
 def test_cheaper_system_that_is_clearly_worse_is_not_enough():
     best, small = candidate("best", 10, "+" * 50), candidate("small", 1, "+" * 40 + "-" * 10)
     assert one_standard_error([best, small]).name == "best"
@@ -51,11 +43,6 @@ def test_pairing_counts_only_what_differs():
     differences = np.array([1] * 10 + [0] * 50)
     assert differences.mean() > differences.std(ddof=1) / np.sqrt(60)
     assert one_standard_error([best, worse]).name == "best"
-
-
-def test_dearer_systems_are_never_chosen_for_a_tie():
-    pair = [candidate("dear", 2, "++-"), candidate("cheap", 1, "+-+")]
-    assert one_standard_error(pair).name == "cheap"
 
 
 @pytest.mark.parametrize("folds", [3, 4, 5, 10, 11])

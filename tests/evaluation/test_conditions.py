@@ -1,7 +1,5 @@
 """Votes by condition: counts by hand."""
 
-import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -62,19 +60,3 @@ def test_folds_are_pooled_by_their_counts():
 def test_without_conditions_there_is_no_entry():
     assert by_condition([sample(0, haptic={})], outcomes("+")) == {}
     assert pool_conditions([{}]) == {}
-
-
-def test_votes_by_rate_are_counted_over_folds_that_have_one_rate_each():
-    samples = [sample(number, haptic={}) for number in range(4)]
-    rates = [5000.0, 5000.4, 10_000.0, 10_000.0]
-    found = [
-        replace(each, rates=json.dumps({"haptic": rate}))
-        for each, rate in zip(outcomes("+-++"), rates, strict=True)
-    ]
-    expected = {"haptic rate": {"5000": (1, 2), "10000": (2, 2)}}
-    assert counts(by_condition(samples, found)) == expected
-    folds = [by_condition(samples[:2], found[:2]), by_condition(samples[2:], found[2:])]
-    assert folds == [{}, {}]
-    assert counts(pool_conditions(folds, found)) == expected
-    mixed = [by_condition(samples[::2], found[::2]), by_condition(samples[1::2], found[1::2])]
-    assert counts(pool_conditions(mixed, found)) == expected

@@ -20,8 +20,6 @@ from tex_lightning.evaluation.outcomes import (
     write_outcomes,
     write_results,
 )
-from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
-from tex_lightning.report.figures import save_figure
 
 CLASSES = ["a", "b", "c"]
 LABELS = st.lists(st.tuples(st.sampled_from(CLASSES), st.sampled_from(CLASSES)), min_size=1)
@@ -135,12 +133,3 @@ def test_the_environment_names_the_commit_of_a_checkout_alone(tmp_path, monkeypa
     assert git("rev-parse", "HEAD").startswith(commit())
     (tmp_path / "a").write_text("two")
     assert commit().endswith("-dirty")
-
-
-@pytest.mark.parametrize("count", [2, 69])
-def test_figures_are_drawn_at_any_number_of_classes(tmp_path, count):
-    classes = [f"class {i}" for i in range(count)]
-    counts = np.eye(count, dtype=np.int64)
-    save_figure(confusion_figure(counts, classes, "t"), tmp_path / "f" / "c")
-    save_figure(class_accuracy_figure(counts, classes, "n", "t"), tmp_path / "f" / "a")
-    assert all(path.stat().st_size > 5000 for path in (tmp_path / "f").iterdir())

@@ -18,12 +18,6 @@ def test_pooling_with_a_margin_rounds_up_as_pytorch_does(kernel, stride, size):
         torch.testing.assert_close(CeilMaxPool(pool)(maps), pool(maps), rtol=0, atol=0)
 
 
-def test_a_pooling_of_another_kind_is_left_alone():
-    layers = nn.Sequential(nn.MaxPool2d(3, 2, padding=1, ceil_mode=True), nn.MaxPool2d(2))
-    kept = exportable(layers)
-    assert [type(layer) for layer in kept] == [nn.MaxPool2d, nn.MaxPool2d]
-
-
 def test_response_norm_by_a_band_is_pytorchs():
     layer, maps = nn.LocalResponseNorm(5, alpha=0.3, beta=0.75, k=2.0), torch.randn(2, 9, 3, 4)
     torch.testing.assert_close(BandedResponseNorm(layer)(maps), layer(maps))

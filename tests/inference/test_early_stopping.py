@@ -33,7 +33,6 @@ CONFIG = DecisionConfig(
     calibrated=True,
     disagreement=0.1,
     confidence=0.95,
-    alphas=[],
     confidence_thresholds=[],
 )
 

@@ -113,7 +113,7 @@ def test_it_is_drawn_over_seconds_hertz_and_pixels(fused):
     assert title[0] == "a.wav, b.jpg"
     assert title[1].startswith(fused.classes[fused.label])
     assert title[2] == "It hums."
-    signal, photo, bars, _ = figure.subfigs
+    signal, photo, _ = figure.subfigs
     wave, spectrogram, strip, line = signal.axes
     assert {axes.get_xlim() for axes in (wave, spectrogram, strip, line)} == {(0, 2.4)}
     assert (spectrogram.get_ylabel(), line.get_xlabel()) == ("Hz", "s")
@@ -123,11 +123,6 @@ def test_it_is_drawn_over_seconds_hertz_and_pixels(fused):
     assert covered[0][0] == 0
     assert covered[-1][1] == pytest.approx(2.4)
     assert all(one[1] == other[0] for one, other in pairwise(covered))
-    assert [text.get_text() for text in bars.axes[0].get_yticklabels()] == [
-        "haptic",
-        "visual",
-        "sum",
-    ]
     marked = [patch.get_bbox().bounds for patch in photo.axes[1].patches]
     most, least = fused.senses["visual"].extremes(fused.label)
     for (row, column), (x, y, *_) in zip((most, least), marked[::2], strict=True):
@@ -178,23 +173,3 @@ def test_a_rejected_sample_is_drawn_and_what_cannot_be_written_is_said(fused, tm
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match="Cannot write"):
         fused.save(tmp_path / "file" / "why.png")
-
-
-@pytest.mark.parametrize("samples", [12, 400, 24_000])
-def test_a_network_that_declares_nothing_is_drawn(samples):
-    class Whole(nn.Module):
-        def features(self, x, level):
-            return x.flatten(1).mean(dim=1)[:, None, None] * torch.arange(3.0)[None, :, None]
-
-    classifier = SurfaceClassifier(make_card("haptic", width=0.1)).eval()
-    classifier.network, classifier.features["haptic"] = Whole(), Plain()
-    vote, senses = classify_with_maps(classifier, {"haptic": torch.ones(1, samples).cumsum(1)})
-    prediction = describe(vote, classifier.card, Quality(), 3, 0.0)
-    found = Explanation.of(prediction, classifier.card.classes, vote.label, senses)
-    part = found.figure().subfigs[0]
-    assert len(part.axes) == 4
-
-
-class Plain(nn.Module):
-    def forward(self, signal):
-        return signal[None]

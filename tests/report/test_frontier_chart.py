@@ -1,44 +1,21 @@
-"""The frontier's chart, where many systems are alike."""
+"""The chart of ``task=frontier`` names every system, and the choice."""
 
 from dataclasses import replace
-from itertools import combinations
-
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tex_lightning.report.frontier_chart import PROCEDURE, Point, frontier_figure
 
 
-def point(number: int, latency: float, accuracy: float) -> Point:
-    return Point(
-        f"a_long_name_of_a_system_{number}", "haptic", 10_000 * number, None, latency, latency, 1.0,
-        accuracy, accuracy - 0.05, min(1, accuracy + 0.02), False, number == 3, 160, None, latency,
+def test_every_system_and_the_choice_have_a_look_of_their_own():
+    point = Point(
+        system="haptic", kind="haptic", parameters=1000, macs=1, latency_ms_median=12.0,
+        latency_ms_p95=12.0, fit_seconds=1.0, vote_accuracy=1.0, ci_low=0.978, ci_high=1.0,
+        on_frontier=True, chosen=True, test_samples=100, chosen_in_folds=10, latency_ms_mean=12.0,
     )  # fmt: skip
-
-
-def check_apart(boxes) -> None:
-    for one, other in combinations(boxes, 2):
-        across = min(one.x1, other.x1) - max(one.x0, other.x0)
-        upwards = min(one.y1, other.y1) - max(one.y0, other.y0)
-        assert across <= 2 or upwards <= 2  # pixels
-
-
-def test_names_of_alike_systems_do_not_cover_each_other():
-    points = [point(number, 10 * 1.1**number, 0.96 + 0.01 * (number % 2)) for number in range(12)]
-    figure = frontier_figure(points)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    names = [text for text in figure.axes[0].texts if "a_long_name" in text.get_text()]
-    assert len(names) == len(points)
-    check_apart([name.get_window_extent(canvas.get_renderer()) for name in names])
-    assert sum("chosen" in name.get_text() for name in names) == 1
-
-
-def test_the_choice_is_named_apart_from_the_system_that_it_always_was():
-    chosen = point(3, 20.0, 0.9)
-    choice = replace(chosen, system="one_standard_error_rule", kind=PROCEDURE, chosen=False)
-    figure = frontier_figure([point(1, 5.0, 0.8), chosen, choice])
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    names = [text for text in figure.axes[0].texts if "cho" in text.get_text()]
-    assert len(names) == 2
-    check_apart([name.get_window_extent(canvas.get_renderer()) for name in names])
+    rule = replace(point, system="rule", kind=PROCEDURE, chosen=False, on_frontier=False)
+    other = replace(point, system="haptic_w0.5", chosen=False, on_frontier=False)
+    figure = frontier_figure([point, rule, other])
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["rule", "haptic (chosen)", "haptic_w0.5"]
+    lines = [bars.lines[0] for bars in figure.axes[0].containers]
+    assert len({(line.get_marker(), line.get_color()) for line in lines}) == 3
+    assert [line.get_markerfacecolor() for line in lines][::2] == ["white", "white"]

@@ -7,7 +7,6 @@ from conftest import make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder, decode_image
-from tex_lightning.errors import UserError as PackageError
 from tex_lightning_runtime import UserError
 from tex_lightning_runtime.recordings import decode, read_trace, resample
 
@@ -86,32 +85,6 @@ def test_text_that_is_unclear_is_refused(tmp_path, text, message):
         read(write(tmp_path / "a.csv", text))
 
 
-@pytest.mark.parametrize(
-    "text", ["Kan\xe4le\n1\n2\n", "1\x85\xe4\x852\n3\n", "x;y;z\n0.\x851;2;3\xff\x854;5;6\n"]
-)
-def test_text_that_is_not_utf_8_is_that_of_the_package(tmp_path, text):
-    path = tmp_path / "a.csv"
-    path.write_bytes(text.encode("latin-1"))
-    try:
-        expected = SignalDecoder().decode(path)[0]
-    except PackageError:
-        with pytest.raises(UserError):
-            read(path)
-    else:
-        np.testing.assert_array_equal(decoded(path), expected)
-
-
-def test_files_that_only_the_package_reads_are_refused(tmp_path):
-    for axis in "XY":
-        np.save(tmp_path / f"a_{axis}_1.npy", AXES[0])
-    with pytest.raises(UserError, match="several files"):
-        read(tmp_path / "a_X_1.npy")
-    np.save(tmp_path / "b.npy", AXES)
-    assert read(tmp_path / "b.npy", rate=4_000.0)[1] == 4_000
-    with pytest.raises(UserError, match="Format not recognised"):
-        read(write(tmp_path / "a.xml", "<a/>"))
-
-
 def test_damage_is_refused(tmp_path):
     soundfile.write(tmp_path / "a.wav", AXES[0], 10_000)
     (tmp_path / "b.wav").write_bytes((tmp_path / "a.wav").read_bytes()[:-100])
@@ -143,20 +116,6 @@ def test_what_takes_all_memory_is_refused(tmp_path, monkeypatch):
         read(write(tmp_path / "d.csv", "1,2,3,4,5,6,7\n"))
 
 
-@pytest.mark.parametrize("half", [False, True])
-@pytest.mark.parametrize("size", [(61, 41), (41, 61), (25, 61), (9, 61), (12, 13)])
-def test_of_a_large_photo_the_package_s_middle_is_kept(tmp_path, monkeypatch, half, size):
-    for module in ("tex_lightning.data.decode", "tex_lightning_runtime.recordings"):
-        monkeypatch.setattr(f"{module}.MAX_PIXELS", 150)
-        monkeypatch.setattr(f"{module}.MAX_SIDE", 12)
-    photo = np.random.default_rng(0).integers(0, 256, (*size, 3), np.uint8)
-    Image.fromarray(photo).save(tmp_path / "a.png")
-    found = decode(tmp_path / "a.png", {**PHOTO, "half_scale": half})
-    expected = decode_image(tmp_path / "a.png", PhotoDecoder(half))
-    np.testing.assert_array_equal(found.content, expected)
-    assert found.array.size <= 150 * 3 * (4 if half else 1) + 3 * 62
-
-
 @pytest.mark.parametrize("given", [AXES.astype("U"), AXES[:2], AXES[:, :0], [[1], [1, 2]], 1.0])
 def test_arrays_that_are_no_trace_are_refused(given):
     with pytest.raises(UserError, match="The trace"):
@@ -172,20 +131,6 @@ def test_photos_are_those_of_the_package(tmp_path, mode):
     image.save(path, exif=exif)
     expected = decode_image(path, PhotoDecoder(False))
     np.testing.assert_array_equal(decode(path, PHOTO).array, expected)
-
-
-def test_libraries_are_quoted_in_one_sentence_and_warn_of_nothing(tmp_path):
-    photo, array = tmp_path / "a.jpg", tmp_path / "a.npy"
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    Image.fromarray(make_photo(0, 0)).save(photo, exif=exif)
-    content = photo.read_bytes()
-    place = content.index(b"Exif") + 12  # of where the metadata begin
-    photo.write_bytes(content[:place] + b"\xff" + content[place + 1 :])
-    decode(photo, PHOTO)  # a warning would be an error
-    np.save(array, np.array([{}]), allow_pickle=True)
-    with pytest.raises(UserError, match=r"^[^.]*/a\.npy cannot be read \([^.;]*\); [^.]*\.$"):
-        read(array)
 
 
 def test_photos_that_are_none_are_refused(tmp_path):

@@ -87,12 +87,6 @@ def test_patterns_and_folders_are_matched_in_order(command, folder):
     )  # photos are no traces
 
 
-def test_the_card_can_be_read(exported, monkeypatch, capfd):
-    monkeypatch.setattr(sys, "argv", ["tex-runtime", str(exported[1]), "--info"])
-    assert main() == 0
-    assert json.loads(capfd.readouterr().out)["kind"] == "fusion"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -118,22 +112,6 @@ def test_what_cannot_be_classified_does_not_stop_the_others(command, folder):
     assert status == 2
     assert len(lines) == 2
     assert "s1.wav" in told
-
-
-@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("no\nmore")])
-def test_a_fault_at_one_file_does_not_stop_the_others(command, folder, monkeypatch, error):
-    def fail(given, *how):
-        if given.endswith("s2.png"):
-            raise error
-        return decode(given, *how)
-
-    decode = module.decode
-    monkeypatch.setattr(module, "decode", fail)
-    status, (line,), told = command(f"image={folder}/*.png")
-    assert status == 2
-    assert line["image"].endswith("s10.png")
-    assert told.count("\n") == 1
-    assert told.startswith(f"Error: {folder}/s2.png: {type(error).__name__}")
 
 
 def test_a_model_that_is_none_ends_without_a_traceback(command, folder):

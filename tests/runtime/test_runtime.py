@@ -148,10 +148,3 @@ def test_a_stream_predicts_what_its_samples_would(runtime, rate, window):
     assert labels[-1] is not None
     with pytest.raises(UserError, match="had 3 axes before"):
         stream.push(samples[0])
-
-
-def test_a_stream_of_one_signal_needs_no_name(runtime):
-    named, stream = runtime.stream(), runtime.stream()
-    same(stream.push(TRACE), named.push(haptic=TRACE))
-    with pytest.raises(UserError, match="does not look at sound"):
-        stream.push(sound=TRACE)

@@ -3,7 +3,6 @@
 import json
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import onnx
@@ -50,7 +49,7 @@ def test_export_json_says_what_was_compared(fusion):
     assert found["same_labels"] == 3
     assert found["score_difference"] < 1e-5
     assert found["bytes"] == (fusion / "fusion.onnx").stat().st_size
-    assert found["ratio"] == pytest.approx(found["latency_ms"] / found["classifier_ms"])
+    assert found["latency_ms"] > 0
 
 
 def test_the_file_says_what_it_is(fusion):
@@ -125,23 +124,6 @@ def test_what_no_export_wrote_is_not_overwritten(cli, untrained, tmp_path):
     assert not card.exists()
 
 
-def test_breaking_points_in_the_card(cli, untrained, tmp_path):
-    (tmp_path / "breaking_points.csv").write_text(
-        "system,modality,perturbation,unit,value\nfusion,image,jpeg,quality,12\n"
-        "fusion,haptic,clipping,share,\n"
-    )
-    arguments = ["task=export", f"checkpoint={untrained}", "export.format=card"]
-    arguments += [f"export.out={tmp_path}", f"export.stability={tmp_path}"]
-    assert not cli(*arguments).status
-    text = (tmp_path / "MODEL_CARD.md").read_text()
-    assert "| fusion | image | jpeg | 12 quality |\n" in text
-    assert "| fusion | haptic | clipping | nowhere |\n" in text
-    assert "nothing is known of its accuracy" in text
-    refused = cli(*arguments[:-1], f"export.stability={untrained}")
-    assert refused.status == 2
-    assert "holds no breaking_points.csv" in refused.err
-
-
 def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path, monkeypatch):
     wrong = {"scores": np.zeros((3, 50)), "label": -1, "probabilities": np.zeros(3)}
     monkeypatch.setattr(export, "trace", lambda classifier: None)
@@ -165,11 +147,3 @@ def test_what_cannot_be_exported(cli, tmp_path, monkeypatch, changes, sentence):
     assert outcome.status == 2
     assert sentence in outcome.err
     assert not (tmp_path / "visual.onnx").exists()
-
-
-def test_a_baseline_is_refused(cli, untrained, monkeypatch):
-    stub = SimpleNamespace(card=SimpleNamespace(baseline={"name": "x"}, title="MiniRocket"))
-    monkeypatch.setattr(export, "load_classifier", lambda path: stub)
-    outcome = cli("task=export", f"checkpoint={untrained}")
-    assert outcome.status == 2
-    assert "holds MiniRocket, which computes outside of PyTorch" in outcome.err

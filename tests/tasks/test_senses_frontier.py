@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import pytest
 from conftest import write_forces
-from PIL import Image
 
 from tex_lightning.studies.frontier import _tested_folds
 
@@ -104,26 +103,6 @@ def test_the_command_that_it_prints_trains_what_was_chosen(measured, cli, tmp_pa
 def test_each_network_is_trained_once(measured):
     kinds = sorted(path.name.split("-")[0] for path in (measured / "networks").iterdir())
     assert kinds == ["force", "fusion", "haptic"]
-
-
-def test_what_a_sense_adds_is_counted_on_the_same_samples(measured):
-    rows = read_csv(measured / "senses.csv")
-    assert {(row["before"], row["after"]) for row in rows} == {
-        (one, f"haptic+force{order}")
-        for one in ("haptic", "force")
-        for order in ("", "_sequential")
-    }
-    (row,) = (row for row in rows if (row["before"], row["order"]) == ("haptic", "together"))
-    old, new = correct(measured, "haptic", "haptic"), correct(measured, "haptic+force", "fusion")
-    assert int(row["test_samples"]) == len(new) == 6
-    assert int(row["repaired"]) == sum(new[key] and not old[key] for key in new)
-    assert int(row["broken"]) == sum(old[key] and not new[key] for key in new)
-    results = json.loads((measured / "results.json").read_text())
-    means = {name: each["latency_ms_mean"] for name, each in results["systems"].items()}
-    assert float(row["added_ms"]) == pytest.approx(means["haptic+force"] - means["haptic"])
-    assert len(results["added_senses"]) == len(rows)
-    with Image.open(measured / "frontier.png") as image:
-        assert min(image.size) > 300
 
 
 @pytest.mark.parametrize(

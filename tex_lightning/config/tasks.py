@@ -69,11 +69,8 @@ class DecisionConfig:
         **CHANCE,
     )
     confidence: float = key("confidence of the bound on that share (Clopper-Pearson)", **CHANCE)
-    alphas: list[float] = key(
-        "values of alpha in the curves; [] for this and the next key draws none", **CHANCE
-    )
     confidence_thresholds: list[float] = key(
-        "values of confidence_threshold in the curves, from which one is chosen", **SHARE
+        "values of confidence_threshold from which the calibrated one is chosen", **SHARE
     )
 
 
@@ -300,13 +297,9 @@ class ExportConfig:
         "written; with data=synthetic, noise of as many sizes",
         least=0, most=100_000,
     )  # fmt: skip
-    stability: str | None = key(
-        "format=card: run folder of task=stability whose breaking points the card lists",
-        default=None,
-    )
     web_runtime: str | None = key(
-        "format=web: folder or .tgz of the npm package onnxruntime-web, for machines without a "
-        "network; null fetches it once",
+        "format=web: .tgz of the npm package onnxruntime-web, for machines without a network; null "
+        "fetches it once",
         default=None,
     )
 

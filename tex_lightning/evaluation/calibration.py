@@ -5,16 +5,14 @@ that won the vote.
 """
 
 import logging
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import torch
-from scipy.stats import binomtest
-from torchmetrics.functional.classification import binary_auroc, binary_calibration_error
+from scipy.stats import binomtest, mannwhitneyu
+from torchmetrics.functional.classification import binary_calibration_error
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -23,49 +21,36 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store, load_sample
 from tex_lightning.evaluation.comparison import scarcest
-from tex_lightning.evaluation.early_stopping import full_labels, sequential_votes
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.inference.early_stopping import SEQUENTIAL, needs_threshold
+from tex_lightning.evaluation.samples import classify_sample
+from tex_lightning.inference.early_stopping import (
+    SEQUENTIAL,
+    SequentialClassifier,
+    needs_threshold,
+)
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.linear import fit_temperature
 
+log = logging.getLogger(__name__)
+
 BINS = 15
-MIN_PROBABILITY = 1e-12  # that a logarithm is taken of
 Array = npt.NDArray[np.float64]
 
 
-def calibration(outcomes: Sequence[Outcome], classes: list[str]) -> dict[str, float]:
-    """Scores of the probabilities of test samples, pooled.
+def calibration(outcomes: Sequence[Outcome]) -> dict[str, float]:
+    """Scores of the probabilities of test samples, pooled; lower is better.
 
     Returns:
         ``ece``, the expected calibration error of the confidence in 15 bins of equal width;
-        ``brier``, the mean squared distance, summed over classes (0 to 2), with more than 128
-        classes too low by less than 0.01; ``nll``, the mean
-        negative log-likelihood in nats; ``augrc``, the area under the generalised risk-coverage
-        curve (Traub et al., NeurIPS 2024): the mean share of all samples that is accepted and
-        wrong, 0 to 0.5. Lower is better for all.
+        ``augrc``, the area under the generalised risk-coverage curve (Traub et al., NeurIPS 2024):
+        the mean share of all samples that is accepted and wrong, 0 to 0.5.
     """
-    scores = np.array([_brier_and_likelihood(outcome, len(classes)) for outcome in outcomes])
-    brier, likelihoods = scores.T
     confidence, correct = confidences(outcomes), correct_votes(outcomes)
-    return {
-        "ece": float(
-            binary_calibration_error(
-                torch.from_numpy(confidence), torch.from_numpy(correct).int(), n_bins=BINS
-            )
-        ),
-        "brier": float(brier.mean()),
-        "nll": float(-np.log(np.maximum(likelihoods, MIN_PROBABILITY)).mean()),
-        "augrc": augrc(confidence, correct),
-    }
-
-
-def _brier_and_likelihood(outcome: Outcome, classes: int) -> tuple[float, float]:
-    """Of one sample; classes whose probabilities were not kept share what is left evenly."""
-    known = outcome.class_probabilities
-    own, values = known[outcome.label], np.array(list(known.values()))
-    rest = (1 - values.sum()) ** 2 / max(classes - len(known), 1)
-    return float(np.square(values).sum() + rest - own**2 + (1 - own) ** 2), own
+    error = binary_calibration_error(
+        torch.from_numpy(confidence), torch.from_numpy(correct).int(), n_bins=BINS
+    )
+    coverage, wrong = risk_coverage(confidence, correct)
+    return {"ece": float(error), "augrc": float(np.trapezoid(wrong, coverage))}
 
 
 def confidences(outcomes: Sequence[Outcome]) -> Array:
@@ -95,12 +80,6 @@ def risk_coverage(confidence: Array, correct: npt.NDArray[np.bool_]) -> tuple[Ar
     return np.insert(accepted, 0, 0.0), np.insert(wrong, 0, 0.0)
 
 
-def augrc(confidence: Array, correct: npt.NDArray[np.bool_]) -> float:
-    """Area under :func:`risk_coverage`."""
-    coverage, wrong = risk_coverage(confidence, correct)
-    return float(np.trapezoid(wrong, coverage))
-
-
 def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, float | None]:
     """Coverage and accuracy when no label is given below a confidence.
 
@@ -117,48 +96,16 @@ def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, flo
     }
 
 
-def unknown_auroc(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, Any]:
-    """How well confidence separates samples of trained classes from those of others.
-
-    Returns:
-        ``classes`` never seen, their number of ``samples``, and ``auroc``: the probability that a
-        known sample gets more confidence than an unknown one; ``novelty_auroc``, that it gets less
-        novelty, None where that is not known.
-    """
-    novelties = [[outcome.novelty for outcome in part] for part in (known, unknown)]
-    told = not any(math.isnan(value) for part in novelties for value in part)
-    return {
-        "classes": sorted({outcome.label for outcome in unknown}),
-        "samples": len(unknown),
-        "auroc": auroc(confidences(unknown).tolist(), confidences(known).tolist()),
-        "novelty_auroc": auroc(*map(_bounded, novelties)) if told else None,
-    }
-
-
-def _bounded(novelties: Sequence[float]) -> list[float]:
-    """From 0 to 1, in the same order."""
-    return [value / (1 + value) for value in novelties]
-
-
 def auroc(negative: Sequence[float], positive: Sequence[float]) -> float | None:
     """Compute the chance that a positive scores above a negative; ties count half.
-
-    Args:
-        negative: Scores from 0 to 1.
-        positive: The same of the others.
 
     Returns:
         The area under the ROC curve; None if either side is empty.
     """
-    if not negative or not positive:
+    if not len(negative) or not len(positive):
         return None
-    # beyond 0 and 1, by rounding alone, torchmetrics would take scores for logits
-    scores = torch.tensor([*negative, *positive], dtype=torch.float64).clamp(0, 1)
-    target = torch.tensor([0] * len(negative) + [1] * len(positive))
-    return float(binary_auroc(scores, target))
-
-
-log = logging.getLogger(__name__)
+    pairs = len(negative) * len(positive)
+    return float(mannwhitneyu(positive, negative).statistic / pairs)
 
 
 def calibrated_card(
@@ -218,15 +165,14 @@ def choose_confidence_threshold(
         ``confidence_threshold`` and the Clopper-Pearson bound ``disagreement`` that it holds;
         nothing if the strictest threshold has no such bound.
     """
-    labels, units = full_labels(classifier, samples, store), independent(samples)
+    files = [{key: str(row.path) for key, row in each.recordings.items()} for each in samples]
+    units, full = scarcest(files), _labels(classifier, samples, store)
     found: dict[str, float] = {}
     for threshold in sorted(decision.confidence_thresholds, reverse=True):
         tried = replace(decision, calibrated=False, confidence_threshold=threshold)
-        votes = sequential_votes(classifier, tried, samples, store)
+        labels = _labels(SequentialClassifier(classifier, tried), samples, store)
         differing = {
-            unit
-            for unit, vote, label in zip(units, votes, labels, strict=True)
-            if vote.label != label
+            unit for unit, own, all_ in zip(units, labels, full, strict=True) if own != all_
         }
         bound = upper_bound(len(differing), len(set(units)), decision.confidence)
         if bound > decision.disagreement:
@@ -241,11 +187,8 @@ def choose_confidence_threshold(
     return found
 
 
-def independent(samples: Sequence[Sample]) -> list[str]:
-    """Return each sample's recording of the modality with the fewest recordings."""
-    return scarcest(
-        [{name: str(row.path) for name, row in each.recordings.items()} for each in samples]
-    )
+def _labels(classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store) -> list[int]:
+    return [classify_sample(classifier, sample, store)[0].label for sample in samples]
 
 
 def upper_bound(count: int, samples: int, confidence: float) -> float:

@@ -4,7 +4,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import binomtest
@@ -131,23 +130,6 @@ def within_budget(
     return min(left, key=lambda item: (item.cost, -item.accuracy))
 
 
-class Difference(NamedTuple):
-    """Samples that one system classifies correctly and another does not.
-
-    Attributes:
-        test_samples: Test samples that both classify.
-        repaired: Samples that only the second gets right.
-        broken: Samples that only the first gets right.
-        p_value: p of the exact McNemar test, two-sided. Samples that share a recording count once,
-            by their majority, since a recording that misleads does so in all of them.
-    """
-
-    test_samples: int
-    repaired: int
-    broken: int
-    p_value: float
-
-
 def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
     """Return, of each sample's files by modality, that of the modality with the fewest files."""
     recorded = [[each[modality] for each in files] for modality in files[0]]
@@ -193,26 +175,3 @@ def correct_shares(outcomes: Sequence[Outcome], joint: Sequence[Outcome]) -> dic
     for recording, correct, _ in pairs:
         votes[recording].append(correct)
     return {recording: fmean(correct) for recording, correct in votes.items()}
-
-
-def difference(before: Sequence[Outcome], after: Sequence[Outcome]) -> Difference | None:
-    """What a system gains and loses by its senses beyond those of another.
-
-    Args:
-        before: Outcomes of the system with fewer senses.
-        after: Outcomes of the system with more.
-    """
-    pairs = pair(before, after)
-    if pairs is None:
-        return None
-    net: dict[str, int] = defaultdict(int)
-    for recording, old, new in pairs:
-        net[recording] += new - old
-    gains = list(net.values())
-    tested = mcnemar([gain > 0 for gain in gains], [gain < 0 for gain in gains])
-    return Difference(
-        test_samples=len(pairs),
-        repaired=sum(new and not old for _, old, new in pairs),
-        broken=sum(old and not new for _, old, new in pairs),
-        p_value=tested[2],
-    )

@@ -14,8 +14,7 @@ Votes = tuple[str, str, int, int]  # name, value, correct, test samples
 def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """Part of a network's entry of ``results.json``; empty where nothing has conditions.
 
-    A sample of several senses has the conditions of all its recordings. Rates of files are among
-    them where they differ, as ``haptic rate`` in Hz to three digits.
+    A sample of several senses has the conditions of all its recordings.
 
     Args:
         samples: What was tested.
@@ -27,47 +26,22 @@ def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict
     """
     votes: list[Votes] = []
     for sample, outcome in zip(samples, outcomes, strict=True):
-        given = {
-            (name, shown(value)): None  # in their order
-            for row in sample.recordings.values()
-            for name, value in row.conditions
-        }
-        correct = int(outcome.label == outcome.predicted)
-        votes += [(*each, correct, 1) for each in given]
-    return _entry([*votes, *_by_rate(outcomes)])
+        rows = sample.recordings.values()
+        given = dict.fromkeys(
+            (name, shown(value)) for row in rows for name, value in row.conditions
+        )
+        votes += [(*each, int(outcome.label == outcome.predicted), 1) for each in given]
+    return _entry(votes)
 
 
-def pool_conditions(
-    entries: Iterable[Mapping[str, Any]], outcomes: Sequence[Outcome] = ()
-) -> dict[str, Any]:
-    """Pool several entries of :func:`by_condition`: their counts are added.
-
-    Args:
-        entries: Entries of one network's folds, or of several networks.
-        outcomes: Those of all folds, which may have several rates where each fold has one.
-    """
-    rates = _by_rate(outcomes)
-    counted = {name for name, *_ in rates}
-    votes = [
+def pool_conditions(entries: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Add up the counts of :func:`by_condition` over several folds."""
+    return _entry(
         (name, value, counts["correct"], counts["test_samples"])
         for entry in entries
         for name, values in entry.get(KEY, {}).items()
-        if name not in counted
         for value, counts in values.items()
-    ]
-    return _entry([*votes, *rates])
-
-
-def _by_rate(outcomes: Sequence[Outcome]) -> list[Votes]:
-    """Votes by the rate of each signal, where files differ in it."""
-    votes: list[Votes] = []
-    for modality in outcomes[0].file_rates if outcomes else ():
-        rates = [f"{float(f'{each.file_rates[modality]:.3g}'):g}" for each in outcomes]
-        correct = [int(each.label == each.predicted) for each in outcomes]
-        if len(set(rates)) > 1:
-            name = f"{modality} rate"
-            votes += [(name, rate, won, 1) for rate, won in zip(rates, correct, strict=True)]
-    return votes
+    )
 
 
 def _entry(votes: Iterable[Votes]) -> dict[str, Any]:

@@ -2,37 +2,18 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.classifier.unknown import novelty_threshold
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store
-from tex_lightning.evaluation.calibration import unknown_auroc
-from tex_lightning.evaluation.outcomes import (
-    Outcome,
-    read_outcomes,
-    wilson_interval,
-    write_outcomes,
-)
+from tex_lightning.evaluation.calibration import auroc, confidences
+from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes
 from tex_lightning.evaluation.samples import run_test
 
-
-@dataclass(frozen=True)
-class Tested:
-    """The test samples of one checkpoint.
-
-    Attributes:
-        known: Samples of its classes.
-        unknown: Samples of classes that were held out.
-        threshold: Novelty above which a sample is called unknown; None where nothing sets it.
-    """
-
-    known: Sequence[Outcome]
-    unknown: Sequence[Outcome]
-    threshold: float | None
+# Known and unknown samples of one network, and the novelty above which it says unknown.
+Tested = tuple[Sequence[Outcome], Sequence[Outcome], float | None]
 
 
 def report_unknown(
@@ -61,7 +42,7 @@ def report_unknown(
     unknown = run_test(classifier, samples, store, fold) if samples else []
     if unknown:
         write_outcomes(unknown, _file(directory, card.kind))
-    return _entry([Tested(known, unknown, card.unknown_above)], card.unknown)
+    return unknown_entry([(known, unknown, card.unknown_above)], card.unknown)
 
 
 def pool_unknown(
@@ -72,9 +53,6 @@ def pool_unknown(
     rate: float | None,
 ) -> dict[str, Any]:
     """Pool :func:`report_unknown` of several folds, whose files have the held-out samples.
-
-    A fold whose own checkpoint has nothing to set a threshold by has that of what the other folds
-    were tested on: their networks had not seen it either.
 
     Args:
         folds: By folder the network's entry of ``results.json``.
@@ -87,57 +65,53 @@ def pool_unknown(
     unknown = [read_outcomes(file) if file.is_file() else [] for file in files]
     if found := [outcome for part in unknown for outcome in part]:
         write_outcomes(found, _file(directory, name))
-    tested = []
-    for place, entry in enumerate(folds.values()):
-        threshold = entry.get("unknown", {}).get("threshold")
-        others = [each.novelty for part in [*known[:place], *known[place + 1 :]] for each in part]
-        if threshold is None and rate and others and not any(map(math.isnan, others)):
-            threshold = novelty_threshold(others, rate)
-        tested.append(Tested(known[place], unknown[place], threshold))
-    return _entry(tested, rate)
+    limits = [entry.get("unknown", {}).get("threshold") for entry in folds.values()]
+    return unknown_entry(list(zip(known, unknown, limits, strict=True)), rate)
 
 
-def _entry(tested: Sequence[Tested], rate: float | None) -> dict[str, Any]:
-    unknown = [outcome for each in tested for outcome in each.unknown]
+def unknown_entry(tested: Sequence[Tested], rate: float | None) -> dict[str, Any]:
+    """What ``results.json`` says of samples of classes never seen.
+
+    Returns:
+        Under ``unknown``: ``classes`` never seen and their ``samples``; ``auroc``, the chance that
+        a known sample gets more confidence than an unknown one, and ``novelty_auroc``, that it
+        gets less novelty. With a ``rate`` the mean ``threshold`` of novelty, ``false_rejections``
+        (known samples called unknown) and ``accepted_unknown`` (unknown ones given a class).
+    """
+    known = [each for part, _, _ in tested for each in part]
+    unknown = [each for _, part, _ in tested for each in part]
     entry: dict[str, Any] = {}
     if unknown:
-        entry = unknown_auroc([outcome for each in tested for outcome in each.known], unknown)
+        novelties = [[each.novelty for each in part] for part in (known, unknown)]
+        measured = not any(math.isnan(value) for part in novelties for value in part)
+        entry = {
+            "classes": sorted({each.label for each in unknown}),
+            "samples": len(unknown),
+            "auroc": auroc(confidences(unknown).tolist(), confidences(known).tolist()),
+            "novelty_auroc": auroc(*novelties) if measured else None,
+        }
     if rate:
         entry |= {"rate": rate, **_rejection(tested)}
     return {"unknown": entry} if entry else {}
 
 
 def _rejection(tested: Sequence[Tested]) -> dict[str, Any]:
-    """What the thresholds do.
-
-    Returns:
-        ``threshold``, of several their mean; ``false_rejections``, known samples called unknown;
-        ``accepted_unknown``, unknown samples given a class; ``accepted_wrong``, samples of both
-        kinds given a class that is not theirs, of all that are given one. Only the first, None,
-        where nothing set a threshold.
-    """
-    thresholds = [each.threshold for each in tested if each.threshold is not None]
-    if len(thresholds) < len(tested):
+    """What the thresholds do; only ``threshold``, None, where a network has none."""
+    limits = [limit for _, _, limit in tested if limit is not None]
+    if len(limits) < len(tested):
         return {"threshold": None}
-    known = [(o, o.novelty > limit) for each, limit in zip(tested, thresholds, strict=True)
-             for o in each.known]  # fmt: skip
-    unknown = [(o, o.novelty > limit) for each, limit in zip(tested, thresholds, strict=True)
-               for o in each.unknown]  # fmt: skip
-    accepted = [outcome for outcome, rejected in known + unknown if not rejected]
-    wrong = sum(outcome.label != outcome.predicted for outcome in accepted)
+    pairs = list(zip(tested, limits, strict=True))
+    known = [each.novelty > limit for (part, _, _), limit in pairs for each in part]
+    unknown = [each.novelty > limit for (_, part, _), limit in pairs for each in part]
     return {
-        "threshold": sum(thresholds) / len(thresholds),
-        "false_rejections": _share(sum(rejected for _, rejected in known), len(known)),
-        "accepted_unknown": _share(sum(not rejected for _, rejected in unknown), len(unknown)),
-        "accepted_wrong": _share(wrong, len(accepted)),
+        "threshold": sum(limits) / len(limits),
+        "false_rejections": _share(sum(known), len(known)),
+        "accepted_unknown": _share(len(unknown) - sum(unknown), len(unknown)),
     }
 
 
 def _share(count: int, of: int) -> dict[str, Any] | None:
-    """A count, its share and Wilson's 95 % interval; None of nothing."""
-    if not of:
-        return None
-    return {"count": count, "of": of, "share": count / of, "ci95": wilson_interval(count, of)}
+    return {"count": count, "of": of, "share": count / of} if of else None
 
 
 def _file(directory: Path, name: str) -> Path:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -227,7 +227,6 @@ def fragment_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
 
 
 def _confusion_matrix(votes: Sequence[tuple[str, str, int]], classes: list[str]) -> Counts:
-    """Count votes, each given as true class, predicted class and how often."""
     index = {name: number for number, name in enumerate(classes)}
     matrix = np.zeros((len(classes), len(classes)), dtype=np.int64)
     for label, predicted, count in votes:
@@ -235,8 +234,7 @@ def _confusion_matrix(votes: Sequence[tuple[str, str, int]], classes: list[str])
     return matrix
 
 
-@dataclass(frozen=True)
-class ConfusedPair:
+class ConfusedPair(NamedTuple):
     """Two classes that one sense mistakes for each other and another keeps apart.
 
     Attributes:
@@ -265,24 +263,18 @@ def confused_pairs(
         classes: Names.
         most: Pairs for each sense; fewer where fewer are confused.
     """
-    mutual = {sense: _mutual(each) for sense, each in counts.items()}
+    shares = {name: each / np.maximum(each.sum(axis=1, keepdims=True), 1)
+              for name, each in counts.items()}  # fmt: skip
+    mutual = {name: (each + each.T) / 2 for name, each in shares.items()}
     pairs: list[ConfusedPair] = []
     for sense, own in mutual.items():
         others = {name: each for name, each in mutual.items() if name != sense}
-        least = np.minimum.reduce(list(others.values()))
-        gap = np.triu(own - least, k=1)
+        gap = np.triu(own - np.minimum.reduce(list(others.values())), k=1)
         for place in np.argsort(gap, axis=None)[::-1][:most]:
             row, column = np.unravel_index(place, gap.shape)
             if gap[row, column] > 0:
-                shares = {name: float(each[row, column]) for name, each in others.items()}
-                best = min(shares, key=shares.__getitem__)
+                best = min(others, key=lambda name: float(others[name][row, column]))
+                share, least = float(own[row, column]), float(others[best][row, column])
                 names = (classes[row], classes[column])
-                confusion = float(own[row, column])
-                pairs.append(ConfusedPair(names, sense, confusion, best, shares[best]))
+                pairs.append(ConfusedPair(names, sense, share, best, least))
     return pairs
-
-
-def _mutual(counts: npt.NDArray[np.int64]) -> Shares:
-    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    mean: Shares = (shares + shares.T) / 2
-    return mean

@@ -1,10 +1,12 @@
-"""Recordings on which an exported file is checked against its classifier, and timed."""
+"""Recordings on which an exported file is checked against its classifier."""
 
-import statistics
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import replace
+from itertools import islice
+from statistics import median
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +14,7 @@ import torch
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import DataConfig, EngineConfig
+from tex_lightning.config import DataConfig
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder, PhotoDecoder, to_size
 from tex_lightning.data.folds import Sample, make_samples
@@ -21,22 +23,20 @@ from tex_lightning.data.store import Store, cache_root, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import DRAWS
 from tex_lightning.export.tracing import draws, example
-from tex_lightning.inference.engine import accelerate
-from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.proportions import BandProportions
 
 MADE_UP = "synthetic"  # data: no files are read
 SHORTEST = 0.5  # of the example that is traced
+TOLERANCE = 1e-4  # of the range of a recording's scores
+# The same where comparisons are counted: a few of thousands fall the other way by rounding, above
+# all on training recordings, whose values the thresholds are. Against float64 PyTorch errs alike.
+COUNTED = 0.05
+Array = npt.NDArray[Any]
+Runner = Callable[[Mapping[str, Array]], Mapping[str, Array]]  # inputs to outputs, by name
 
 
-@dataclass(frozen=True)
-class Given:
-    """A sample in the form of a file's inputs and of the classifier's, by modality.
-
-    Attributes:
-        raw: Signals at the rate of their sense, photos as they come out of their files.
-        decoded: Photos halved where the card says so.
-    """
+class Given(NamedTuple):
+    """A sample by modality: as a file takes it, and as the classifier does (photos halved)."""
 
     raw: dict[str, Tensor]
     decoded: dict[str, Tensor]
@@ -55,53 +55,47 @@ def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> l
     """
     if data.name == MADE_UP:
         return [_decoded(_noise(classifier, seed), classifier) for seed in range(count)]
-    rows = read_recordings(data, classifier.card.modalities)
-    samples = make_samples(rows, classifier.card.modalities)
-    store = Store(cache_root(data.cache_dir), _raw_decoders(data, classifier))
-    found: list[Given] = []
-    for sample in _spread(samples):
-        if len(found) == count:
-            break
-        given = _loaded(sample, store, classifier)
-        found += [] if given is None else [given]
-    if count and not found:
-        raise UserError(
-            f"data={data.name} has no recording that the exported file could classify; give other "
-            "data, or none."
-        )
-    return found
-
-
-def _raw_decoders(data: DataConfig, classifier: SurfaceClassifier) -> dict[str, Decoder]:
-    decoders = {}
+    samples = make_samples(
+        read_recordings(data, classifier.card.modalities), classifier.card.modalities
+    )
+    decoders: dict[str, Decoder] = {}
     for sense in classifier.senses.values():
         decoder = sense.decoder.assuming(data.file_rate)
         if isinstance(decoder, PhotoDecoder):
             decoder = replace(decoder, half_scale=False)
         decoders[sense.modality] = decoder
-    return decoders
+    store = Store(cache_root(data.cache_dir), decoders)
+    found = (_loaded(sample, store, classifier) for sample in _spread(samples))
+    usable = list(islice((given for given in found if given is not None), count))
+    if count and not usable:
+        raise UserError(
+            f"data={data.name} has no recording that the exported file could classify; give other "
+            "data, or none."
+        )
+    return usable
 
 
 def _spread(samples: Sequence[Sample]) -> list[Sample]:
     """Order samples: one of every class, then the next of every class."""
-    seen: dict[str, int] = {}
-    ranked = []
+    seen: Counter[str] = Counter()
+    ranks = []
     for sample in samples:
-        seen[sample.label] = seen.get(sample.label, -1) + 1
-        ranked.append((seen[sample.label], sample))
-    return [sample for _, sample in sorted(ranked, key=lambda each: each[0])]
+        ranks.append(seen[sample.label])
+        seen[sample.label] += 1
+    order = sorted(range(len(samples)), key=ranks.__getitem__)
+    return [samples[index] for index in order]
 
 
 def _loaded(sample: Sample, store: Store, classifier: SurfaceClassifier) -> Given | None:
     """A sample; None if it is damaged or too small."""
     try:
-        given = {name: load_recording(row, store) for name, row in sample.recordings.items()}
-        found = _decoded(given, classifier)
+        raw = {name: load_recording(row, store) for name, row in sample.recordings.items()}
+        given = _decoded(raw, classifier)
         for sense in classifier.senses.values():
-            sense.check(found.decoded[sense.modality])
+            sense.check(given.decoded[sense.modality])
     except UserError:
         return None
-    return found
+    return given
 
 
 def _noise(classifier: SurfaceClassifier, seed: int) -> dict[str, Tensor]:
@@ -123,85 +117,44 @@ def _noise(classifier: SurfaceClassifier, seed: int) -> dict[str, Tensor]:
 
 
 def _decoded(raw: dict[str, Tensor], classifier: SurfaceClassifier) -> Given:
-    return Given(
-        raw, {b.modality: _as_decoded(b, raw[b.modality]) for b in classifier.senses.values()}
-    )
-
-
-def _as_decoded(sense: Sense, raw: Tensor) -> Tensor:
-    decoder = sense.decoder
-    if not isinstance(decoder, PhotoDecoder):
-        return raw
-    return torch.from_numpy(to_size(raw.numpy(), decoder, "The photo"))
-
-
-Array = npt.NDArray[Any]
-Runner = Callable[[Mapping[str, Array]], Mapping[str, Array]]  # inputs to outputs, by name
-TOLERANCE = 1e-4  # of the range of a recording's scores
-# The same where comparisons are counted: a few of thousands fall the other way by rounding, above
-# all on training recordings, whose values the thresholds are. Against float64 PyTorch errs alike.
-COUNTED = 0.05
-WARM_UP = 2
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """Comparison of a file with its classifier.
-
-    Attributes:
-        recordings: How many were compared.
-        same_labels: How many have the same label.
-        score_difference: Largest difference of a score, as a share of its recording's range.
-        probability_difference: Largest difference of a class probability.
-        latency_ms: Median from decoded recordings to the label, of the file; None if none was
-            compared.
-        classifier_ms: The same of the accelerated classifier, interleaved in one process.
-        ratio: Ratio of the first to the second.
-    """
-
-    recordings: int
-    same_labels: int
-    score_difference: float
-    probability_difference: float
-    latency_ms: float | None
-    classifier_ms: float | None
-    ratio: float | None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return asdict(self)
+    decoded = dict(raw)
+    for sense in classifier.senses.values():
+        if isinstance(sense.decoder, PhotoDecoder):
+            photo = to_size(raw[sense.modality].numpy(), sense.decoder, "The photo")
+            decoded[sense.modality] = torch.from_numpy(photo)
+    return Given(raw, decoded)
 
 
 def compare(
-    runner: Runner, classifier: SurfaceClassifier, samples: Sequence[Given], engine: EngineConfig
-) -> Agreement:
+    runner: Runner, classifier: SurfaceClassifier, samples: Sequence[Given]
+) -> dict[str, Any]:
     """Run a file and its classifier on the same recordings.
 
-    Scores and labels are those of the classifier as it was loaded, times those of the accelerated
-    one.
+    Returns:
+        Number of ``recordings`` and ``same_labels``; largest ``score_difference``, as a share of
+        its recording's range, and ``probability_difference``; ``latency_ms``, the median from
+        decoded recordings to the label of the file, None without recordings.
     """
-    fast, same, scores, shares = accelerate(classifier, engine), 0, [0.0], [0.0]
-    times: tuple[list[float], list[float]] = ([], [])
-    for place, given in enumerate(track(samples, "Checking")):
+    same, scores, shares, times = 0, [0.0], [0.0], []
+    for given in track(samples, "Checking"):
         inputs = feed(classifier, given)
         with torch.inference_mode():
             expected = classifier.logits(**given.decoded)
             vote = classifier.decide(expected, classifier.card.temperature)
-        for _ in range(0 if place else WARM_UP):
-            runner(inputs), fast.classify(**given.decoded)
         begin = time.perf_counter()
         outputs = runner(inputs)
-        middle = time.perf_counter()
-        fast.classify(**given.decoded)
-        times[0].append(middle - begin)
-        times[1].append(time.perf_counter() - middle)
+        times.append(time.perf_counter() - begin)
         wide = expected.double().numpy()
         scores.append(float(np.abs(outputs["scores"] - wide).max() / max(np.ptp(wide), 1e-12)))
         shares.append(float(np.abs(outputs["probabilities"] - vote.probabilities.numpy()).max()))
         same += int(outputs["label"]) == vote.label
-    file_ms, own_ms = (1000 * statistics.median(each) if each else None for each in times)
-    ratio = None if file_ms is None or own_ms is None else file_ms / own_ms
-    return Agreement(len(samples), same, max(scores), max(shares), file_ms, own_ms, ratio)
+    return {
+        "recordings": len(samples),
+        "same_labels": same,
+        "score_difference": max(scores),
+        "probability_difference": max(shares),
+        "latency_ms": 1000 * median(times) if times else None,
+    }
 
 
 def feed(classifier: SurfaceClassifier, given: Given) -> dict[str, Array]:
@@ -213,24 +166,20 @@ def feed(classifier: SurfaceClassifier, given: Given) -> dict[str, Array]:
     return inputs
 
 
-def tolerance(classifier: SurfaceClassifier) -> float:
-    """Difference of scores, as a share of their range, that rounding explains."""
-    senses = classifier.senses.values()
-    counted = any(isinstance(sense.features, BandProportions) for sense in senses)
-    return COUNTED if counted else TOLERANCE
-
-
-def refuse(found: Agreement, allowed: float) -> None:
-    """Raise an error if a file disagrees with its classifier.
+def require_agreement(found: Mapping[str, Any], classifier: SurfaceClassifier) -> None:
+    """Raise an error if a file disagrees with its classifier by more than rounding.
 
     Raises:
         UserError: Saying how much.
     """
-    wrong = found.recordings - found.same_labels
-    if wrong or found.score_difference > allowed:
+    senses = classifier.senses.values()
+    counts = any(isinstance(sense.features, BandProportions) for sense in senses)
+    allowed = COUNTED if counts else TOLERANCE
+    wrong = found["recordings"] - found["same_labels"]
+    if wrong or found["score_difference"] > allowed:
         raise UserError(
-            f"The exported file gives another label for {wrong} of {found.recordings} recordings "
-            f"and scores that differ by {found.score_difference:.2g} of their range, where "
-            f"{allowed:g} is allowed; it was not written. Set export.check=0 to leave the check "
-            "out, or report this network."
+            f"The exported file gives another label for {wrong} of {found['recordings']} "
+            f"recordings and scores that differ by {found['score_difference']:.2g} of their range, "
+            f"where {allowed:g} is allowed; it was not written. Set export.check=0 to leave the "
+            "check out, or report this network."
         )

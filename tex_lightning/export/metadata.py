@@ -14,11 +14,14 @@ from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 KEY = "tex_lightning"  # of the metadata
 FORMAT = 2  # of what stands there
+FRAMES: dict[str, Any] = {"hop_seconds": None, "window_seconds": None, "frequencies": None}
 
 
 def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
     """Plain values for JSON: classes, senses, decision, ranges of the training recordings."""
     card = classifier.card
+    # share of known samples that may be called unknown, and the novelties that follow from it
+    known = card.unknown_above is not None
     return {
         "format": FORMAT,
         "version": __version__,
@@ -32,16 +35,9 @@ def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
             "pairs": card.decision["pairs"],
             "seed": card.decision["seed"],
         },
-        "unknown": _unknown(card),
+        "unknown": {"rate": card.unknown, "thresholds": thresholds(card)} if known else None,
         "ranges": card.input_ranges,
     }
-
-
-def _unknown(card: Card) -> dict[str, Any] | None:
-    """Share of known samples that may be called unknown, and the novelties that follow from it."""
-    if card.unknown_above is None:
-        return None
-    return {"rate": card.unknown, "thresholds": thresholds(card)}
 
 
 def _sense(sense: Sense, card: Card) -> dict[str, Any]:
@@ -56,35 +52,26 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
         "receptive_field": None if geometry is None else geometry.receptive_field,
         "stride": None if geometry is None else geometry.stride,
     }
-    if isinstance(decoder, SignalDecoder):
-        entry |= {
-            "rate": decoder.sampling_rate,
-            "file_rate": decoder.file_rate,
-            "channel": decoder.channel,
-            "axes": AXES,
-            "too_short": _too_short(sense.what, entry["least"], decoder.sampling_rate),
-            **_frames(sense),
+    if isinstance(decoder, PhotoDecoder):
+        return entry | {"half_scale": decoder.half_scale, "resize": decoder.resize}
+    if not isinstance(decoder, SignalDecoder):
+        return entry
+    least, features, frames = entry["least"], sense.features, FRAMES
+    needed = "" if least is None else f"the {least / decoder.sampling_rate:.2f} s that "
+    if isinstance(features, SpectrogramFeatures):
+        frames = {
+            "hop_seconds": features.hop_length / features.sampling_rate,
+            "window_seconds": features.window_length / features.sampling_rate,
+            "frequencies": features.frequencies.tolist(),
         }
-    elif isinstance(decoder, PhotoDecoder):
-        entry |= {"half_scale": decoder.half_scale, "resize": decoder.resize}
-    return entry
-
-
-def _too_short(what: str, least: int | None, rate: float) -> str:
-    """The message for a recording that gives no fragment."""
-    needed = "" if least is None else f"the {least / rate:.2f} s that "
-    return f"The {what} has less movement than {needed}one fragment takes; record a longer stroke."
-
-
-def _frames(sense: Sense) -> dict[str, Any]:
-    features = sense.features
-    if not isinstance(features, SpectrogramFeatures):
-        return {"hop_seconds": None, "window_seconds": None, "frequencies": None}
-    rate = features.sampling_rate
-    return {
-        "hop_seconds": features.hop_length / rate,
-        "window_seconds": features.window_length / rate,
-        "frequencies": features.frequencies.tolist(),
+    return entry | {
+        "rate": decoder.sampling_rate,
+        "file_rate": decoder.file_rate,
+        "channel": decoder.channel,
+        "axes": AXES,
+        "too_short": f"The {sense.what} has less movement than {needed}one fragment takes; record "
+        "a longer stroke.",
+        **frames,
     }
 
 

@@ -14,39 +14,34 @@ import yaml
 from tex_lightning import __version__
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.core.files import read_record, read_rows
-from tex_lightning.errors import UserError, listed
+from tex_lightning.core.files import read_record
+from tex_lightning.errors import listed
 from tex_lightning.text import printable, to_markdown
 
 RESULTS = "results.json"
-BREAKS = "breaking_points.csv"
 OFFICIAL = "imagenet"  # the source that stands for a trunk's official weights
 LICENCES = {"efficientnet": "Apache-2.0 (EfficientNet-Lite)"}
 
 
-def model_card(classifier: SurfaceClassifier, checkpoint: Path, stability: Path | None) -> str:
+def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
     """The card as Markdown.
 
     Args:
         classifier: As loaded.
         checkpoint: Its file; figures are read from the run folder it lies in, if there is one.
-        stability: Run folder of ``task=stability``, or None.
-
-    Raises:
-        UserError: If the folder of stability holds no breaking points.
     """
     card, results = classifier.card, _results(checkpoint)
     entry = results.get("networks", {}).get(card.kind, {})
+    senses = " and ".join(map(to_markdown, card.modalities))
     parts = [
         _front_matter(card, entry, results),
-        f"# {to_markdown(card.kind)}: {_senses(card)} to one of {len(card.classes)} surfaces",
+        f"# {to_markdown(card.kind)}: {senses} to one of {len(card.classes)} surfaces",
         _what(classifier),
         "## Data\n\n" + "\n".join(_data(card, results)),
         "## Results\n\n" + "\n".join(_figures(entry)),
+        "## Licence of pretrained weights\n\n" + _licence(card),
+        _loading(card, checkpoint),
     ]
-    if stability is not None:
-        parts.append("## Breaking points\n\n" + "\n".join(_breaks(stability.expanduser())))
-    parts += ["## Licence of pretrained weights\n\n" + _licence(card), _loading(card, checkpoint)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -74,10 +69,6 @@ def _front_matter(card: Card, entry: Mapping[str, Any], results: Mapping[str, An
         }
         values["model-index"] = [{"name": card.kind, "results": [test]}]
     return f"---\n{yaml.safe_dump(values, sort_keys=False, allow_unicode=True)}---"
-
-
-def _senses(card: Card) -> str:
-    return " and ".join(map(to_markdown, card.modalities))
 
 
 def _what(classifier: SurfaceClassifier) -> str:
@@ -121,27 +112,10 @@ def _figures(entry: Mapping[str, Any]) -> Iterator[str]:
     calibration = entry.get("calibration", {})
     if "ece" in calibration:
         yield f"| expected calibration error | {calibration['ece']:.3f} |"
-        yield f"| Brier score | {calibration['brier']:.3f} |"
     if latency := entry.get("latency_ms"):
         yield f"| latency, median | {latency['median']:.1f} ms |"
     if folds := entry.get("folds"):
         yield f"\nPooled over {len(folds)} folds, each tested by the network trained without it."
-
-
-def _breaks(folder: Path) -> Iterator[str]:
-    path = folder / BREAKS
-    if not path.is_file():
-        raise UserError(
-            f"export.stability={folder} holds no {BREAKS}; give the folder of a finished run of "
-            "task=stability."
-        )
-    rows = read_rows(path)
-    yield "Where less than half of the clean accuracy is kept, or as that run was told.\n"
-    yield "| system | modality | perturbation | breaks at |\n|---|---|---|---|"
-    for row in rows:
-        where = f"{row['value']} {row['unit']}" if row["value"] else "nowhere"
-        cells = (row["system"], row["modality"], row["perturbation"], where)
-        yield f"| {' | '.join(map(to_markdown, cells))} |"
 
 
 def _licence(card: Card) -> str:

@@ -101,12 +101,7 @@ def make_onnx(classifier: SurfaceClassifier, traced: Traced) -> Any:  # noqa: AN
     if DRAWS in traced.inputs:  # a value that whoever runs it may replace
         default = onnx.numpy_helper.from_array(traced.inputs[DRAWS].numpy(), DRAWS)
         model.graph.initializer.append(default)
-    return _completed(classifier, model)
-
-
-def _completed(classifier: SurfaceClassifier, model: Any) -> Any:  # noqa: ANN401
-    """A plain model, of a FusionNet with every sense only where it is not absent."""
-    if classifier.fusion is not None:
+    if classifier.fusion is not None:  # every sense only where it is not absent
         outputs = [each.name for each in model.graph.output]
         senses: dict[str, list[str]] = {}
         for name, sense in classifier.senses.items():
@@ -115,7 +110,7 @@ def _completed(classifier: SurfaceClassifier, model: Any) -> Any:  # noqa: ANN40
         found = skip_absent(model, senses, [name for name in outputs if is_public(name)])
         found.metadata_props.extend(model.metadata_props)
         model = found
-    require("onnx").checker.check_model(model)
+    onnx.checker.check_model(model)
     return model
 
 
@@ -144,10 +139,7 @@ def require(name: str) -> Any:  # noqa: ANN401
 
 
 def write_onnx(model: Any, path: Path) -> None:  # noqa: ANN401
-    """Write a model to one file, without the notes that the exporter leaves on every node.
-
-    They tell where in the code, and in which folder of this machine, a node comes from.
-    """
+    """Write a model to one file, without the notes of where in the code a node comes from."""
     _clear(model.graph)
     path.write_bytes(model.SerializeToString())
 

@@ -10,6 +10,7 @@ import math
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
@@ -150,12 +151,18 @@ class BandPower(nn.Module):
         self.outer, self.inner = factors(length)
         kept = self.outer // 2 + 1  # the others are their conjugates
         self.register_buffer("window", window.clone())
-        self.register_buffer("first", _first_stage(self.outer, kept))
-        self.register_buffer("second", _second_stage(self.outer, self.inner, kept))
+        # cosines, then sines of -2 pi p k / P: (outer, 2 * kept)
+        first = _angles(torch.arange(self.outer)[:, None] * torch.arange(kept), self.outer)
+        self.register_buffer("first", torch.cat((first.cos(), first.sin()), dim=1).float())
+        # products by exp(-2 pi i q (k + P l) / N), for each k: (kept, 2 * inner, 2 * inner)
         channel = torch.arange(kept)[:, None] + self.outer * torch.arange(self.inner)
+        angles = _angles(torch.arange(self.inner)[:, None] * channel[:, None], length)
+        real, imaginary = angles.cos(), angles.sin()
+        rows = torch.cat((real, imaginary), dim=2), torch.cat((-imaginary, real), dim=2)
+        self.register_buffer("second", torch.cat(rows, dim=1).float())
         mirrored = torch.minimum(channel, length - channel).flatten()
         once = torch.zeros(len(mirrored))
-        once[_first_places(mirrored)] = 1
+        once[np.unique(mirrored.numpy(), return_index=True)[1]] = 1
         self.register_buffer("weights", filters.float()[:, mirrored].T * once[:, None])
 
     def forward(self, trace: Tensor) -> Tensor:
@@ -193,40 +200,15 @@ def factors(length: int) -> tuple[int, int]:
     return min(pairs, key=lambda pair: pair[0] + 2 * pair[1])
 
 
-def _first_stage(outer: int, kept: int) -> Tensor:
-    """(outer, 2 * kept): cosines, then sines of -2 pi p k / P."""
-    angles = _angles(torch.arange(outer)[:, None] * torch.arange(kept), outer)
-    return torch.cat((angles.cos(), angles.sin()), dim=1).float()
-
-
-def _second_stage(outer: int, inner: int, kept: int) -> Tensor:
-    """(kept, 2 * inner, 2 * inner): products by exp(-2 pi i q (k + P l) / N), for each k."""
-    channel = torch.arange(kept)[:, None, None] + outer * torch.arange(inner)
-    angles = _angles(torch.arange(inner)[:, None] * channel, outer * inner)
-    real, imaginary = angles.cos(), angles.sin()
-    rows = torch.cat((real, imaginary), dim=2), torch.cat((-imaginary, real), dim=2)
-    return torch.cat(rows, dim=1).float()
-
-
 def _angles(turns: Tensor, length: int) -> Tensor:
     """-2 pi turns / length, float64; whole turns are taken off first."""
     return (turns % length).double() * (-2 * math.pi / length)
 
 
-def _first_places(values: Tensor) -> list[int]:
-    """Where each value occurs first."""
-    places: dict[int, int] = {}
-    for place, value in enumerate(values.tolist()):
-        places.setdefault(value, place)
-    return list(places.values())
-
-
 class Heard(NamedTuple):
-    """The features of a signal.
+    """Network input (1, ..., frames) of a signal, and the first sample of its steady movement.
 
-    Attributes:
-        x: Network input (1, ..., frames).
-        start: First sample of steady movement, int64 (); None where it is not looked for.
+    The latter, int64 (), is None where it is not looked for.
     """
 
     x: Tensor

@@ -53,8 +53,10 @@ def trace(classifier: SurfaceClassifier) -> Traced:
     for sense in classifier.senses.values():
         inputs[sense.modality] = example(sense)
         sizes[sense.modality] = {0: Dim.DYNAMIC, 1: Dim.DYNAMIC}
-    if graph.fused:
-        inputs[DRAWS], sizes[DRAWS] = default_draws(classifier), {0: Dim.DYNAMIC}
+    if graph.fused:  # the positions that are drawn at the card's seed
+        decision, senses = classifier.card.decision, len(classifier.card.sense_names)
+        inputs[DRAWS] = draws(decision["seed"], decision["pairs"], senses)
+        sizes[DRAWS] = {0: Dim.DYNAMIC}
     graph.name_inputs(list(inputs))
     try:
         with quiet(), torch.no_grad():
@@ -80,15 +82,6 @@ def untraceable(classifier: SurfaceClassifier, error: Exception) -> UserError:
         f"{type(error).__name__}: {said}; write its parts without Python that depends on values or "
         "sizes (see torch.export)."
     )
-
-
-def default_draws(classifier: SurfaceClassifier) -> Tensor:
-    """Words of 32 random bits (K, senses), int64, by which positions are drawn.
-
-    They are those of :func:`~tex_lightning.classifier.vote.random_tuples` at the card's seed.
-    """
-    card = classifier.card
-    return draws(card.decision["seed"], card.decision["pairs"], len(card.sense_names))
 
 
 def draws(seed: int, count: int, senses: int) -> Tensor:

@@ -124,12 +124,9 @@ def log_test(
     close_loggers(directory, name)
 
 
-def log_profile(
-    nodes: Nodes, directory: Path, name: str, result: dict[str, Any], figures: Mapping[str, Figure]
-) -> None:
-    """Add a network's profile: every single figure as a metric, and its charts."""
+def log_profile(nodes: Nodes, directory: Path, name: str, result: dict[str, Any]) -> None:
+    """Add a network's profile: every single figure as a metric."""
     loggers = open_loggers(nodes, directory, name)
-    log_figures(loggers, {f"profile/{title}": figure for title, figure in figures.items()})
     numbers = {key: value for key, value in result.items() if isinstance(value, int | float)}
     for logger in loggers:
         logger.log_metrics({f"profile/{key}": float(value) for key, value in numbers.items()})

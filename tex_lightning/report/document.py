@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.files import read_record
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.outcomes import (
@@ -128,8 +127,8 @@ def _pool(
     return System(model, kind, inside, data, variant, members[0][1]["classes"], entries, outcomes)
 
 
-def comparison_tables(systems: Sequence[System], runs: Sequence[Path]) -> list[Table]:
-    """Every table that compares systems: accuracies, votes by condition, times, confused pairs."""
+def comparison_tables(systems: Sequence[System]) -> list[Table]:
+    """Every table that compares systems: accuracies, votes by condition, confused pairs."""
     groups: dict[str, list[System]] = {}
     for system in systems:
         groups.setdefault(system.tables[0], []).append(system)
@@ -145,7 +144,7 @@ def comparison_tables(systems: Sequence[System], runs: Sequence[Path]) -> list[T
             "A row that says unseen was trained without the conditions that it tested.",
         )
     )
-    tables += [_profile_table(runs), _pairs_table(systems)]
+    tables.append(_pairs_table(systems))
     return [table for table in tables if table.rows]
 
 
@@ -195,30 +194,6 @@ def _against(best: System, system: System) -> str:
     _, own, others = zip(*pairs, strict=True)
     only_best, only_own, p_value = mcnemar(others, own)
     return f"{p_value:.2g} ({only_best}:{only_own})"
-
-
-def _profile_table(runs: Sequence[Path]) -> Table:
-    """Times of dense passes and sliding windows that cross-validations measured."""
-    theirs, rows = paper_table("profiling"), []
-    for run in runs:
-        file = run / "profile" / "results.json"
-        results = read_record(file) if file.is_file() else {"networks": {}}
-        for kind, network in results["networks"].items():
-            paper = theirs.get(kind)
-            rows.append(
-                {
-                    "network": str(results["model"]),
-                    "windows (ms)": f"{network['sliding_window_ms']:.1f}",
-                    "dense (ms)": f"{network['reference_ms']:.1f}",
-                    "ratio": f"{network['speedup']:.1f}x",
-                    "ratio in the same engine": f"{network['speedup_same_engine']:.1f}x",
-                    "ratio, paper": f"{paper['sliding_window_ms'] / paper['fcn_ms']:.1f}x"
-                    if paper
-                    else "",
-                    "labels equal": f"{network['label_agreement']:.1%}",
-                }
-            )
-    return Table("Running time", rows, f"The paper's device: {theirs['device']}.")
 
 
 def _networks(systems: Sequence[System]) -> dict[str, System]:

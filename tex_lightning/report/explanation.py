@@ -24,7 +24,7 @@ COLOURS = ("#4477aa", "#ee6677", "#ccbb44", "#228833", "#66ccee", "#aa3377", "#e
 OTHERS = "#bbbbbb"  # of classes without a colour of their own
 AXES = ("#222222", "#4477aa", "#ccbb44")  # of a signal
 WIDTH, DPI = 12.0, 100  # inches, and pixels of one
-SIGNAL, PHOTO, FUSED, LINE = 3.7, 3.1, 1.3, 0.22  # inches
+SIGNAL, PHOTO, LINE = 3.7, 3.1, 0.22  # inches
 CHARACTERS = 150  # of a line
 LONGEST = 28  # characters of a class name in a panel
 SHOWN = 300  # pixels of a photo's longer side that are drawn
@@ -115,7 +115,6 @@ class Explanation:
         legend = self._legend(colours)
         columns = max(1, CHARACTERS // (8 + max(len(str(each.get_label())) for each in legend)))
         ratios = [SIGNAL if isinstance(e, SignalEvidence) else PHOTO for e in self.senses.values()]
-        ratios += [FUSED] if len(self.senses) > 1 else []
         ratios += [LINE * (1 + -(-len(legend) // columns))]
         total = sum(ratios) + LINE * (title.count("\n") + 1)
         figure = Figure(figsize=(WIDTH, total), dpi=DPI, layout="constrained")
@@ -123,8 +122,6 @@ class Explanation:
         parts = figure.subfigures(len(ratios), 1, squeeze=False, height_ratios=ratios)[:, 0]
         for part, evidence in zip(parts, self.senses.values(), strict=False):
             self._draw(part, evidence, colours)
-        if len(self.senses) > 1:
-            self._draw_fused(parts[-2], colours)
         parts[-1].legend(handles=legend, loc="center", ncols=columns)
         return figure
 
@@ -177,24 +174,6 @@ class Explanation:
             _draw_signal(part, evidence, colours, self.label)
         elif isinstance(evidence, PhotoEvidence):
             _draw_photo(part, evidence, colours, self.label)
-
-    def _draw_fused(self, part: SubFigure, colours: Sequence[str]) -> None:
-        """Draw how much each sense added, and the votes of all together."""
-        added, votes = part.subplots(1, 2)
-        found = self.contributions
-        _bars(added, [*found, "sum"], [*found.values(), sum(found.values())], "#666666")
-        names = f"{self._name(self.label)} less that of {self._name(self.rival)}"
-        added.set_xlabel(f"mean score of {names}")
-        labels = [self.classes.index(each["label"]) for each in self.prediction.top_k]
-        shares = [each["share"] for each in self.prediction.top_k]
-        _bars(votes, list(map(self._name, labels)), shares, [colours[label] for label in labels])
-        votes.set(xlim=(0, 1), xlabel="share of the votes of all senses together")
-
-
-def _bars(axes: Axes, names: list[str], values: list[float], colours: str | list[str]) -> None:
-    axes.barh(range(len(names)), values, color=colours)
-    axes.set_yticks(range(len(names)), names)
-    axes.invert_yaxis()
 
 
 def _mark(axes: Axes, left: float, top: float, width: float, height: float, style: str) -> None:

@@ -13,15 +13,11 @@ from torch import Tensor, nn
 
 from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes, risk_coverage
-from tex_lightning.evaluation.early_stopping import Setting
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.networks.blocks import MEAN, STD
 from tex_lightning.report.style import GUIDE, colour_of, styled
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable
-
-KNOBS = {"alpha": "o-", "confidence_threshold": "s--", "used": "*"}  # styles of their lines
-PANELS = {"agreed": "same label as the full decision", "correct": "correct votes"}
 
 
 @styled
@@ -135,30 +131,4 @@ def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
     for axis in (left.xaxis, left.yaxis, right.xaxis, right.yaxis):
         axis.set_major_formatter(PercentFormatter(1))
     figure.suptitle(f"{name}: {len(outcomes)} test samples")
-    return figure
-
-
-@styled
-def sequential_figure(settings: Sequence[Setting], name: str) -> Figure:
-    """Draw agreement and accuracy against the share of the arithmetic, a line for each knob.
-
-    Args:
-        settings: Thresholds with their counts, and what is used.
-        name: Name of the network, in whose colour the lines are.
-    """
-    figure = Figure(figsize=(7, 3.4), layout="constrained")
-    for axes, (key, words) in zip(figure.subplots(1, 2, sharex=True), PANELS.items(), strict=True):
-        for knob, style in KNOBS.items():
-            points = sorted(
-                (item.relative_macs, getattr(item, key) / item.test_samples)
-                for item in settings
-                if item.knob == knob
-            )
-            colour = "black" if knob == "used" else colour_of(name)
-            axes.plot(*np.reshape(points, (-1, 2)).T, style, color=colour, label=knob)
-        axes.xaxis.set_major_formatter(PercentFormatter(1))
-        axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=1))
-        axes.set(xlabel="arithmetic, of the full decision's", ylabel=words)
-        axes.legend()
-    figure.suptitle(f"{name}: {settings[0].test_samples} test samples")
     return figure

@@ -68,7 +68,7 @@ def write_report(
         "tiny": TINY if tiny else "",
         "command": command or rerun_command(directory),
         "notes": NOTES if systems else "",
-        "tables": comparison_tables(systems, folders),
+        "tables": comparison_tables(systems),
         "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
         "directory": directory,
     }

@@ -1,14 +1,11 @@
-"""Table and chart of ``task=profile``."""
+"""Table of ``task=profile``."""
 
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from tex_lightning.evaluation.outcomes import RANDOM
-from tex_lightning.report.style import GUIDE, colour_of, styled
 from tex_lightning.report.table import make_table, paper_table, print_tables
 
 Network = dict[str, Any]
@@ -59,30 +56,3 @@ def _comparison(name: str, network: Network, results: dict[str, Any]) -> Table:
         if key in network:
             table.add_row(fact, form.format(network[key]))
     return table
-
-
-@styled
-def ways_figure(name: str, network: Network) -> Figure:
-    """Bars of all ways to classify one recording, on a logarithmic axis, the paper's below."""
-    paper = paper_table("profiling")
-    bars = [
-        (title, network[f"{key}_ms"], colour_of(name))
-        for key, title in WAYS.items()
-        if f"{key}_ms" in network
-    ]
-    if name in paper:
-        for key, title in (("sliding_window", WAYS["sliding_window"]), ("fcn", "FCN")):
-            bars.append((f"paper: {title}, {paper['device']}", paper[name][f"{key}_ms"], GUIDE))
-    figure = Figure(figsize=(8, 0.4 * len(bars) + 1.2), layout="constrained")
-    axes = figure.subplots()
-    titles, values, colours = zip(*bars, strict=True)
-    axes.bar_label(axes.barh(np.arange(len(bars)), values, color=colours), fmt="{:.3g}", padding=3)
-    axes.set_yticks(np.arange(len(bars)), titles)
-    axes.margins(x=0.2)
-    axes.invert_yaxis()
-    axes.set(
-        xscale="log",
-        xlabel="median ms",
-        title=f"{name}: {network['windows']} windows or one dense pass",
-    )
-    return figure

@@ -37,7 +37,6 @@ from tex_lightning.studies.dataset import Workspace, open_workspace
 from tex_lightning.studies.evaluate_checkpoint import (
     calibration_metrics,
     draw_figures,
-    pool_sequential,
 )
 from tex_lightning.studies.fold import fit_fold, results_frame
 from tex_lightning.studies.profile import profile_networks
@@ -177,9 +176,8 @@ def _pool(workspace: Workspace, folds: dict[int, dict[str, Any]], name: str) -> 
     kept = ("fragment_accuracy", "vote_accuracy", "test_samples", "fit_seconds", "checkpoint")
     pooled = {
         **summarise(outcomes),
-        **pool_conditions(entries.values(), outcomes),
-        **calibration_metrics(outcomes, workspace.classes, decision.reject_below),
-        **pool_sequential(directories, name, workspace.directory, decision),
+        **pool_conditions(entries.values()),
+        **calibration_metrics(outcomes, decision.reject_below),
         **pool_unknown(
             dict(zip(directories, entries.values(), strict=True)),
             list(by_fold.values()),

@@ -1,13 +1,14 @@
 """Test a checkpoint: the recordings it may be tested on, its outcomes, figures and curves."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
-from tex_lightning.config import Config, DataConfig, DecisionConfig
+from tex_lightning.config import Config, DataConfig
 from tex_lightning.data.folds import Sample, split
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
@@ -15,28 +16,14 @@ from tex_lightning.data.store import Store, cache_root, load_sample
 from tex_lightning.errors import UserError, listed
 from tex_lightning.evaluation.calibration import calibration, selective
 from tex_lightning.evaluation.conditions import by_condition
-from tex_lightning.evaluation.early_stopping import (
-    Setting,
-    full_labels,
-    measure,
-    pool,
-    read_settings,
-    summarise_sequential,
-    write_settings,
-)
 from tex_lightning.evaluation.novelty import report_unknown
 from tex_lightning.evaluation.outcomes import Outcome, summarise, vote_counts, write_outcomes
 from tex_lightning.evaluation.samples import run_test
-from tex_lightning.inference.early_stopping import (
-    SEQUENTIAL,
-    SequentialClassifier,
-    make_inference_model,
-    needs_threshold,
-)
+from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.inference.prediction import warn_of_few
 from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
-from tex_lightning.report.figures import calibration_figure, save_figure, sequential_figure
+from tex_lightning.report.figures import calibration_figure, save_figure
 from tex_lightning.studies.dataset import hold_out
 from tex_lightning.studies.leaks import refuse_leak
 
@@ -93,79 +80,6 @@ def _tested(rows: Recordings, data: DataConfig, card: Card, who: str) -> Recordi
     return replace(test, notes=rows.notes)
 
 
-ALPHA, THRESHOLD = "alpha", "confidence_threshold"
-FILE = "sequential.csv"
-
-
-def report_sequential(
-    classifier: SequentialClassifier,
-    config: DecisionConfig,
-    samples: Sequence[Sample],
-    store: Store,
-    directory: Path,
-) -> dict[str, Any]:
-    """Classify with every threshold; write ``sequential.csv`` and its figure.
-
-    Returns:
-        The thresholds used, mean cost, accuracy and agreement for ``results.json``.
-    """
-    labels = full_labels(classifier.full, samples, store)
-    used = replace(config, calibrated=False, confidence_threshold=classifier.threshold)
-    settings = [
-        measure(classifier.full, decision, samples, labels, store, knob, value)
-        for knob, value, decision in _decisions(used, _knobs(classifier))
-    ]
-    write_settings(settings, directory / FILE)
-    draw_sequential(settings, classifier.card.kind, directory)
-    return {**_thresholds(used), **summarise_sequential(settings[0])}
-
-
-def pool_sequential(
-    folds: Sequence[Path],
-    name: str,
-    directory: Path,
-    config: DecisionConfig,
-) -> dict[str, Any]:
-    """Pool several folds, from their files; nothing where decisions were not sequential."""
-    settings = pool(
-        item for fold in folds for item in read_settings(fold / FILE) if item.network == name
-    )
-    if config.name != SEQUENTIAL or not settings:
-        return {}
-    write_settings(settings, directory / FILE)
-    draw_sequential(settings, name, directory)
-    return {"sequential": {**_thresholds(config), **summarise_sequential(settings[0])}}
-
-
-def _knobs(classifier: SequentialClassifier) -> tuple[str, ...]:
-    """The thresholds that matter: of photos alpha, of a single signal the probability."""
-    windowed = any(sense.windowed for sense in classifier.full.senses.values())
-    by_probability = (THRESHOLD,) if needs_threshold(classifier.full) else ()
-    return (*((ALPHA,) if windowed else ()), *by_probability)
-
-
-def _thresholds(used: DecisionConfig) -> dict[str, float]:
-    return {ALPHA: used.alpha, THRESHOLD: used.confidence_threshold}
-
-
-def _decisions(
-    used: DecisionConfig, knobs: Sequence[str]
-) -> Iterator[tuple[str, float, DecisionConfig]]:
-    yield "used", used.alpha, used
-    for knob in knobs:
-        for value in getattr(used, f"{knob}s"):
-            changed = {knob: value}
-            if knob == "alpha" and "confidence_threshold" in knobs:
-                changed["confidence_threshold"] = 1.0  # the windows are asked of every sample
-            yield knob, value, replace(used, **changed)
-
-
-def draw_sequential(settings: Sequence[Setting], name: str, directory: Path) -> None:
-    """Save the figure of a network's curves."""
-    figure = sequential_figure(settings, name)
-    save_figure(figure, directory / "figures" / f"{name}_sequential")
-
-
 def report_network(
     trained: Trained,
     samples: Sequence[Sample],
@@ -188,7 +102,7 @@ def report_network(
         Its entry of ``results.json``, and what became of each sample.
     """
     classifier = trained.classifier
-    kind, classes = classifier.card.kind, classifier.card.classes
+    kind = classifier.card.kind
     warn_of_few(classifier.card.deciding(config.decision))
     decider = make_inference_model(classifier, config.engine, config.decision)
     fold = None if config.data.test_where else config.data.test_fold
@@ -197,26 +111,23 @@ def report_network(
     entry = {
         **summarise(outcomes),
         **by_condition(samples, outcomes),
-        **calibration_metrics(outcomes, classes, decider.card.reject_below),
+        **calibration_metrics(outcomes, decider.card.reject_below),
         **network_facts(classifier, samples[0], store),
         "fit_seconds": trained.fit_seconds,
         "val_loss": trained.val_loss,  # None where nothing was validated
         "checkpoint": str(trained.checkpoint.resolve()),
     }
-    drawn = config.decision.alphas or config.decision.confidence_thresholds
-    if isinstance(decider, SequentialClassifier) and drawn:
-        entry["sequential"] = report_sequential(decider, config.decision, samples, store, directory)
     entry |= report_unknown(decider, unknown, store, directory, outcomes, fold)
     return entry, outcomes
 
 
-def calibration_metrics(
-    outcomes: Sequence[Outcome], classes: list[str], reject_below: float | None
-) -> dict[str, Any]:
+def calibration_metrics(outcomes: Sequence[Outcome], reject_below: float | None) -> dict[str, Any]:
     """Entries of ``results.json`` on the probabilities and the samples left without a label."""
-    entry: dict[str, Any] = {"calibration": calibration(outcomes, classes)}
+    entry: dict[str, Any] = {"calibration": calibration(outcomes)}
     if reject_below is not None:
         entry["selective"] = selective(outcomes, reject_below)
+    if any(outcome.relative_macs != 1 for outcome in outcomes):  # of sequential decisions
+        entry["relative_macs"] = fmean(outcome.relative_macs for outcome in outcomes)
     return entry
 
 

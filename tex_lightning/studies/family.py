@@ -101,9 +101,7 @@ def compose_family(
         overrides = _split_overrides(name, family[name])
         training = with_system(job, given_overrides(job), overrides)
         member = read_config(job.compose([*training, "task=frontier"]))
-        # no curves over thresholds: they are no part of the chart
-        decision = replace(member.decision, alphas=[], confidence_thresholds=[])
-        member = replace(member, task="crossval", decision=decision)
+        member = replace(member, task="crossval")
         check_config(member)
         trust(*named_classes(member.model.nodes))
         yield Member(name, overrides, member)

@@ -35,9 +35,7 @@ from tex_lightning.report.frontier_chart import (
     PROCEDURE,
     Point,
     frontier_figure,
-    print_added_senses,
     print_frontier,
-    write_added_senses,
     write_frontier,
 )
 from tex_lightning.report.table import is_tiny
@@ -54,7 +52,7 @@ from tex_lightning.studies.family import (
     measure_latencies,
     with_system,
 )
-from tex_lightning.studies.sense_subsets import added_senses, chain, with_subsets
+from tex_lightning.studies.sense_subsets import with_subsets
 
 RULE = "one_standard_error_rule"
 
@@ -89,16 +87,11 @@ def compare_family(config: Config, job: Job) -> dict[str, Any]:
     points = _points(measured, timings, chosen, procedure)
     shown = [*points, _procedure_point(procedure, points)]
     write_frontier(shown, directory / "frontier.csv")
-    means = {name: latency.mean for name, latency in timings.items()}
-    added = added_senses(frontier.senses or [], measured, means)
-    steps = chain(frontier.senses or [], chosen, means, added)
     tiny = is_tiny(list(job.overrides))
     if tiny:  # nothing is recommended
         shown = [replace(point, chosen=False) for point in shown]
     figure = frontier_figure(shown)
     save_figure(figure, directory / "frontier")
-    if frontier.senses is not None:
-        write_added_senses(added, directory / "senses.csv")
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -114,10 +107,9 @@ def compare_family(config: Config, job: Job) -> dict[str, Any]:
         "systems": {point.system: asdict(point) for point in points},
     }
     if frontier.senses is not None:
-        results |= {"senses": frontier.senses, "added_senses": list(map(asdict, added))}
+        results["senses"] = frontier.senses
     write_results(directory / "results.json", results)
     print_frontier(shown, directory, str(results["command"]))
-    print_added_senses(steps)
     if not tiny:
         _print_budget(config.frontier, job, members, candidates)
     return results

@@ -24,8 +24,7 @@ from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
 from tex_lightning.inference.engine import accelerate, count_macs, has_bf16
 from tex_lightning.learning.loggers import log_profile
 from tex_lightning.networks.windows import WindowNet, batches, cut_windows, dense_grid, scores
-from tex_lightning.report.figures import save_figure
-from tex_lightning.report.profile_table import print_profile, ways_figure
+from tex_lightning.report.profile_table import print_profile
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.dataset import configured_card
 from tex_lightning.studies.memory import forward_peak_mib
@@ -318,7 +317,7 @@ log = logging.getLogger(__name__)
 
 
 def profile_networks(config: Config, job: Job) -> dict[str, Any]:
-    """Measure ``model`` or ``checkpoint``; write ``results.json`` and figures, return the results.
+    """Measure ``model`` or ``checkpoint``; write ``results.json`` and return it.
 
     A fusion is measured as the networks that it consists of.
     """
@@ -330,9 +329,7 @@ def profile_networks(config: Config, job: Job) -> dict[str, Any]:
         name = subject.classifier.card.kind
         log.info("Profiling the %s network.", name)
         networks[name] = compare(subject, config.engine, config.profile)
-        figure = ways_figure(name, networks[name])
-        save_figure(figure, directory / "figures" / f"{name}_ways")
-        log_profile(config.logger, directory, name, networks[name], {"ways": figure})
+        log_profile(config.logger, directory, name, networks[name])
     results = {
         "task": config.task,
         "model": config.model.name,

@@ -17,7 +17,7 @@ from tex_lightning.core.console import say
 from tex_lightning.core.files import is_file, read_record, write_atomically, write_bytes, write_text
 from tex_lightning.data.store import cache_root
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import Agreement, Runner, compare, recordings, refuse, tolerance
+from tex_lightning.export.check import Runner, compare, recordings, require_agreement
 from tex_lightning.export.metadata import metadata
 from tex_lightning.export.model_card import model_card
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner, without_defaults, write_onnx
@@ -147,11 +147,7 @@ def _card(order: Order) -> dict[str, Any]:
     """``MODEL_CARD.md``."""
     path = order.out / "MODEL_CARD.md"
     order.claim(path.name)
-    stability = order.config.export.stability
-    text = model_card(
-        order.classifier, order.checkpoint, None if not stability else Path(stability)
-    )
-    write_text(path, text)
+    write_text(path, model_card(order.classifier, order.checkpoint))
     say(str(path))
     return {"file": path.name, "bytes": _size(path)}
 
@@ -162,18 +158,15 @@ def _checked(
     """Compare a file with its classifier, then write it."""
     classifier, config = order.classifier, order.config
     samples = recordings(config.data, classifier, config.export.check)
-    found = compare(runner, classifier, samples, config.engine)
-    refuse(found, tolerance(classifier))
+    found = compare(runner, classifier, samples)
+    require_agreement(found, classifier)
     write_atomically(path, write)
-    _say(path, found)
-    return {"file": path.name, "bytes": _size(path), **found.to_dict()}
-
-
-def _say(path: Path, found: Agreement) -> None:
     say(
-        f"{path}: {_size(path) / 1e6:.1f} MB; {found.same_labels} of {found.recordings} labels as "
-        f"of the checkpoint, scores within {found.score_difference:.1g} of their range."
+        f"{path}: {_size(path) / 1e6:.1f} MB; {found['same_labels']} of {found['recordings']} "
+        f"labels as of the checkpoint, scores within {found['score_difference']:.1g} of their "
+        "range."
     )
+    return {"file": path.name, "bytes": _size(path), **found}
 
 
 def _size(path: Path) -> int:
