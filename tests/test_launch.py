@@ -22,11 +22,10 @@ from omegaconf import OmegaConf
 from packaging.version import Version
 
 import tex_lightning as tl
-from tex_lightning import __main__ as command
+from tex_lightning import __main__ as main_module
+from tex_lightning import cli as command
+from tex_lightning.cli import to_user_error
 from tex_lightning.config import CONF
-from tex_lightning.config.composition import Job
-from tex_lightning.core import run_folder as runfolder
-from tex_lightning.launch import as_mistake
 from tex_lightning.tasks import fit
 
 QUICK = ["model=mfcc_nb", "debug=tiny"]
@@ -126,7 +125,7 @@ def test_other_tasks_run_and_a_family_is_composed_with_what_was_asked_for(given,
     ("overrides", "said"),
     [
         (["model=hptic"], r"model=hptic does not exist \(did you mean haptic"),
-        (["model.haptic.width=abc"], "give a number"),
+        (["model.haptic.width=abc"], "could not be converted to Float"),
         (["model.haptic.width=0"], "choose more than 0"),
         (["data=folder"], "No value for data.root"),
         (["hydra.run.dir=/dev/null/run"], "run folder cannot be made"),
@@ -212,32 +211,25 @@ def test_the_installed_command_starts_its_second_process(own_folder, installed, 
 
 def test_a_disk_that_is_full_is_the_users_to_mend():
     full = OSError(errno.ENOSPC, "No space left on device", "/run/events")
-    said = str(as_mistake(full, [], began=True))
+    said = str(to_user_error(full, began=True))
     assert said.startswith("Cannot write /run/events (No space left on device); free some space")
-    assert as_mistake(OSError(errno.EIO, "Input/output error"), [], began=True) is None
+    assert to_user_error(OSError(errno.EIO, "Input/output error"), began=True) is None
 
 
 def test_ctrl_c_names_the_folder_to_go_on_in(tmp_path, monkeypatch):
-    hydra_config = OmegaConf.create({"hydra": {"sweep": {"dir": "SWEEP"}}})
-    folders = {"command": f"hydra.run.dir={tmp_path}", "sweep": "hydra.sweep.dir=SWEEP"}
-    for origin, folder in folders.items():
-        job = tmp_path, command._goes_on(Job((), tmp_path, origin, False, (), hydra_config))
-        monkeypatch.setattr(command, "STARTED", [job])
-        monkeypatch.setattr(runfolder, "holds_work", lambda _: False)
-        assert command._interrupted() == "Interrupted."
-        monkeypatch.setattr(runfolder, "holds_work", lambda _: True)
-        assert f"the same command with {folder} goes on" in command._interrupted()
-        monkeypatch.setattr(command, "STARTED", [job, (tmp_path / "x", "")])
-        monkeypatch.setattr(runfolder, "holds_work", lambda path: path == tmp_path)
-        assert f"the same command with {folder} goes on" in command._interrupted()
+    jobs = [(tmp_path, "hydra.run.dir=RUN"), (tmp_path / "x", "")]
+    monkeypatch.setattr(command, "STARTED", jobs)
+    assert command._interrupted() == "Interrupted."
+    (tmp_path / "checkpoints").mkdir()
+    assert "the same command with hydra.run.dir=RUN goes on" in command._interrupted()
 
 
 def test_ctrl_c_while_python_imports_is_one_line_too(monkeypatch, capsys):
-    spec = importlib.util.spec_from_file_location("fresh", command.__file__)
+    spec = importlib.util.spec_from_file_location("fresh", main_module.__file__)
     fresh, load = importlib.util.module_from_spec(spec), builtins.__import__
 
     def interrupted(name, *rest):
-        if name == "hydra":
+        if name == "tex_lightning.cli":
             raise KeyboardInterrupt
         return load(name, *rest)
 

@@ -9,12 +9,12 @@ from tex_lightning.errors import UserError
 
 if TYPE_CHECKING:
     from tex_lightning.classifier.classifier import SurfaceClassifier
+    from tex_lightning.cli import Results, train
     from tex_lightning.data.datamodule import SurfaceData
     from tex_lightning.data.readers.folder import read_folder
     from tex_lightning.data.recordings import Recording, Recordings, read_manifest
     from tex_lightning.inference.prediction import Prediction
     from tex_lightning.inference.predictor import Predictor, load
-    from tex_lightning.launch import Results, train
     from tex_lightning.networks.fusionnet import FusionNet
     from tex_lightning.networks.hapticnet import HapticNet
     from tex_lightning.networks.visualnet import VisualNet
@@ -51,14 +51,14 @@ _MODULES = {
     "Predictor": "inference.predictor",
     "Recording": "data.recordings",
     "Recordings": "data.recordings",
-    "Results": "launch",
+    "Results": "cli",
     "SurfaceClassifier": "classifier.classifier",
     "SurfaceData": "data.datamodule",
     "VisualNet": "networks.visualnet",
     "load": "inference.predictor",
     "read_folder": "data.readers.folder",
     "read_manifest": "data.recordings",
-    "train": "launch",
+    "train": "cli",
 }
 
 # PyTorch's threads spin while they wait for each other, and beside another busy process they wait
@@ -72,7 +72,7 @@ class _Data(ModuleType):
     """The package ``tex_lightning.data``, which is the function of that name when it is called."""
 
     def __call__(self, *overrides: str) -> object:
-        return import_module(f"{__package__}.launch").data(*overrides)
+        return import_module(f"{__package__}.cli").data(*overrides)
 
 
 import_module(f"{__name__}.data").__class__ = _Data

@@ -12,13 +12,13 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
+from tex_lightning.cli import to_user_error
 from tex_lightning.config import CONF, READS, flatten
 from tex_lightning.config.check import check_config, check_known, check_missing
 from tex_lightning.config.composition import compose_config, keys_read
 from tex_lightning.config.mistakes import MISTAKES
 from tex_lightning.config.weights import read_config
 from tex_lightning.errors import UserError
-from tex_lightning.launch import as_mistake
 
 VALUES = ["abc", -1, 0, math.nan, math.inf, 1e300, 10**30, "", [], {}, [1], ["a"], {"a": 1}]
 VALUES += [None, True, [[1]], "a\nb", "\x00", "x" * 10_000, "/", "/dev/null", "???", -0.5, [None]]
@@ -146,7 +146,7 @@ def parses(text):
     try:
         return bool(OverridesParser.create().parse_override(text))
     except Exception as error:
-        return as_mistake(error, [text], began=False) is None
+        return to_user_error(error, began=False) is None
 
 
 class in_time:

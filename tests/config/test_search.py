@@ -55,12 +55,9 @@ def test_the_network_that_was_asked_for_counts():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["optimized_metric=val_loss", "data.val_fold=null"], "give data.val_fold"),
+        (["optimized_metric=val_loss", "data.val_fold=null"], "needs a network and data.val_fold"),
         (["optimized_metric=val_loss", "model=mfcc_nb"], "choose optimized_metric=vote_error"),
-        (
-            ["optimized_metric=vote_error", "task=frontier"],
-            "by task=fit and task=crossval alone, not",
-        ),
+        (["optimized_metric=vote_error", "task=frontier"], "is read by task=fit, task=crossval"),
         (["optimized_metric=loss"], "val_loss, vote_error"),
     ],
 )

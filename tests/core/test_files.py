@@ -19,8 +19,8 @@ from tex_lightning.core.files import (
     LARGEST,
     check_yaml,
     partial_path,
-    quiet_threads,
     read_record,
+    suppress_thread_errors,
     write_atomically,
     write_rows,
     write_text,
@@ -116,7 +116,7 @@ def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
     def fail(error: Exception) -> None:
         raise error
 
-    with quiet_threads():
+    with suppress_thread_errors():
         for error in (OSError(errno.ENOSPC, "full"), OSError(errno.EIO, "broken"), ValueError()):
             thread = threading.Thread(target=fail, args=(error,))
             thread.start()

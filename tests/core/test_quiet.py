@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tex_lightning.core.console import quietly
+from tex_lightning.core.console import suppress_warnings
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
 
@@ -17,7 +17,7 @@ def test_many_threads_keep_warnings_in_and_leave_the_filters_as_they_were():
     barrier = Barrier(4)
 
     def read(_):
-        with quietly():
+        with suppress_warnings():
             barrier.wait()
             warnings.warn("inside", UserWarning, stacklevel=1)
             barrier.wait()

@@ -18,7 +18,7 @@ def files(tmp_path_factory):
 
 
 def test_it_is_predicted_from_and_streamed(cli, files):
-    given = [f"checkpoint={files[0]}", f"force={files[1]}"]
+    given = [f"checkpoint={files[0]}", f"+force={files[1]}"]
     outcome = cli("task=predict", *given)
     assert outcome.status == 0, outcome.err
     outcome = cli("task=stream", *given, "stream.chunk=2.5")

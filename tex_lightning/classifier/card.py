@@ -15,7 +15,7 @@ from tex_lightning.config import DecisionConfig
 from tex_lightning.config.instantiation import TARGET
 from tex_lightning.config.model import FUSION, LARGEST, kind_of
 from tex_lightning.config.tasks import MAX_PAIRS
-from tex_lightning.core.console import quietly
+from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.contract import fault_of
 from tex_lightning.errors import UserError, shorten
 from tex_lightning.networks.archives import check_archive
@@ -177,7 +177,7 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         raise UserError(f"Checkpoint {path} does not exist; check the path.")
     try:
         check_archive(path)
-        with quietly():
+        with suppress_warnings():
             content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # damage shows in as many ways as there are formats
         raise damaged(path, error) from error

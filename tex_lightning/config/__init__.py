@@ -85,7 +85,7 @@ class Config:
     )
     own: dict[str, Any] = key(
         "files of your own senses to predict from, stream or profile with, by modality; "
-        "NAME=FILE adds one",
+        "+NAME=FILE adds one",
         factory=dict,
     )
     top_k: int = key("candidates listed by task=predict", least=1)

@@ -7,8 +7,7 @@ be done to a command line before Hydra can read it.
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
-from difflib import get_close_matches
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
@@ -24,11 +23,9 @@ from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config import CONF, READ_FILES, Config, flatten, register
-from tex_lightning.config.check_nodes import known_keys
-from tex_lightning.config.instantiation import TARGET
+from tex_lightning.config import CONF, Config, flatten, register
 from tex_lightning.config.keys import Key, walk
-from tex_lightning.config.model import FUSION, PACKAGE_SENSES
+from tex_lightning.config.model import FUSION, PACKAGE_SENSES, PhotoConfig, SignalConfig
 from tex_lightning.config.search import with_own_senses
 from tex_lightning.config.tasks import READS
 from tex_lightning.core.files import matches
@@ -159,7 +156,7 @@ EVERYWHERE = ("task", "verbose")  # every task reads these
 
 
 def keys_read(config: DictConfig) -> dict[str, Key]:
-    """Metadata of the keys that ``config.task`` reads for ``config.model``, by dotted name."""
+    """Return metadata of the keys that ``config.task`` reads for ``config.model``, by name."""
     task, model = config.task, config.model
     every = task == "frontier" or model.name == "auto"
     used = (*PACKAGE_SENSES, FUSION) if every else () if model.baseline else (*model.senses,)
@@ -167,42 +164,39 @@ def keys_read(config: DictConfig) -> dict[str, Key]:
     unused = tuple(f"model.{name}." for name in (*PACKAGE_SENSES, FUSION) if name not in used)
     read = tuple(f"{part}." for part in (*EVERYWHERE, *READS[task]))
     trains = "trainer" in READS[task]
-    own: dict[str, Key] = {}
-    for sense in model.senses if not every and "model" in READS[task] else ():
-        if sense not in PACKAGE_SENSES and OmegaConf.is_dict(model.get(sense)):
-            own |= _own_keys(f"model.{sense}", model[sense])
-    return own | {
+    keys = {
         name: key
         for name, key in walk(Config)
         if f"{name}.".startswith(read)
         and not name.startswith(unused)
         and (trains or ".fit." not in name)
     }
-
-
-def _own_keys(where: str, node: DictConfig) -> dict[str, Key]:
-    """Keys of a user's sense: with the schema's meaning, or as arguments of its classes."""
-    values: Any = OmegaConf.to_container(node, resolve=False)
-    unknown = Key("of a class of this sense")
-    keys = {}
-    for name in flatten(values):
-        leaf = name.rpartition(".")[2]
-        if not leaf.startswith("_") or leaf == TARGET:
-            named = Key("class, and its arguments beside it") if leaf == TARGET else unknown
-            ours = name.startswith(("fit.", "decode.")) or "." not in name
-            known = known_keys().get(leaf, ()) if ours else ()
-            keys[f"{where}.{name}"] = known[0][0] if known else named
+    own = {*used} - {*PACKAGE_SENSES, FUSION} if "model" in READS[task] else ()
+    for sense in own:
+        keys |= _own_keys(f"model.{sense}", model.get(sense))
     return keys
+
+
+def _own_keys(where: str, node: object) -> dict[str, Key]:
+    """Return the keys of a user's sense, with the schema's meaning where it has one."""
+    known = dict((*walk(PhotoConfig), *walk(SignalConfig)))
+    values: Any = OmegaConf.to_container(node, resolve=False) if OmegaConf.is_dict(node) else {}
+    names = [name for name in flatten(values) if not name.rpartition(".")[2].startswith("_")]
+    return {
+        f"{where}.{name}": known.get(name, Key("for the class that is named beside it"))
+        for name in names
+    }
 
 
 # whose values name files
 KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
 OWN_SENSE = re.compile(r"\+\w+")  # a key beside those of the schema
-MISSPELT = 0.75  # similarity of a key with two letters exchanged
 
 
 def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The flags of a command line with their values, and its overrides; Hydra wants them apart.
+    """Return the flags of a command line with their values, and its overrides.
+
+    Hydra wants the one before the other.
 
     Raises:
         UserError: If Hydra does not know a flag, or it lacks its value.
@@ -217,49 +211,28 @@ def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     parser = get_args_parser()
     parser.error = refuse  # type: ignore[method-assign]
     overrides = parser.parse_intermixed_args(arguments).overrides
-    flags, left = [], list(overrides)
-    for argument in arguments:
-        if argument in left:
-            left.remove(argument)
-        else:
-            flags.append(argument)
-    return flags, overrides
+    return [each for each in arguments if each not in overrides], overrides
 
 
 def quote_files(arguments: Sequence[str]) -> list[str]:
-    """Add ``+`` to files of a user's own senses, and quotes to what Hydra's grammar would misread.
+    """Add quotes to names of files that Hydra's grammar would misread, as ``haptic=my file.wav``.
 
-    ``force=FILE`` is then ``+force=FILE`` for tasks that read files, unless it resembles a key.
-    ``haptic=my file [1].wav`` then means that file, if there is one; so does a pattern that
-    matches some. Everything else stays as it is.
+    A pattern that matches files is such a name, too. Everything else stays as it is.
     """
     parser, quoted = OverridesParser.create(), []
-    reads = any(argument.removeprefix("task=") in READ_FILES for argument in arguments)
     for argument in arguments:
-        if reads and _is_own_sense(argument):
-            argument = f"+{argument}"
         key, _, value = argument.partition("=")
         names_files = key in KEYS or OWN_SENSE.fullmatch(key)
         if names_files and _names_files(value) and _misread(parser, argument):
-            escaped = re.sub(r'(\\*)("|$)', _escaped, value)
+            # Hydra reads backslashes literally, except before a quote
+            escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + _quote(found[2]), value)
             argument = f'{key}="{escaped}"'
         quoted.append(argument)
     return quoted
 
 
-def _is_own_sense(argument: str) -> bool:
-    """Whether it gives a file, and its name is no key, no group and nothing that resembles one."""
-    name, equals, value = argument.partition("=")
-    if not (value == "-" or _names_files(value) or Path(value).suffix[1:2].isalpha()):
-        return False
-    known = [*(each.name for each in fields(Config)), *(path.name for path in CONF.iterdir())]
-    near = get_close_matches(name, known, n=1, cutoff=MISSPELT)
-    return bool(equals) and name.isidentifier() and not near
-
-
-def _escaped(match: re.Match[str]) -> str:
-    """Hydra reads backslashes literally, except before a quote."""
-    return 2 * match[1] + ('\\"' if match[2] else "")
+def _quote(mark: str) -> str:
+    return f"\\{mark}" if mark else ""
 
 
 def _names_files(value: str) -> bool:

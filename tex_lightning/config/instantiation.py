@@ -8,19 +8,16 @@ because importing a module runs its code, and is called with plain values (:func
 import importlib
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from types import NoneType
 from typing import Any
 
-from hydra.errors import InstantiationException
-from hydra.utils import instantiate
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from tex_lightning.config.keys import annotations, fits, in_words, nearest, parameters
+from tex_lightning.config.keys import nearest
 from tex_lightning.config.search import ENTRY_POINTS, installed_packages
-from tex_lightning.core.contract import blame_users_code, resolve
+from tex_lightning.core.contract import making, resolve
 from tex_lightning.errors import UserError, listed, shorten
 
 TARGET = "_target_"
@@ -42,20 +39,20 @@ def build(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: 
     Raises:
         UserError: If the class does not exist, lacks a library, or refuses the arguments.
     """
-    _check_named(where, node)
-    # a function can stand for what is called later; a checkpoint names classes alone
-    find = find_class if offered and not node.get("_partial_") else find_callable
-    called = find(where, node)  # Hydra would hide what its module raises
-    with making(where):
-        more = _accepted(called, node, offered) if offered else {}
-        return instantiate({"_convert_": "all", **node}, **more)
+    from hydra.utils import instantiate  # a fifth of a second, which cards do without
+
+    called = find_callable(where, node)
+    given = {key: value for key, value in node.items() if key not in HYDRAS}
+    values = {"_convert_": "all", **node, **_checked(where, called, given)}
+    with making(where, node[TARGET]):
+        return instantiate(values, **_accepted(called, node, offered))
 
 
 def _accepted(
     called: Callable[..., Any], values: Mapping[str, Any], offered: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return those of the offered arguments that are taken and not given yet."""
-    taken = inspect.signature(called).parameters
+    taken = inspect.signature(called).parameters if offered else {}
     return {name: item for name, item in offered.items() if name in taken and name not in values}
 
 
@@ -74,76 +71,33 @@ def build_derived(where: str, node: Mapping[str, Any], base: type, **offered: An
     return made
 
 
-def build_typed(where: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
-    """Build a dataclass that a node names; its fields' types hold for the node's values.
-
-    A class that is no dataclass, has a constructor of its own or fields that the configuration has
-    no type for, is built without that check, and so is a node with further nodes in it.
-
-    Raises:
-        UserError: As :func:`build`, and if a value is of the wrong type.
-    """
-    cls = find_class(where, node)
-    arguments = {key: value for key, value in node.items() if key != TARGET}
-    if not _is_plain(cls) or _has_nodes(arguments):
-        return build(where, node)
-    try:
-        schema = OmegaConf.structured(cls)
-    except OmegaConfBaseException:
-        return build(where, node)
-    _check_names(where, cls, arguments)
-    with making(where):
-        return OmegaConf.to_object(OmegaConf.merge(schema, arguments))
-
-
-def _is_plain(cls: type[Any]) -> bool:
-    """Whether a class is a dataclass that is made of its fields."""
-    with suppress(ValueError):  # of a class in C
-        taken = {*inspect.signature(cls).parameters}
-        return is_dataclass(cls) and taken == {each.name for each in fields(cls) if each.init}
-    return False
-
-
-def _has_nodes(values: object) -> bool:
-    """Whether Hydra has more to do in a node's values than to pass them on."""
-    if isinstance(values, Mapping):
-        return any(key in HYDRAS or _has_nodes(value) for key, value in values.items())
-    return isinstance(values, list | tuple) and any(map(_has_nodes, values))
-
-
 def find_class(where: str, node: Mapping[str, Any]) -> type[Any]:
     """The class that a node names.
 
     Raises:
-        UserError: If there is none, or it lacks a library.
+        UserError: If there is none.
     """
     found = find_callable(where, node)
-    with making(where):
-        if not isinstance(found, type):
-            raise TypeError(f"{node[TARGET]} is no class")
-        return found
+    if not isinstance(found, type):
+        raise UserError(f"{where} names {node[TARGET]}, which is no class; name one.")
+    return found
 
 
 def find_callable(where: str, node: Mapping[str, Any]) -> Callable[..., Any]:
     """The class or function that a node names.
 
     Raises:
-        UserError: If there is none, or it lacks a library.
+        UserError: If there is none.
     """
-    _check_named(where, node)
-    with making(where):
-        found = resolve(node[TARGET])
-        if not callable(found):
-            raise TypeError(f"{node[TARGET]} is no class or function")
-        named: Callable[..., Any] = found
-        return named
-
-
-def _check_named(where: str, node: Mapping[str, Any]) -> None:
     if not isinstance(node, Mapping) or TARGET not in node:
         raise UserError(
             f"{where} has no _target_; name the class there, as in package.module.Name."
         )
+    found = resolve(where, str(node[TARGET]))
+    if not callable(found):
+        raise UserError(f"{where} names {node[TARGET]}, which is no class or function; name one.")
+    named: Callable[..., Any] = found
+    return named
 
 
 def missing_library(node: Mapping[str, Any]) -> str | None:
@@ -165,43 +119,46 @@ def call(where: str, made: Any, *arguments: object) -> Any:  # noqa: ANN401
     """
     if not callable(made):
         raise UserError(f"{where} gives an object where a call is needed; add _partial_: true.")
-    with making(where):
+    with making(where, getattr(getattr(made, "func", made), "__module__", "")):
         return made(*arguments)
 
 
-@contextmanager
-def making(where: str) -> Iterator[None]:
-    """Name the key of a node whose class or module raises any error.
-
-    What code of the user's raises keeps its traceback.
+def _checked(
+    where: str, called: Callable[..., Any], values: Mapping[str, Any]
+) -> Mapping[str, Any]:
+    """Return values as the types of a dataclass have them, if all are arguments of what is called.
 
     Raises:
-        UserError: If a class of a library refuses, or there is none of this name.
+        UserError: If one is not, or of another type.
     """
     try:
-        yield
-    except UserError:
-        raise
-    except Exception as error:
-        cause = _innermost(error)
-        if blame_users_code(cause, where):
-            raise cause from cause.__cause__
-        raise UserError(f"{where} fails: {_reason(cause)}") from error
+        taken = inspect.signature(called).parameters
+        schema = OmegaConf.structured(called) if is_dataclass(called) else None
+    except (ValueError, OmegaConfBaseException):  # of a class in C, of types without a name there
+        return values
+    takes_any = any(each.kind is each.VAR_KEYWORD for each in taken.values())
+    typed = dict(values)
+    for name, value in values.items():
+        key = f"{where}.{shorten(name)}"
+        if name not in taken and not takes_any:
+            known = listed([*taken]) or "none"
+            near = nearest(str(name), taken, f"{where}.")
+            raise UserError(f"There is no key {key}{near}; its class has {known}.")
+        if schema is not None and name in schema and not _has_nodes(value):
+            try:
+                schema[name] = value
+            except OmegaConfBaseException as error:
+                said = str(error).splitlines()[0].rstrip(".")
+                raise UserError(f"{key} cannot be used: {said}; give another value.") from error
+            typed[name] = OmegaConf.to_container(schema)[name]  # type: ignore[call-overload, index]
+    return typed
 
 
-def _innermost(error: Exception) -> Exception:
-    while isinstance(error, InstantiationException) and isinstance(error.__cause__, Exception):
-        error = error.__cause__
-    return error
-
-
-def _reason(error: Exception) -> str:
-    """What an error says, in one line."""
-    lines = str(error).splitlines()
-    if isinstance(error, OmegaConfBaseException):  # what follows is of its own insides
-        lines = lines[:1]
-    said = " ".join(" ".join(lines).split()).rstrip(".")
-    return f"{said or type(error).__name__}; correct its _target_ or arguments."
+def _has_nodes(value: object) -> bool:
+    """Whether a value holds more nodes to be built."""
+    if isinstance(value, Mapping):
+        return TARGET in value or any(map(_has_nodes, value.values()))
+    return isinstance(value, list | tuple) and any(map(_has_nodes, value))
 
 
 # A new class of conf/sense, conf/model or conf/trunk is added here.
@@ -290,11 +247,8 @@ def make(where: str, node: Mapping[str, Any], **offered: Any) -> Any:  # noqa: A
     """
     cls = trusted_class(where, node)
     values = make_value(where, {key: value for key, value in node.items() if key != TARGET})
-    with making(where):
-        more = _accepted(cls, values, offered)
-        _check_names(where, cls, values)
-        _check_types(where, cls, values)
-        return cls(**values, **more)
+    with making(where, node[TARGET]):
+        return cls(**_checked(where, cls, values), **_accepted(cls, values, offered))
 
 
 def make_value(where: str, value: object) -> Any:  # noqa: ANN401
@@ -319,27 +273,6 @@ def make_value(where: str, value: object) -> Any:  # noqa: ANN401
     if not isinstance(value, str | int | float | NoneType):
         raise UserError(f"{where} is of {type(value).__name__}, which is no plain value.")
     return value
-
-
-def _check_names(where: str, cls: type[Any], values: Mapping[str, object]) -> None:
-    """Refuse arguments that a class does not take."""
-    taken = parameters(cls)
-    if taken is None:
-        return
-    for name in values:
-        if name not in taken:
-            raise UserError(
-                f"There is no key {where}.{shorten(name)}{nearest(str(name), taken, f'{where}.')}; "
-                f"{cls.__name__} has {listed([*taken]) or 'none'}."
-            )
-
-
-def _check_types(where: str, cls: type[Any], values: Mapping[str, object]) -> None:
-    """Refuse values that are not of the types of a dataclass."""
-    for name, kind in annotations(cls).items() if is_dataclass(cls) else ():
-        if name in values and not fits(values[name], kind):
-            given = shorten(values[name])
-            raise UserError(f"{where}.{name} is {given}; give {in_words(kind)}.")
 
 
 def _untrusted(where: str, target: str, package: str) -> UserError:

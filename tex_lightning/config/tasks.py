@@ -11,9 +11,14 @@ ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
+AUTO = "auto"  # model that task=frontier chooses
 EVERY_SENSE = "auto"  # of frontier.senses
+PROFILED = (
+    "haptic", "visual", "visual_tcnn", "visual_efficientnet", "visual_vgg_m", "tcnn",
+)  # fmt: skip
 EXPORT_FORMATS = ("onnx", "web", "card")
 READ_FILES = ("predict", "profile", "record", "stream")  # tasks that read files, by modality
+TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
 DAY = {"unit": "s", "above": 0, "most": 86_400}
@@ -137,7 +142,8 @@ class CrossvalConfig:
 
     only: list[int] | None = key("folds to run, e.g. [0,3]; null runs all", default=None)
     profile: list[str] = key(
-        "models whose first fold's network gets task=profile too, e.g. [haptic,visual]"
+        "models whose first fold's network gets task=profile too, e.g. [haptic,visual]",
+        choices=PROFILED,
     )
 
 
@@ -257,8 +263,9 @@ class StabilityConfig:
     )
     parts: bool = key("test HapticNet and VisualNet of a FusionNet's run folder as well")
     folds: list[int] | None = key(
-        "folds of a cross-validation's run folder; null tests all in it", default=None
-    )
+        "folds of a cross-validation's run folder; null tests all in it",
+        least=0, most=99_999, default=None,
+    )  # fmt: skip
     only: list[str] | None = key(
         "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
     )

@@ -1,21 +1,20 @@
 """The texts of ``--help`` and ``--version``: the commands, and the keys that a task reads."""
 
+import json
 import textwrap
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
 from tex_lightning import __version__
-from tex_lightning.config import READS, Config
+from tex_lightning.config import CONF, READS, Config
 from tex_lightning.config.composition import compose_config, keys_read
 from tex_lightning.config.keys import Key, plain, walk
-from tex_lightning.config.mistakes import config_groups, unknown_option
+from tex_lightning.config.search import user_folders
 
 WIDTH = 79
-ALL = "all"
-FLAGS = ("-h", "--help", "--version")
-TOPIC = ("help=", "--help=")
+ALL = "--help=all"
+FLAGS = ("-h", "--help", "--version", ALL)
 PARTS = {"sense": "model", "trunk": "model"}  # groups that fill in a section of another name
 EVERYWHERE = ("task", "experiment", "debug")  # groups that go with any task
 
@@ -52,52 +51,57 @@ and TensorBoard events. README.md leads to the chapters in docs/."""
 
 def asks(arguments: Sequence[str]) -> bool:
     """Whether a command line asks for help or the version in place of a run."""
-    return any(item in FLAGS or item.startswith(TOPIC) for item in arguments)
+    return any(item in FLAGS for item in arguments)
 
 
-def answer(arguments: Sequence[str], conf: Path) -> str:
-    """The text that a command line asks for.
+def answer(arguments: Sequence[str]) -> str:
+    """Return the text that a command line asks for.
 
     Args:
         arguments: The command line after the program's name.
-        conf: Folder of the configuration files.
 
     Raises:
-        UserError: If there is no help under the name asked for.
-        HydraException: If an override beside it is wrong.
+        HydraException: If an override is wrong.
     """
     if "--version" in arguments:
         return f"tex_lightning {__version__}"
-    topics = [item.partition("=")[2] for item in arguments if item.startswith(TOPIC)]
-    overrides = [item for item in arguments if "=" in item and not item.startswith(("-", *TOPIC))]
-    tasks = [item.partition("=")[2] for item in overrides if item.startswith("task=")]
-    if not topics and not tasks:
-        return COMMANDS.format(tasks="\n".join(_tasks(conf)))
-    topic = (topics or tasks)[-1]
-    if topic not in (*READS, ALL):
-        raise unknown_option("help", topic, (*READS, ALL))
-    if topic == ALL:
-        return _listing(compose_config(conf, overrides), conf, dict(walk(Config)))
-    config = compose_config(conf, [*overrides, f"task={topic}"])
-    return _listing(config, conf, keys_read(config))
+    overrides = [item for item in arguments if "=" in item and not item.startswith("-")]
+    if ALL in arguments:
+        return _listing(compose_config(CONF, overrides), dict(walk(Config)))
+    if not any(item.startswith("task=") for item in overrides):
+        return COMMANDS.format(tasks="\n".join(_tasks()))
+    config = compose_config(CONF, overrides)
+    return _listing(config, keys_read(config))
 
 
-def _tasks(conf: Path) -> Iterator[str]:
+def _tasks() -> Iterator[str]:
     """A line for each task: the first sentence of the comment in its file."""
     for task in READS:
-        text = (conf / "task" / f"{task}.yaml").read_text(encoding="utf-8")
+        text = (CONF / "task" / f"{task}.yaml").read_text(encoding="utf-8")
         comments = [line[2:] for line in text.splitlines() if line.startswith("# ")]
         said = " ".join(line for line in comments if not line.startswith("@"))
         yield f"  {task:<11}{said.partition('. ')[0].rstrip('.')}"
 
 
-def _listing(config: DictConfig, conf: Path, keys: dict[str, Key]) -> str:
+def config_groups() -> dict[str, list[str]]:
+    """Options of every configuration group, the user's behind those of the package."""
+    groups: dict[str, list[str]] = {}
+    for folder in (CONF, *user_folders()):
+        for file in sorted(folder.rglob("*.yaml")):
+            group, *inner = file.relative_to(folder).with_suffix("").parts
+            option = "/".join(inner)
+            own = group in ("hydra", "debug") and len(inner) > 1  # not a person's to choose
+            if inner and not own and inner[-1] != "base" and option not in groups.get(group, ()):
+                groups.setdefault(group, []).append(option)
+    return groups
+
+
+def _listing(config: DictConfig, keys: dict[str, Key]) -> str:
     """Groups and keys with their values, sections apart."""
     sections = {name.partition(".")[0] for name in keys} | {*EVERYWHERE}
     lines = ["Groups and their options (group=option):", ""]
-    for group, options in config_groups(conf).items():
-        root, _, rest = PARTS.get(group, group).partition("/")
-        if root in sections and (root != "experiment" or not rest):
+    for group, options in config_groups().items():
+        if PARTS.get(group, group) in sections:
             lines += _wrapped(" | ".join(options), f"  {group}=", "      ")
     lines += ["", "Keys and their values (change any by key=value):"]
     before = None
@@ -105,9 +109,9 @@ def _listing(config: DictConfig, conf: Path, keys: dict[str, Key]) -> str:
         section = name.rpartition(".")[0]
         lines += [""] * (section != before)
         before = section
-        line = f"{name}={_value(config, name)}"
-        lines.append(line if len(line) <= WIDTH else f"{line[: WIDTH - 4]} ...")
-        lines += _wrapped(key.meaning + _limits(key), "    ", "    ")
+        lines.append(textwrap.shorten(f"{name}={_value(config, name)}", WIDTH, placeholder=" ..."))
+        said = ", ".join(filter(None, [key.unit, " | ".join(map(str, key.choices)), key.range]))
+        lines += _wrapped(key.meaning + (f" [{said}]" if said else ""), "    ", "    ")
     return "\n".join(lines)
 
 
@@ -115,26 +119,13 @@ def _wrapped(text: str, first: str, others: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=first, subsequent_indent=others)
 
 
-def _limits(key: Key) -> str:
-    said = [key.unit, " | ".join(map(str, key.choices)), key.range]
-    known = ", ".join(item for item in said if item)
-    return f" [{known}]" if known else ""
-
-
 def _value(config: DictConfig, name: str) -> str:
-    """A value as typed on the command line."""
+    """A value about as it is typed on the command line."""
     section, _, leaf = name.rpartition(".")
     node = OmegaConf.select(config, section) if section else config
     if OmegaConf.is_missing(node, leaf):
         return "???"
-    return _typed(OmegaConf.to_container(node, resolve=False)[leaf])  # type: ignore[index,call-overload]
-
-
-def _typed(value: object) -> str:
-    if isinstance(value, list):
-        return f"[{','.join(map(_typed, value))}]"
-    if isinstance(value, dict):
-        return f"{{{','.join(f'{name}: {_typed(item)}' for name, item in value.items())}}}"
-    words = {None: "null", True: "true", False: "false"}
-    named = value is None or isinstance(value, bool)
-    return words[value] if named else plain(value)  # type: ignore[index]
+    value = OmegaConf.to_container(node, resolve=False)[leaf]  # type: ignore[index, call-overload]
+    if isinstance(value, str | float):
+        return plain(value)
+    return json.dumps(value).replace('"', "")

@@ -4,11 +4,10 @@ from dataclasses import fields, replace
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import ConfigKeyError, OmegaConfBaseException
+from omegaconf.errors import OmegaConfBaseException
 
 from tex_lightning.config import Config
 from tex_lightning.config.instantiation import TARGET, find_class
-from tex_lightning.config.keys import nearest
 from tex_lightning.config.model import CustomPhotoConfig, CustomSignalConfig
 from tex_lightning.errors import UserError
 from tex_lightning.networks.trunks import TRUNKS, name_trunk
@@ -55,11 +54,6 @@ def _own_sense(name: str, node: dict[str, Any], budget: float) -> object:
         merged = OmegaConf.merge(schema, node)
         merged.fit.steps_per_epoch = max(1, round(budget * merged.fit.steps_per_epoch))
         return OmegaConf.to_object(merged)
-    except ConfigKeyError as error:
-        section, _, key = str(error.full_key).rpartition(".")
-        known = map(str, OmegaConf.select(schema, section) if section else schema)
-        near = nearest(key, known, f"{where}.{section}.")
-        raise UserError(f"There is no key {where}.{error.full_key}{near}; correct it.") from error
     except OmegaConfBaseException as error:
         said = str(error).splitlines()[0].rstrip(".")
         raise UserError(f"{where}: {said}; correct conf/sense/{name}.yaml.") from error

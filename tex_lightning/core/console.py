@@ -231,7 +231,7 @@ _FILTERS: list["warnings.catch_warnings[None]"] = []
 
 
 @contextmanager
-def quietly() -> Iterator[None]:
+def suppress_warnings() -> Iterator[None]:
     """Keep what libraries warn of while they read, in any number of threads.
 
     The filters of warnings are those of the process: the first thread sets them aside, the last
@@ -256,7 +256,7 @@ def quietly() -> Iterator[None]:
 
 
 @cache
-def silence_libtiff() -> None:
+def suppress_libtiff() -> None:
     """Let the libtiff that comes with Pillow print nothing; another one may."""
     from PIL import _imaging  # which is loaded only where photos are read
 

@@ -5,20 +5,17 @@
 
 import importlib
 import pkgutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-LIBRARIES = (
-    "tex_lightning", "hydra", "omegaconf", "yaml", "torch", "torchvision", "lightning", "kornia",
-)  # fmt: skip
+LIBRARIES = ("tex_lightning.", "torch.", "torchvision.", "lightning.", "kornia.")
 FAULT = "tex_lightning_fault"  # attribute of an error
 
 CONTRACTS = {
@@ -53,52 +50,86 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
     except UserError:
         raise
     except Exception as error:
-        said = f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}."
-        _note(error, said, error.__traceback__)
+        _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}.")
         raise
 
 
-def blame_users_code(error: Exception, key: str) -> bool:
-    """Note the key on an error that code of the user's raised while it was imported or made.
+@contextmanager
+def making(key: str, target: str) -> Iterator[None]:
+    """Name the key of a class that cannot be made.
+
+    What a user's class raises keeps its traceback.
 
     Args:
-        error: Any error.
-        key: What named that code.
+        key: Its key in the configuration.
+        target: Dotted path of the class.
 
-    Returns:
-        Whether any such code ran.
+    Raises:
+        UserError: If a class of this package or of a library that it builds on refuses.
     """
-    where = error.__traceback__
-    while where is not None and _is_known(where.tb_frame.f_globals.get("__name__")):
-        where = where.tb_next
-    if where is None and not isinstance(error, SyntaxError):
-        return False
-    _note(error, f"{key} raised {type(error).__name__} while it was imported or made.", where)
-    return True
-
-
-def _is_known(module: object) -> bool:
-    package = str(module).partition(".")[0]
-    return package in LIBRARIES or package in sys.stdlib_module_names
-
-
-def resolve(target: str) -> Any:  # noqa: ANN401
-    """Return what a dotted path names; a failure of its module is raised as it is."""
     try:
-        return pkgutil.resolve_name(target)  # Hydra's own would log the error as well
-    except AttributeError:
-        importlib.import_module(target.rpartition(".")[0])  # whose own failure it hides
+        yield
+    except UserError:
+        raise
+    except Exception as error:
+        cause = _innermost(error)
+        if f"{target}.".startswith(LIBRARIES):
+            said = reason(str(cause).partition("\n    full_key:")[0] or type(cause).__name__)
+            raise UserError(f"{key} fails: {said}; correct its _target_ or arguments.") from error
+        _note(cause, f"{key} raised {type(cause).__name__} while it was made.")
+        raise cause from cause.__cause__
+
+
+def _innermost(error: Exception) -> Exception:
+    """What a class raised, of which Hydra makes an error of its own."""
+    while type(error).__name__ == "InstantiationException" and isinstance(
+        error.__cause__, Exception
+    ):
+        error = error.__cause__
+    return error
+
+
+def resolve(key: str, target: str) -> Any:  # noqa: ANN401
+    """Return what a dotted path names; what its module raises keeps its traceback.
+
+    Args:
+        key: What named it.
+        target: The path.
+
+    Raises:
+        UserError: If there is nothing of this name.
+    """
+    module = target.rpartition(".")[0]
+    try:
+        try:
+            return pkgutil.resolve_name(target)
+        except AttributeError as error:
+            if module:
+                importlib.import_module(module)  # whose own failure it hides
+            raise _not_there(key, error) from error
+    except UserError:
+        raise
+    except Exception as error:
+        missing = getattr(error, "name", None) if isinstance(error, ModuleNotFoundError) else None
+        absent = missing is not None and f"{target}.".startswith(f"{missing}.")
+        if absent or not all(part.isidentifier() for part in target.split(".")):
+            raise _not_there(key, error) from error
+        _note(error, f"{key} raised {type(error).__name__} while it was imported.")
         raise
 
 
-def _note(error: Exception, said: str, where: TracebackType | None) -> None:
+def _not_there(key: str, error: Exception) -> UserError:
+    return UserError(f"{key} fails: {reason(error)}; correct its _target_ or arguments.")
+
+
+def _note(error: Exception, said: str) -> None:
     if not hasattr(error, FAULT):
         error.add_note(said)
-        setattr(error, FAULT, (said, where))
+        setattr(error, FAULT, (said, error.__traceback__))
 
 
 def fault_of(error: BaseException) -> tuple[str, TracebackType | None] | None:
-    """Return what is noted on an error, and the part of its traceback to show."""
+    """Return what is noted on an error, and its traceback from there on."""
     found: tuple[str, TracebackType | None] | None = getattr(error, FAULT, None)
     return found
 

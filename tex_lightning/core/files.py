@@ -201,7 +201,7 @@ def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
 
 
 @contextmanager
-def quiet_threads() -> Iterator[None]:
+def suppress_thread_errors() -> Iterator[None]:
     """Keep threads from printing that the disk is full, which the main one says.
 
     TensorBoard writes in a thread of its own and raises what happened there when it is used next.

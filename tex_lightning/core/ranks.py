@@ -29,7 +29,7 @@ def started_processes() -> int | None:
     return tasks if tasks > 1 else None
 
 
-def join_quietly() -> None:
+def suppress_output() -> None:
     """Say nothing in this process, and end it when the one that Lightning started it from is gone.
 
     An operation on GPUs would wait for that one for ever. Those that torchrun or SLURM have started

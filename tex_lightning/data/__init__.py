@@ -1,6 +1,6 @@
 """Readers, store, folds and data module: the way from files to batches.
 
-Called, the package is :func:`tex_lightning.launch.data`:
+Called, the package is :func:`tex_lightning.cli.data`:
 
     >>> import tex_lightning as tl
     >>> recordings = tl.data("model=haptic", "data=folder", "data.root=DIR")

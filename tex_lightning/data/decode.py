@@ -17,7 +17,7 @@ import scipy  # whose parts are loaded when they are used
 from PIL import Image, ImageOps, UnidentifiedImageError
 from torch import Tensor
 
-from tex_lightning.core.console import quietly, silence_libtiff
+from tex_lightning.core.console import suppress_libtiff, suppress_warnings
 from tex_lightning.core.files import require_file
 from tex_lightning.data.traces import (
     MAX_SAMPLES,
@@ -223,9 +223,9 @@ def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> P
         UserError: If the file is missing, empty, truncated, no image, or not 8 bits a channel.
     """
     require_file(path)
-    silence_libtiff()
+    suppress_libtiff()
     try:
-        with quietly(), Image.open(path, formats=IMAGE_FORMATS) as image:
+        with suppress_warnings(), Image.open(path, formats=IMAGE_FORMATS) as image:
             if image.mode.startswith(("I", "F")):
                 raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
             halved = fast and settings.half_scale and _decodes_halved(image)

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 import soundfile
 
-from tex_lightning.core.console import quietly
+from tex_lightning.core.console import suppress_warnings
 from tex_lightning.core.files import check_lines, is_file, require_file
 from tex_lightning.errors import UserError, reason, shorten
 
@@ -191,7 +191,7 @@ def _check_count(count: int) -> None:
 
 def _read_array(path: Path) -> Table:
     try:
-        with quietly():  # a map takes no memory for what a header claims
+        with suppress_warnings():  # a map takes no memory for what a header claims
             array = np.load(path, mmap_mode="r", allow_pickle=False)
     except OSError:
         raise

@@ -65,7 +65,7 @@ def _compose(path: str | Path, overrides: tuple[str, ...]) -> Config:
     try:
         composed = compose_config(CONF, [f"task={TASK}", *overrides])
     except MISTAKES as error:
-        raise explain(error, overrides, CONF) from error
+        raise explain(error) from error
     composed.checkpoint = str(path)
     config = read_config(composed)
     check_config(config)

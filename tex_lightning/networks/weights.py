@@ -17,7 +17,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from tex_lightning.core.console import quietly
+from tex_lightning.core.console import suppress_warnings
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import check_archive
 from tex_lightning.networks.blocks import MEAN, STD
@@ -141,7 +141,7 @@ def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
     try:
         check_archive(path)
         if LAYOUTS[path.suffix] == "efficientnet":
-            with quietly():
+            with suppress_warnings():
                 content: Any = torch.load(path, map_location="cpu", weights_only=True)
             return fold_statistics(content), EFFICIENTNET_INPUT
         if path.suffix == ".caffemodel":

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from omegaconf import OmegaConf
 
-from tex_lightning.core.contract import blame_users_code, breach, calling, describe, resolve
+from tex_lightning.core.contract import breach, calling, describe, fault_of, resolve
 from tex_lightning.core.files import check_yaml
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations import pixels, traces
@@ -143,7 +143,7 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
         for each in found.values():
             _check(each)
     except Exception as error:  # a function's module may fail in any way
-        if blame_users_code(error, f"stability.severities={path}"):
+        if fault_of(error) is not None:
             raise
         said = " ".join(str(error).split()).rstrip(".")
         raise UserError(
@@ -204,7 +204,7 @@ def _function(own: Perturbation) -> Function:
     known: dict[str, Any] = {**vars(pixels), **vars(traces)}
     if not own.is_users and name not in known:
         raise ValueError(f"{own.name} names {name}, which is no function of the package")
-    function: Function = resolve(name) if own.is_users else known[name]
+    function: Function = resolve("stability.severities", name) if own.is_users else known[name]
     return function
 
 

@@ -24,7 +24,7 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import quiet_threads
+from tex_lightning.core.files import suppress_thread_errors
 from tex_lightning.core.progress import steps
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
@@ -177,7 +177,7 @@ def fold_data(config: Config, directory: Path) -> InputData:
     """Read the data of a configuration as inputs of its network, for any Lightning Trainer."""
     model = config.model
     trust(*config.trusted, *named_classes(model.nodes))
-    with quiet_threads():
+    with suppress_thread_errors():
         opening = Opening(config.data, trained_networks(model), [config.data.test_fold])
         workspace = open_workspace(config, directory, opening)
         card = configured_card(config, model.senses, workspace.classes)

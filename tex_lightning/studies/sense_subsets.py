@@ -5,9 +5,8 @@ from dataclasses import replace
 from itertools import combinations
 
 from tex_lightning.config import Config, FrontierConfig
-from tex_lightning.config.check_tasks import AUTO
 from tex_lightning.config.composition import Job
-from tex_lightning.config.tasks import EVERY_SENSE
+from tex_lightning.config.tasks import AUTO, EVERY_SENSE
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SEQUENTIAL

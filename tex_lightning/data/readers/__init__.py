@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from tex_lightning.config import DataConfig
-from tex_lightning.config.instantiation import build_typed
+from tex_lightning.config.instantiation import build
 from tex_lightning.config.keys import choice
 from tex_lightning.data.folds import check_conditions, with_folds
 from tex_lightning.data.recordings import Recording, Recordings, check_distinct, check_row, plural
@@ -100,7 +100,7 @@ def read_recordings(
     node = config.reader
     if modalities is not None and "senses" in node:
         node = {**node, "senses": list(modalities)}
-    reader: Reader = build_typed("data.reader", node)
+    reader: Reader = build("data.reader", node)
     recordings = checked_table(reader.read(), type(reader).__name__)
     classes = recordings.classes
     if config.classes is not None and config.classes > len(classes):

@@ -1,0 +1,415 @@
+"""Compose, check and run one task, for the command line and for Python.
+
+PyTorch is imported once the command line is known to be right.
+"""
+
+import errno
+import json
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import hydra
+from omegaconf import DictConfig, OmegaConf
+
+from tex_lightning.config import CONF, SILENT, Config, flatten, plain_values, register
+from tex_lightning.config.check import check_config, check_known, check_missing, check_shares
+from tex_lightning.config.composition import (
+    Job,
+    current_job,
+    quote_files,
+    run_composed,
+    split_flags,
+)
+from tex_lightning.config.instantiation import named_classes, trust
+from tex_lightning.config.mistakes import MISTAKES, explain
+from tex_lightning.config.search import split_config_dir, use_config_dir, with_own_senses
+from tex_lightning.config.tasks import AUTO, TRAINING
+from tex_lightning.config.usage import answer, asks
+from tex_lightning.core.console import Screen, fresh_screen, say, verbosity
+from tex_lightning.core.contract import fault_of
+from tex_lightning.core.files import UNWRITABLE, suppress_thread_errors, unwritable
+from tex_lightning.core.progress import finishing
+from tex_lightning.core.ranks import is_rank_zero, started_processes, suppress_output
+from tex_lightning.core.run_folder import claim_folder, find_checkpoint, holds_work, locked_folder
+from tex_lightning.errors import UserError, reason, shorten
+
+if TYPE_CHECKING:
+    from tex_lightning.learning.inputs import InputData
+
+FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
+
+# Of every job of this process its run folder, and the override that goes on with it; none means
+# that Hydra could not make a run folder.
+STARTED: list[tuple[Path, str]] = []
+
+log = logging.getLogger(__name__)
+
+
+class Results(dict[str, Any]):
+    """The content of ``results.json``, and where the rest of the run lies.
+
+    Attributes:
+        folder: The run folder, with checkpoints, figures and predictions; :func:`load` takes it.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> results = tl.Results({"task": "fit"}, folder="outputs/run")
+        >>> results["task"], results.folder.name
+        ('fit', 'run')
+    """
+
+    def __init__(self, content: dict[str, Any], folder: str | Path) -> None:
+        super().__init__(content)
+        self.folder = Path(folder)
+
+
+def train(*overrides: str) -> Results:
+    """Train and test what the command line would, in this process.
+
+    Logging, the working directory and Hydra's state are left as they are. A run folder that holds
+    an unfinished run of the same settings is gone on with.
+
+    Args:
+        *overrides: What follows ``python -m tex_lightning``, such as ``"model=haptic"``,
+            ``"data=folder"``, ``"data.root=DIR"``, ``"task=crossval"`` or ``"hydra.run.dir=RUN"``,
+            without which a new folder is made below ``outputs``.
+
+    Returns:
+        What the run has written to ``results.json``; empty in a process that is not rank zero.
+
+    Raises:
+        UserError: With the sentence that the command line would print.
+
+    Example:
+        >>> import tex_lightning as tl
+        >>> results = tl.train("model=mfcc_nb", "data=folder", "data.root=DIR")
+        >>> results["networks"]["haptic"]["correct"]
+        3
+        >>> model = tl.load(results.folder)
+    """
+
+    def run(composed: DictConfig) -> Results:
+        if composed.task in SILENT:
+            raise UserError(
+                f"task={composed.task} leaves no results; run it by python -m tex_lightning, or "
+                "classify with tex_lightning.load."
+            )
+        job = current_job(python=True)
+        run_task(composed, job)
+        file = job.directory / "results.json"
+        content = json.loads(file.read_text(encoding="utf-8")) if is_rank_zero() else {}
+        return Results(content, job.directory)
+
+    results: Results = _in_process(run, overrides)
+    return results
+
+
+def data(*overrides: str) -> "InputData":
+    """Read, decode and divide recordings, for a network and a Lightning Trainer of one's own.
+
+    Args:
+        *overrides: As for :func:`train`; ``model=NAME`` says which inputs are made, and
+            ``data.test_fold`` and ``data.val_fold`` which recordings are left out of training.
+
+    Returns:
+        A ``LightningDataModule`` whose batches are pairs of inputs and labels, see
+        :class:`~tex_lightning.learning.inputs.InputData`.
+
+    Raises:
+        UserError: With the sentence that the command line would print.
+    """
+
+    def run(composed: DictConfig) -> "InputData":
+        from tex_lightning.studies.fold import fold_data
+
+        config, _, job = settled_config(composed, current_job(python=True))
+        if config.task != "fit" or config.model.baseline is not None:
+            raise UserError(
+                "tl.data makes the inputs of a network for training; give a model that is one, "
+                "and no task."
+            )
+        return fold_data(config, job.directory)
+
+    with TemporaryDirectory() as folder:
+        made: InputData = _in_process(run, [*overrides, f"hydra.run.dir={folder}"])
+    return made
+
+
+def _in_process(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
+    """Call a function with what the overrides compose; raise mistakes as one sentence."""
+    arguments = quote_files(split_config_dir(overrides)[1])
+    for each in arguments:
+        if each.startswith("-"):
+            raise UserError(f"{shorten(each)} is for the command line; give overrides key=value.")
+    began: list[bool] = []
+
+    def run(composed: DictConfig) -> Any:  # noqa: ANN401
+        began.append(True)
+        return function(composed)
+
+    try:
+        use_config_dir(overrides)
+        return run_composed(run, arguments)
+    except Exception as error:
+        mistake = to_user_error(error, began=bool(began))
+        if mistake is None or mistake is error:
+            raise
+        raise mistake from error
+    finally:
+        use_config_dir([])
+
+
+def to_user_error(error: Exception, *, began: bool) -> UserError | None:
+    """Return what of an error is the user's to mend; None if it is a fault of the program.
+
+    Args:
+        error: Error that ended the job.
+        began: Whether the job had a run folder; before, only its configuration can be wrong.
+    """
+    if isinstance(error, UserError):
+        return error
+    if fault_of(error) is not None:  # of the user's own code, which keeps its traceback
+        return None
+    if isinstance(error, MISTAKES):
+        return explain(error)
+    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        return UserError(f"The path {shorten(error.filename)} is too long; give a shorter one.")
+    if began:
+        if isinstance(error, OSError) and error.errno in UNWRITABLE:
+            return unwritable(shorten(error.filename or "a file of this run"), error)
+        return None
+    if isinstance(error, OSError):
+        return UserError(
+            f"The run folder cannot be made ({shorten(error)}); choose another hydra.run.dir."
+        )
+    if isinstance(error, ValueError | OverflowError | RecursionError):
+        return UserError(
+            f"The command line or a configuration file cannot be read ({reason(error)}); give "
+            "other values."
+        )
+    return None
+
+
+def main() -> int:
+    """Run the command line and return its exit status."""
+    try:
+        return _main()
+    except KeyboardInterrupt:
+        if is_rank_zero():
+            say(_interrupted())
+        return INTERRUPTED
+    except Exception as error:
+        if (fault := fault_of(error)) is None:
+            raise
+        if is_rank_zero():
+            said, where = fault
+            say(f"Error: {said}")
+            error.__notes__.clear()
+            traceback.print_exception(type(error), error, where)
+        return FAILED
+
+
+def _main() -> int:
+    # Hydra then raises its errors instead of printing and exiting with status 1.
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    STARTED.clear()
+    arguments = sys.argv[1:]
+    try:
+        use_config_dir(arguments)
+        if asks(arguments):
+            print(answer(arguments), flush=True)
+            return 0
+        return _run(arguments)
+    except BrokenPipeError:  # of `| head`; Python would complain once more when it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        mistake = to_user_error(error, began=bool(STARTED))
+        if mistake is None:
+            raise
+        return complain(mistake)
+
+
+def complain(error: Exception) -> int:
+    """Print a user's mistake in one sentence and return the exit status for it."""
+    if is_rank_zero():
+        say(f"Error: {error}")
+    return USER_FAULT
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Run the jobs of the command line and return its exit status."""
+    register()
+    flags, overrides = split_flags(arguments)
+    if not is_rank_zero():
+        suppress_output()
+        overrides.append("hydra/job_logging=none")
+    sys.argv[1:] = [*flags, *with_own_senses(quote_files(overrides))]
+    entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
+    with fresh_screen(), finishing():
+        entry()
+    from tex_lightning.report.sweep import SweepSummary
+
+    failures, SweepSummary.failures = SweepSummary.failures, 0  # the next call starts afresh
+    return FAILED if failures else 0
+
+
+def _interrupted() -> str:
+    """What to say after Ctrl-C: how to go on with what is there."""
+    for directory, override in reversed(STARTED):
+        if holds_work(directory):
+            again = f"the same command with {override}"
+            return f"Interrupted; {again} goes on after the last finished epoch."
+    return "Interrupted."
+
+
+def run_job(composed: DictConfig) -> float | None:
+    """Run one composed job; a sweep goes on whatever becomes of it.
+
+    Returns:
+        What a sweeper that searches is to minimise; None of a job that failed or trains nothing.
+    """
+    from tex_lightning.report.sweep import FAILURE, note_failure
+
+    job = current_job()
+    swept = job.origin == "sweep"
+    place = OmegaConf.select(job.hydra, "hydra.sweep.dir") if swept else job.directory
+    STARTED.append((job.directory, f"hydra.{'sweep' if swept else 'run'}.dir={place}"))
+    (job.directory / FAILURE).unlink(missing_ok=True)
+    try:
+        return run_task(composed, job)
+    except Exception as error:
+        mistake = to_user_error(error, began=True)
+        if not swept:
+            if mistake is None:
+                raise
+            raise SystemExit(complain(mistake)) from error
+        if mistake is None:
+            log.exception("This job of the sweep failed.")
+        fault = fault_of(error)
+        said = mistake or (fault and fault[0]) or f"{type(error).__name__}: {error}"
+        note_failure(job, str(said))
+        return None
+
+
+def run_task(composed: DictConfig, job: Job) -> float | None:
+    """Check the configuration and run its task in the run folder of the job.
+
+    Every process of a training on several devices does; only rank zero writes.
+
+    Returns:
+        What a sweeper that searches is to minimise; None of a task that trains nothing.
+
+    Raises:
+        UserError: If the configuration or what it names cannot be used.
+    """
+    from tex_lightning.core.devices import kept_memory
+    from tex_lightning.report.sweep import runs_side_by_side
+
+    Screen.sweep = job.origin == "sweep"
+    several = Screen.sweep and runs_side_by_side(job.hydra)
+    Screen.job = f"Job {job.hydra.hydra.job.num}: " if several else ""
+    config, composed, job = settled_config(composed, job)
+    if config.checkpoint is not None:
+        config = replace(config, checkpoint=str(find_checkpoint(config.checkpoint)))
+    _set_devices(config, job)
+    trust(*config.trusted, *named_classes(config.model.nodes))
+    own = is_rank_zero() and config.task not in SILENT
+    with (
+        verbosity(config.verbose),
+        finishing(),
+        kept_memory(),
+        suppress_thread_errors(),
+        locked_folder(job.directory) if own else nullcontext(),
+    ):
+        if is_rank_zero():
+            claim_folder(composed, flatten(plain_values(config)), job)
+        if config.model.name == AUTO:
+            from tex_lightning.studies.frontier import resolve_auto
+
+            config = resolve_auto(config.frontier.run, config.data.test_fold, job)
+        # a task is imported when it runs: most take Lightning, which predictions do without
+        results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job)
+        if results and config.task not in SILENT:  # other ranks have none
+            from tex_lightning.report.page import write_report
+
+            write_report(job.directory)
+    if config.task in TRAINING and results:
+        from tex_lightning.evaluation.outcomes import optimized_value
+
+        return optimized_value(results, config.optimized_metric)
+    return None
+
+
+def settled_config(composed: DictConfig, job: Job) -> tuple[Config, DictConfig, Job]:
+    """Check a configuration, and fill in what its own recordings decide.
+
+    Returns:
+        It, typed and as composed, and the job that asks for all of it.
+
+    Raises:
+        UserError: If a value cannot be used.
+    """
+    from tex_lightning.config.weights import read_config
+    from tex_lightning.data.own_defaults import with_defaults
+
+    check_known(composed)
+    check_missing(composed)
+    config = read_config(composed)
+    check_config(config)
+    if (settled := with_defaults(config.task, config.data, config.model, job)) is not job:
+        job, composed = settled, settled.compose(settled.overrides)
+        config = read_config(composed)
+        check_config(config)
+    return config, composed, job
+
+
+def _set_devices(config: Config, job: Job) -> None:
+    """Set PyTorch's threads and precision, and refuse devices that a task cannot use.
+
+    The layers of a short chunk of a stream are so small that a second thread only costs time. A
+    user's ``OMP_NUM_THREADS`` is left as it is.
+    """
+    import torch
+
+    from tex_lightning.core.devices import check_precision, count_processes, use_tf32
+
+    threads = config.trainer.threads
+    if threads is None and config.task in ("stream", "record"):
+        threads = None if "OMP_NUM_THREADS" in os.environ else 1
+    if threads is not None:
+        torch.set_num_threads(threads)
+    use_tf32(config.trainer.tf32)
+    processes = 1
+    if config.task in TRAINING:
+        check_precision(config.trainer)
+        processes = count_processes(config.trainer)
+    if processes > 1:
+        _check_origin(job)
+    check_shares(config, processes)
+    if started_processes() and not job.named:
+        raise UserError(
+            "Several processes were started, which have to share a run folder; give hydra.run.dir."
+        )
+
+
+def _check_origin(job: Job) -> None:
+    """Refuse several processes where Lightning cannot start them by the same command line."""
+    if job.origin == "sweep":
+        from tex_lightning.report.sweep import NO_SWEEP
+
+        raise UserError(NO_SWEEP)
+    if job.origin == "python" and not started_processes():
+        raise UserError(
+            "Python trains in this process alone; for several devices run python -m tex_lightning, "
+            "or start this program with torchrun."
+        )
