@@ -41,12 +41,6 @@ def test_inputs_of_any_shape_are_cut_along_their_last_axis(shape):
         assert len(places) == 1
 
 
-def test_a_short_spectrogram_is_repeated():
-    cut = InputBank([spectrogram(4, 0)], frames=10).cut(*FIRST)["input"]
-    steps = cut[0, 0, 0].diff()
-    assert set(steps.tolist()) == {1.0, -3.0}
-
-
 def test_every_version_of_a_recording_is_cut_alike():
     versions = [
         spectrogram(20, 100 * number) for number in range(6)

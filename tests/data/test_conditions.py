@@ -12,8 +12,6 @@ from tex_lightning.data.folds import (
     check_conditions,
     check_split,
     comparable,
-    describe,
-    in_order,
     shown,
     split,
 )
@@ -127,11 +125,6 @@ def test_a_condition_that_some_of_a_sense_do_not_say_is_refused():
     check_conditions(Recordings((*STROKES, photo(0))), {"speed": 60})
 
 
-def test_recordings_without_any_conditions_are_told_where_they_come_from():
-    with pytest.raises(UserError, match="choose from further columns of a manifest"):
-        check_conditions(Recordings((trace(0),)), {"speed": 60})
-
-
 def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     rows = Recordings((trace(0, speed="1"), trace(1, "b", speed="1"), trace(2, "b", speed="2")))
     for where, message in (
@@ -151,11 +144,6 @@ def test_a_number_is_one_value_however_it_is_written(number):
     assert comparable(shown(str(number))) == comparable(number)
 
 
-def test_values_are_ordered_by_size_and_words_naturally():
-    values = ["s10", "0.65", "-2", "s9", "10", "nan", "0.7"]
-    assert sorted(values, key=in_order) == ["-2", "0.65", "0.7", "10", "nan", "s9", "s10"]
-
-
 @pytest.mark.parametrize(
     "where",
     [{"speed": 60}, {"speed": [50, 60], "light": "lamp"}, {"light": ["north window", 'a "b", c']}],
@@ -172,7 +160,3 @@ def test_the_override_reads_back_through_a_shell_and_hydra(where):
         for key, item in where.items()
     }
     assert plain == asked
-
-
-def test_conditions_are_said_in_words():
-    assert describe({"speed": [50, 60], "light": "lamp"}) == "speed 50 or 60 and light lamp"

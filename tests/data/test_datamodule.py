@@ -122,13 +122,6 @@ def test_of_three_senses_the_longest_leads_and_the_others_have_its_classes():
     assert sorted(led) == sorted([*range(5)] * 4)
 
 
-def test_a_single_sense_makes_batches_of_its_own():
-    stream = TrainingBatches({"own": numbered(2, np.array([0, 1]))}, batch_size=2, seed=0)
-    batch = stream[0]
-    assert batch.keys() == {"label", "own"}
-    assert sorted(batch["label"].tolist()) == [0, 1]
-
-
 def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_path):
     decoders = {"haptic": SignalDecoder(), "image": PhotoDecoder(half_scale=False)}
     store = Store(tmp_path, decoders)

@@ -94,26 +94,6 @@ def test_axes_in_three_files_are_one_trace(tmp_path):
     assert axis_files(photos[1]) == (photos[1],)
 
 
-def test_resized_photos_are_square_and_keep_their_mean(tmp_path):
-    noise = np.random.default_rng(0).integers(0, 256, (6, 9, 3)).astype(np.uint8)
-    Image.fromarray(noise).save(tmp_path / "p.png")
-    settings = PhotoDecoder(half_scale=False, resize=90)
-    found = decode_image(tmp_path / "p.png", settings)
-    theirs = cv2.resize(noise, (90, 90), interpolation=cv2.INTER_LINEAR)
-    assert found.shape == (90, 90, 3)
-    assert np.abs(found.astype(int) - theirs).max() <= 1
-    flat = np.full((40, 50, 3), 77, np.uint8)
-    Image.fromarray(flat).save(tmp_path / "flat.png")
-    assert np.unique(decode_image(tmp_path / "flat.png", settings)).tolist() == [77]
-
-
-def test_orientation_and_shape_of_arrays(tmp_path):
-    np.save(tmp_path / "a.npy", AXES.T)
-    np.testing.assert_array_equal(SIGNAL.decode(tmp_path / "a.npy")[0], AXES)
-    np.save(tmp_path / "b.npy", AXES[0])
-    assert SIGNAL.decode(tmp_path / "b.npy")[0].shape == (1, 700)
-
-
 @pytest.mark.parametrize("rate", [44_100, 5_000, 12_345])
 def test_a_tone_keeps_its_frequency_when_resampled(tmp_path, rate):
     time = np.arange(rate * 2) / rate
@@ -123,13 +103,6 @@ def test_a_tone_keeps_its_frequency_when_resampled(tmp_path, rate):
     middle = trace[5000:15_000]
     assert np.abs(np.fft.rfft(middle)).argmax() == 440
     assert np.abs(middle).max() == pytest.approx(1, abs=0.02)
-
-
-def test_the_known_rate_of_a_bare_file_is_used(tmp_path):
-    np.save(tmp_path / "t.npy", AXES)
-    assert SIGNAL.decode(tmp_path / "t.npy", rate=5000)[0].shape == (3, 1400)
-    slower = SignalDecoder(file_rate=20_000)
-    assert slower.decode(tmp_path / "t.npy")[0].shape == (3, 350)
 
 
 def test_bad_traces_are_refused_with_a_reason(tmp_path):
@@ -264,18 +237,6 @@ def test_of_a_large_photo_the_middle_is_kept(tmp_path, monkeypatch):
         np.testing.assert_array_equal(whole.decode(tmp_path / "a.png")[0], expected)
         np.testing.assert_array_equal(as_photo(given, whole, "rgb"), expected)
     assert PhotoDecoder(half_scale=False, resize=30).decode(tmp_path / "a.png")[0].shape[0] == 30
-
-
-def test_bad_photos_are_refused_with_a_reason(tmp_path):
-    (tmp_path / "text.jpg").write_text("hello")
-    with pytest.raises(UserError, match="no known image format"):
-        decode_image(tmp_path / "text.jpg", PHOTO)
-    Image.fromarray(np.zeros((4, 4), np.uint16)).save(tmp_path / "deep.png")
-    with pytest.raises(UserError, match="8 bits"):
-        decode_image(tmp_path / "deep.png", PHOTO)
-    Image.new("RGB", (1, 9)).save(tmp_path / "thin.png")
-    with pytest.raises(UserError, match="too thin to be halved"):
-        decode_image(tmp_path / "thin.png", PHOTO)
 
 
 class Harm:

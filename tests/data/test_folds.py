@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from tex_lightning.config import DataConfig, Folding
 from tex_lightning.data.folds import (
-    Split,
     check_split,
     count_folds,
     make_samples,
@@ -72,13 +71,6 @@ def test_ten_folds_of_five_groups_are_five(numbers):
         asked, fitting = (with_folds(rows, folds) for folds in (10, 5))
         assert sorted(row.fold for row in asked) == [0, 1, 2, 3, 4]
         assert [row.fold for row in asked] == [row.fold for row in fitting]
-
-
-def test_one_group_cannot_be_divided_and_the_class_is_named():
-    rows = Recordings(tuple(Recording(label, "haptic", Path(), "day 1") for label in "ab"))
-    assert count_folds(rows, 10) == 10
-    with pytest.raises(UserError, match="no traces to train on for a, b"):
-        check_split(split(rows, by(10, 0)), ["a", "b"], ["haptic"], by(10, 0))
 
 
 @given(
@@ -147,11 +139,6 @@ def test_every_fold_draws_other_recordings():
     assert drawn[9] == [0, 1]
 
 
-def test_without_a_test_fold_everything_is_test():
-    rows = table(a=(3, 0))
-    assert split(rows, by(10, None, None)).test == rows
-
-
 def test_pairs_go_through_the_longer_list():
     samples = make_samples(table(a=(1, 4), b=(3, 2), c=(2, 0)), ("haptic", "image"))
     assert [s.label for s in samples] == ["a"] * 4 + ["b"] * 3
@@ -177,42 +164,7 @@ def test_samples_of_three_modalities_have_a_recording_of_each():
         check_split(split(rows, by(2, None, None)), ["b"], ["sound"], by(2, None, None))
 
 
-def test_unimodal_samples_leave_the_other_modality_out():
-    rows = table(a=(2, 3))
-    assert len(make_samples(rows, ["haptic"])) == 2
-    assert all([*sample.recordings] == ["image"] for sample in make_samples(rows, ["image"]))
-
-
-def test_classes_that_cannot_be_trained_are_named():
-    rows = table(a=(10, 10), b=(1, 10))
-    with pytest.raises(UserError, match="no traces to train on for b"):
-        check_split(split(rows, by(10, 0, None)), rows.classes, ["haptic"], by(10, 0, None))
-    check_split(split(rows, by(10, 0, None)), rows.classes, ["image"], by(10, 0, None))
-
-
 def test_an_empty_test_fold_is_said():
     rows = table(a=(3, 0), b=(3, 0))
     with pytest.raises(UserError, match="Fold 7 holds nothing"):
         check_split(split(rows, by(10, 7, None)), rows.classes, ["haptic"], by(10, 7, None))
-
-
-def test_a_message_shortens_the_names_of_classes():
-    label = "x" * 100_000
-    parts = Split(Recordings(()), Recordings(()), Recordings(()))
-    with pytest.raises(UserError) as caught:
-        check_split(parts, [label], ["haptic"], by(10, 0))
-    assert "There are no traces to train on for xxx" in str(caught.value)
-    assert len(str(caught.value)) < 400
-
-
-def test_samples_of_many_classes_are_listed_in_one_pass():
-    class Counted(Recordings):
-        passes = 0
-
-        def __iter__(self):
-            Counted.passes += 1
-            return super().__iter__()
-
-    rows = Counted(table(**{f"c{number}": (2, 1) for number in range(300)}).rows)
-    assert len(make_samples(rows, ["haptic", "image"])) == 600
-    assert Counted.passes <= 2  # once for each class took minutes for a thousand

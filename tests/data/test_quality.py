@@ -38,10 +38,6 @@ def test_dead_and_clipped_sensors_are_told_from_live_ones(pieces):
     assert "clipped, 12%" in quality(NOISE.clip(-0.7, 0.7), pieces).warnings[0]
 
 
-def test_a_coarsely_digitised_trace_is_not_clipped():
-    assert quality(np.round(NOISE)).warnings == ()
-
-
 def test_level_is_the_deviation_whatever_the_offset_and_the_pieces():
     three = np.concatenate([NOISE, NOISE[:, ::-1] * 2])
     expected = float(np.sqrt(three.astype(np.float64).var(axis=1).sum()))
@@ -78,16 +74,6 @@ def test_photos_that_show_nothing_or_little():
         assert "uniform" in uniform.warnings[0]
     said = photo_quality(photo // 20, ranges, "photo").warnings
     assert [warning.split()[4] for warning in said] == ["brightness", "contrast"]
-
-
-def test_a_recording_is_called_by_its_name():
-    monitor = TraceMonitor("force recording")
-    monitor.update(NOISE * 0)
-    assert monitor.quality({}).warnings[0].startswith("The force recording is silent")
-    assert (
-        "The scan is uniform"
-        in photo_quality(np.zeros((9, 9, 3), np.uint8), {}, "scan").warnings[0]
-    )
 
 
 def test_a_sample_is_empty_if_all_of_it_is():

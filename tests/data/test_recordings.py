@@ -8,7 +8,6 @@ from tex_lightning.data.recordings import (
     Recording,
     Recordings,
     natural_key,
-    number_files,
     read_manifest,
     write_manifest,
 )
@@ -32,12 +31,6 @@ def test_natural_order_counts():
 @given(st.lists(st.text(), min_size=2))
 def test_natural_order_is_defined_for_any_names(names):
     assert sorted(sorted(names), key=natural_key)
-
-
-def test_groups_are_places_in_the_natural_order():
-    rows = number_files("x", "haptic", [Path("a10.wav"), Path("a9.wav")], 5000.0)
-    assert [(row.path.name, row.group) for row in rows] == [("a9.wav", 0), ("a10.wav", 1)]
-    assert rows[0].sampling_rate == 5000.0
 
 
 def test_a_manifest_survives_a_round_trip(tmp_path):
@@ -91,12 +84,6 @@ def test_a_group_is_any_text_and_a_number_counts_inside_its_class(tmp_path):
     assert [row.group_key for row in rows] == ["w/0", "w/7", *names[2:]]
     write_manifest(Recordings(rows), tmp_path / "again.csv")
     assert read_manifest(tmp_path / "again.csv").rows == rows
-
-
-def test_rows_are_left_out_without_a_change_of_groups():
-    rows = tuple(Recording("w", "haptic", Path(f"{i}.wav"), i) for i in range(3))
-    left = Recordings(rows).without([rows[1]])
-    assert [row.group for row in left] == [0, 2]
 
 
 @pytest.mark.parametrize(

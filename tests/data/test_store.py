@@ -80,20 +80,6 @@ def test_a_store_keeps_to_the_files_that_it_was_filled_with(store, tmp_path):
     assert store.rate(row).source == "assumed"
 
 
-def test_what_is_decoded_anew_is_kept_under_what_its_file_is_then(store, tmp_path):
-    """Where the cache is emptied in the middle of a task, and a backup brings a file back later."""
-    path = tmp_path / "a.npy"
-    np.save(path, np.ones(100))
-    first, row = path.stat(), Recording("a", "haptic", path, 0)
-    store.fill([row])
-    shutil.rmtree(store.root)
-    np.save(path, np.full(100, 2.0))
-    assert store.load(row).max() == 2
-    np.save(path, np.ones(100))
-    os.utime(path, ns=(first.st_atime_ns, first.st_mtime_ns))
-    assert Store(store.root.parent, store.decoders).load(row).max() == 1
-
-
 def test_what_changes_while_it_is_decoded_is_not_kept(store, tmp_path, monkeypatch):
     path = tmp_path / "a.npy"
     np.save(path, np.ones(100))
@@ -243,15 +229,3 @@ def test_parts_of_a_file_make_the_whole_and_have_entries_of_their_own(store, sur
     assert store.rate(trace).hz == 10_000
     with pytest.raises(UserError, match=r"Part 0-0.00001 of .* is empty, as the file has only"):
         store.load(replace(row, part=(0, 0.00001)))
-
-
-def test_a_cache_that_is_emptied_all_the_time_does_no_harm(store, surfaces, monkeypatch):
-    row = read_folder(surfaces).of("haptic").rows[0]
-    whole, rate = np.array(store.load(row)), store.rate(row)
-    monkeypatch.setattr("tex_lightning.data.store._save", lambda *_: shutil.rmtree(store.root))
-    store._entry(row).unlink()
-    assert store.fill([row]) == []
-    found = store.load(row)
-    np.testing.assert_array_equal(found, whole)
-    assert not found.flags.writeable
-    assert store.rate(row) == rate

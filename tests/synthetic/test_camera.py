@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from tex_lightning.synthetic.camera import render_photo
 
@@ -8,31 +7,11 @@ def _photo(specimen, seed=0, light="daylight", size=(160, 120)):
     return render_photo(specimen, np.random.default_rng(seed), light, size)
 
 
-@pytest.mark.parametrize("size", [(160, 120), (64, 96), (1280, 960)])
-def test_photo_has_the_size_asked_for(specimen, size):
-    photo = _photo(specimen(0), size=size)
-    assert photo.shape == (size[1], size[0], 3)
-    assert photo.dtype == np.uint8
-    assert photo.std() > 3
-
-
-def test_photo_is_reproducible_and_varies_with_its_random_numbers(specimen):
-    np.testing.assert_array_equal(_photo(specimen(0), 5), _photo(specimen(0), 5))
-    assert not np.array_equal(_photo(specimen(0), 5), _photo(specimen(0), 6))
-
-
 def test_daylight_is_brighter_and_cooler_than_ambient_light(specimen):
     day = np.mean([_photo(specimen(0), s) for s in range(8)], axis=(0, 1, 2))
     room = np.mean([_photo(specimen(0), s, "ambient") for s in range(8)], axis=(0, 1, 2))
     assert day.sum() > 1.1 * room.sum()
     assert day[2] / day[0] > 1.1 * room[2] / room[0]
-
-
-def test_photo_is_well_exposed(specimen):
-    for index in range(6):
-        photo = _photo(specimen(index), index)
-        assert 30 < photo.mean() < 235
-        assert (photo == 255).mean() < 0.3
 
 
 def test_look_alikes_give_the_very_same_photo_from_the_same_random_numbers(specimen):

@@ -11,10 +11,6 @@ def test_a_smaller_set_is_the_beginning_of_a_larger_one(seed):
     assert make_materials(69, seed)[:12] == make_materials(12, seed)
 
 
-def test_another_seed_makes_other_materials():
-    assert make_materials(6, 0) != make_materials(6, 1)
-
-
 @pytest.mark.parametrize("classes", [2, 12, 69, 101])
 def test_names_are_unique_sorted_and_plain(classes):
     names = [material.name for material in make_materials(classes, 0)]
@@ -46,17 +42,6 @@ def test_every_block_has_one_pair_alike_to_each_sense(seed):
     for place, alike in ((0, look_alike), (2, feel_alike), (4, sound_alike)):
         found = [(i, j) for (i, first), (j, second) in pairs if alike(first, second)]
         assert found == [(at, at + 1) for at in range(place, 72, BLOCK)]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_feel_alikes_lie_on_opposite_boards_and_look_alikes_on_one(seed):
-    materials = make_materials(12, seed)
-    for start in (0, BLOCK):
-        assert materials[start].voice == materials[start + 1].voice
-        first, second = (materials[start + k].voice for k in (2, 3))
-        for name, apart in (("pitch", 10**0.5), ("quality", 3.6), ("loudness", 8**0.5)):
-            ratio = getattr(first, name) / getattr(second, name)
-            assert max(ratio, 1 / ratio) > 0.99 * apart
 
 
 @pytest.mark.parametrize("seed", range(5))

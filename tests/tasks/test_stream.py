@@ -80,7 +80,7 @@ def test_samples_from_standard_input(cli, checkpoint, tmp_path, monkeypatch):
         (["haptic=-", "image=a.jpg"], "does not look at image"),
         (["haptic=-", "sound=-"], "only one signal can be standard input"),
         (["haptic=-", "stream.window=2"], "too soon for a vote"),
-        (["haptic=-", "data.file_rate=1"], "too far from 10000 Hz"),
+        (["haptic=-", "data.file_rate=1"], "data.file_rate is 1"),
         (["haptic=-"], "record a longer stroke"),
         ([], "give haptic=FILE, or haptic=-"),
     ],
@@ -159,7 +159,7 @@ def test_not_a_number_on_standard_input_is_refused(cli, checkpoint, tmp_path, mo
     run = f"hydra.run.dir={tmp_path / 'run'}"
     outcome = cli("task=stream", f"checkpoint={checkpoint}", "haptic=-", run)
     assert outcome.status == 2
-    assert "NaN, infinity or a huge number at sample 0" in outcome.err
+    assert "NaN, infinity or a number beyond 1e+09 at sample 0" in outcome.err
 
 
 def test_a_label_that_is_not_sure_is_rejected_as_in_predict(cli, checkpoint, tmp_path):

@@ -22,7 +22,7 @@ from tex_lightning.classifier.vote import Vote
 from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import synchronise
 from tex_lightning.data.decode import Resampler, as_trace
-from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, together
+from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, level, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, describe
 from tex_lightning.inference.stream_classifier import StreamingClassifier
@@ -153,7 +153,9 @@ class Window:
     def _step(self, samples: Mapping[str, Tensor]) -> None:
         """Look for contact: a pause is several steps, a touch is one."""
         self.steps += 1
-        loud = all(_level(each) > self.least[name] for name, each in samples.items())
+        loud = all(
+            level(each.numpy(force=True)) > self.least[name] for name, each in samples.items()
+        )
         self.silent = 0 if loud else self.silent + 1
         if self.contact and self.silent >= SILENT:
             self.contact, self.samples, self.count = False, {}, 0
@@ -372,8 +374,3 @@ class LiveStream:
 
 def _joined(old: Mapping[str, Tensor], new: Mapping[str, Tensor]) -> dict[str, Tensor]:
     return {name: torch.cat((old[name], new[name]), dim=1) if old else new[name] for name in new}
-
-
-def _level(samples: Tensor) -> float:
-    """As :attr:`.TraceMonitor.level`: of all axes together, each without its mean."""
-    return float(samples.double().var(dim=1, correction=0).sum().sqrt())

@@ -1,9 +1,6 @@
 """Photos of a specimen: a hand-held camera, daylight or the light of a room."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -12,15 +9,6 @@ from numpy.typing import NDArray
 from tex_lightning.synthetic.specimen import TILE, Field, Specimen
 
 Light = Literal["daylight", "ambient"]
-
-
-@dataclass(frozen=True)
-class _Lighting:
-    direction: tuple[float, float, float]  # unit vector towards the lamp, frame of the tile
-    diffuse: float  # share of the light that comes from everywhere
-    colour: NDArray[np.float32]  # red, green, blue
-    exposure: float
-    noise: float  # standard deviation in grey levels
 
 
 def render_photo(
@@ -57,7 +45,7 @@ def render_photo(
     # The square root is the gamma curve; it also makes shot noise equal at all grey levels.
     photo = cv2.sqrt(photo) * np.float32(255)
     noise = rng.standard_normal(photo.shape, dtype=np.float32)
-    photo = cv2.scaleAdd(noise, lighting.noise, photo)
+    photo = cv2.scaleAdd(noise, lighting["noise"], photo)
     return np.clip(np.rint(photo, out=photo), 0, 255).astype(np.uint8)
 
 
@@ -84,13 +72,14 @@ def _draw_view(
     return lay @ lean @ centre, float(turn)
 
 
-def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> _Lighting:
+def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> dict[str, Any]:
+    """Draw the light; its direction is that of the lamp, noise is in grey levels."""
     daylight = light == "daylight"
     # The window stands to the upper left, the lamp to the upper right.
     azimuth = turn + np.deg2rad((-140 if daylight else -40) + rng.uniform(-40, 40))
     elevation = np.deg2rad(rng.uniform(30, 55) if daylight else rng.uniform(45, 70))
     cast = (0.95, 1.0, 1.06) if daylight else (1.12, 1.0, 0.84)
-    return _Lighting(
+    return dict(
         direction=(
             float(np.cos(elevation) * np.cos(azimuth)),
             float(np.cos(elevation) * np.sin(azimuth)),
@@ -103,20 +92,21 @@ def _draw_lighting(rng: np.random.Generator, light: Light, turn: float) -> _Ligh
     )
 
 
-def _shade(specimen: Specimen, lighting: _Lighting) -> Field:
+def _shade(specimen: Specimen, lighting: dict[str, Any]) -> Field:
     """Give the linear radiance of the tile, shape (``TILE``, ``TILE``, 3)."""
-    skin, direction = specimen.material.skin, lighting.direction
+    skin, direction = specimen.material.skin, lighting["direction"]
     length = np.sqrt(1 + specimen.slope_x**2 + specimen.slope_y**2)
     lit = np.maximum(_facing(specimen, direction) / length, 0) / np.float32(direction[2])
-    direct = np.float32((1 - lighting.diffuse) * lighting.exposure)
-    diffuse = np.float32(lighting.diffuse * lighting.exposure)
+    direct = np.float32((1 - lighting["diffuse"]) * lighting["exposure"])
+    diffuse = np.float32(lighting["diffuse"] * lighting["exposure"])
     halfway = np.add(direction, (0, 0, 1))
     halfway /= np.linalg.norm(halfway)
     facing = np.maximum(_facing(specimen, tuple(halfway)) / length, 0)
     highlight = direct * np.float32(skin.gloss) * cv2.pow(facing, skin.shininess)
     shading = direct * lit + diffuse * specimen.occlusion
     radiance: Field = specimen.albedo * shading[..., None] + highlight[..., None]
-    return radiance * lighting.colour
+    coloured: Field = radiance * lighting["colour"]
+    return coloured
 
 
 def _facing(specimen: Specimen, direction: tuple[float, ...]) -> Field:

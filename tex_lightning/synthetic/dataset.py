@@ -1,7 +1,5 @@
 """Writing synthetic data sets to disk, in the layouts of real ones."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,8 +13,6 @@ import soundfile
 import torch
 from numpy.typing import NDArray
 
-from tex_lightning.config.data import SyntheticConfig
-from tex_lightning.config.keys import Key, walk
 from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
 from tex_lightning.senses.features.dft321 import dft321
@@ -28,9 +24,8 @@ from tex_lightning.synthetic.tool import draw_hand, draw_stroke, slide_tool
 
 RATE = 10_000  # Hz of traces
 SOUND_RATE = 44_100  # Hz of sounds
-CLASSES = Key("materials that can be made up", least=2, most=999)
 _HAPTIC, _IMAGE, _SOUND = 0, 1, 2
-_FIRST_IMAGE, _LAST_IMAGE = 5529, 9999
+_FIRST_IMAGE = 5529
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
 
@@ -48,7 +43,7 @@ class SyntheticSpec:
         photo_height: Height of a photo in pixels, at least 32.
 
     Raises:
-        UserError: A value is out of range.
+        UserError: If there are too few or too many classes.
     """
 
     classes: int = 12
@@ -59,11 +54,8 @@ class SyntheticSpec:
     photo_height: int = 960
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name, key in (("classes", CLASSES), *walk(SyntheticConfig)):
-            if not key.allows(value := getattr(self, name)):
-                section = "data" if key is CLASSES else "data.synthetic"
-                raise UserError(f"{section}.{name} is {value}: choose {key.range}.")
+        if not 2 <= self.classes <= 999:
+            raise UserError(f"data.classes is {self.classes}: choose 2 to 999 materials.")
 
 
 def write_folder(
@@ -78,11 +70,7 @@ def write_folder(
         spec: What to write.
         root: Folder to write to; missing or empty.
         modalities: Some of ``haptic``, ``image`` and ``sound``.
-
-    Raises:
-        UserError: The folder holds something already.
     """
-    _prepare(root)
 
     def write(specimen: Specimen, index: int) -> None:
         for modality in modalities:
@@ -106,17 +94,7 @@ def write_tum(spec: SyntheticSpec, root: Path) -> None:
     Args:
         spec: What to write.
         root: Folder to write to; missing or empty.
-
-    Raises:
-        UserError: The folder holds something already, or the image numbers would pass 9999.
     """
-    if spec.classes * spec.recordings > _LAST_IMAGE - _FIRST_IMAGE + 1:
-        raise UserError(
-            f"data.classes times data.synthetic.recordings is {spec.classes * spec.recordings}, "
-            f"but the TUM layout numbers {_LAST_IMAGE - _FIRST_IMAGE + 1} photos at most; "
-            "lower one of them."
-        )
-    _prepare(root)
     accel, images = root / "Training" / "Accel", root / "Training" / "Images"
     accel.mkdir(parents=True)
     images.mkdir()
@@ -183,17 +161,6 @@ def _light(spec: SyntheticSpec, recording: int) -> Light:
     return "daylight" if recording < (spec.recordings + 1) // 2 else "ambient"
 
 
-def _prepare(root: Path) -> None:
-    if root.is_dir() and not any(root.iterdir()):
-        return
-    if root.exists():
-        raise UserError(
-            f"data.root is {root}, which is not an empty folder; name an empty or new one for the "
-            "synthetic data."
-        )
-    root.mkdir(parents=True)
-
-
 def _for_each_class(spec: SyntheticSpec, write: Callable[[Specimen, int], None]) -> None:
     """Make up and write the classes side by side; the files do not depend on the order."""
     materials = make_materials(spec.classes, spec.seed)
@@ -213,14 +180,14 @@ def _write_jpeg(path: Path, photo: NDArray[np.uint8]) -> None:
     path.write_bytes(encoded.tobytes())
 
 
-def _write_sound(path: Path, sound: NDArray[np.float32]) -> None:
-    soundfile.write(path, sound, SOUND_RATE, "PCM_16")
-
-
 _Take = Callable[[SyntheticSpec, Specimen, int, int], NDArray[Any]]
 _Save = Callable[[Path, NDArray[Any]], None]
 _FILES: dict[str, tuple[str, _Take, _Save]] = {
     "haptic": (".npy", record, np.save),
     "image": (".jpg", photograph, _write_jpeg),
-    "sound": (".flac", listen, _write_sound),
+    "sound": (
+        ".flac",
+        listen,
+        lambda path, sound: soundfile.write(path, sound, SOUND_RATE, "PCM_16"),
+    ),
 }

@@ -13,8 +13,6 @@ modalities (paper, section IV, confusion matrices). In every block of six classe
 No material imitates a real one, and the names say so: ``S001_grooved_stiff_red``.
 """
 
-from __future__ import annotations
-
 import colorsys
 from dataclasses import dataclass
 

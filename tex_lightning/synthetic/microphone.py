@@ -8,8 +8,6 @@ finer it is. A loose foil, where there is one, rustles with the hand and not wit
 noise of the room is always the same, so it hides what is quiet.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal

@@ -5,8 +5,6 @@ Every tile wraps around at its edges, so a photo and a stroke of any size can be
 0 is y (downwards in a photo) and axis 1 is x; grooves and fibres run along y.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

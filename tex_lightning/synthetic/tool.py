@@ -8,8 +8,6 @@ force. Along the stroke, friction follows the normal motion and stick-slip loads
 bending tool in a sawtooth.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +44,7 @@ class Stroke:
     landing: int
     sampling_rate: int
 
-    def at_rate(self, sampling_rate: int) -> Stroke:
+    def at_rate(self, sampling_rate: int) -> "Stroke":
         """The same movement in samples of another rate."""
         ratio = sampling_rate / self.sampling_rate
         before = np.arange(len(self.speed))

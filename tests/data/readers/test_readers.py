@@ -51,14 +51,6 @@ def test_folder_finds_files_by_type_and_passes_others_over(surfaces, tmp_path):
     assert note.text.startswith(f"Class folder {root}/empty is skipped: there is no trace")
 
 
-def test_classes_may_have_unequal_counts(surfaces, tmp_path):
-    root = shutil.copytree(surfaces, tmp_path / "data")
-    (root / "beta" / "haptic" / "beta_9.wav").unlink()
-    shutil.rmtree(root / "gamma" / "image")
-    rows = read_recordings(config("data=folder", f"data.root={root}"))
-    assert [len(rows.in_classes([label]).rows) for label in rows.classes] == [20, 19, 10]
-
-
 def test_the_number_of_classes_can_be_cut_but_not_stretched(surfaces):
     common = ["data=folder", f"data.root={surfaces}"]
     assert read_recordings(config(*common, "data.classes=2")).classes == ["alpha", "beta"]
@@ -111,12 +103,6 @@ def test_sounds_are_rendered_for_models_that_listen_and_beside_the_rest(tmp_path
     pairs = [{(row.label, row.group) for row in every.of(sense)} for sense in ("haptic", "sound")]
     assert pairs[0] == pairs[1]
     assert len(every.of("sound")) == 4
-
-
-def test_a_model_that_only_listens_has_nothing_else_rendered(tmp_path):
-    sounds = read_recordings(small(tmp_path, "model=sound"))
-    assert {row.modality for row in sounds} == {"sound"}
-    assert len(list((tmp_path / "synthetic").iterdir())) == 1
 
 
 def test_a_checkpoint_gets_its_own_modalities_whatever_the_model(tmp_path):
