@@ -251,11 +251,12 @@ def fused(run_once, tiny) -> Path:
 @pytest.fixture(scope="session")
 def crossvalidated(run_once, tiny) -> Path:
     """HapticNet on two folds of ten."""
-    return run_once("task=crossval", "model=haptic", "crossval.only=[0,3]", *tiny)
+    two = ("crossval.only=[0,3]", "explained_samples=1", "logger=csv")
+    return run_once("task=crossval", "model=haptic", *two, *tiny)
 
 
 @pytest.fixture(scope="session")
-def frontier(run_once, tiny) -> Path:
+def frontier_run(run_once, tiny) -> Path:
     """Two systems on both folds that ``debug=tiny`` tests."""
     return run_once("task=frontier", "frontier.only=[mfcc_gmm,mfcc_nb]", *tiny)
 

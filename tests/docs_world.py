@@ -9,28 +9,23 @@ import gzip
 import hashlib
 import io
 import shutil
-import socket
 import tarfile
-import threading
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 import soundfile
 import torch
 from conftest import RATE, make_photo, make_trace
-from haptic_sets import write_cluster
 from PIL import Image
 
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.export.web_page import FILES
 from tex_lightning.networks.trunks import TRUNKS
-from tex_lightning.synthetic import SyntheticSpec, write_tum
 
 CLASSES = ("A", "B", "C", "D", "E", "F")
 FEW = CLASSES[:3]  # of the measured sets: their sweeps are long enough
-KINDS = (*CLASSES, "G", "H", "oak")
+KINDS = (*CLASSES, "G", "H")
 SENSES = ("haptic", "image", "sound")
 SOUND_RATE = 44_100
 SPEEDS = (30, 60, 80, 90)
@@ -107,47 +102,6 @@ def write_weights(path: Path, trunk: str) -> Path:
     return path
 
 
-def write_lmt108(root: Path) -> Path:
-    """Traces of three axes, photos and taps of two classes, as that data set names them."""
-    scans = root / "AccelScansComponents"
-    for kind, label in enumerate(("G1Mesh", "G2Brick")):
-        for number in range(1, 11):
-            names = [
-                (scans / "Movement", f"{label}_Movement_{axis}_train{number}") for axis in "XYZ"
-            ]
-            names.append((scans / "Tapping", f"{label}_Tapping_train{number}"))
-            for axis, (folder, name) in enumerate(names):
-                (folder / "Training").mkdir(parents=True, exist_ok=True)
-                values = make_trace(kind, 10 * number + axis).round(3).tolist()
-                (folder / "Training" / f"{name}.txt").write_text("\n".join(map(str, values)))
-            photos = root / "ImageScans" / "NoFlash" / "Training"
-            photos.mkdir(parents=True, exist_ok=True)
-            photo = Image.fromarray(make_photo(kind, number, 480))  # it is halved
-            photo.save(photos / f"{label}_Image_{number}_train{number}.jpg")
-    return root
-
-
-def write_published(root: Path) -> Path:
-    """The layouts of LMT-108 and of the Cluster Haptic Texture Dataset in one folder."""
-    write_lmt108(root)
-    strokes = product((0,), (20, 30, 40, 50, 60), (500,), (0, 1))
-    return write_cluster(root, 2.4, "accel", "force", "images", strokes=list(strokes))
-
-
-def write_tum_set(root: Path) -> Path:
-    """The layout of the TUM data set."""
-    write_tum(SyntheticSpec(classes=3, seconds=4.0, photo_width=640, photo_height=480), root)
-    return root
-
-
-def write_strokes(path: Path) -> Path:
-    """Raw samples of a sensor: ten strokes of 1.4 s with silence between."""
-    silence = 1e-4 * np.random.default_rng(0).standard_normal(8_000)
-    strokes = [np.concatenate([silence, make_trace(0, number, 1.4)]) for number in range(10)]
-    np.concatenate([*strokes, silence]).astype("<f4").tofile(path)
-    return path
-
-
 def write_web_runtime(path: Path) -> str:
     """A small package in the place of ONNX Runtime Web; returns its digest."""
     packed = io.BytesIO()
@@ -158,20 +112,6 @@ def write_web_runtime(path: Path) -> str:
             archive.addfile(entry, io.BytesIO(name.encode()))
     path.write_bytes(gzip.compress(packed.getvalue(), mtime=0))  # the same bytes every time
     return f"sha512-{base64.b64encode(hashlib.sha512(path.read_bytes()).digest()).decode()}"
-
-
-def serve_samples() -> str:
-    """Six seconds of samples to whoever connects; gives ``HOST:PORT``."""
-    server = socket.create_server(("127.0.0.1", 0))
-
-    def send() -> None:
-        connection, _ = server.accept()
-        with server, connection:
-            connection.sendall(make_trace(0, 0, 6.0).astype("<f4").tobytes())
-            connection.recv(1)  # until the reader has gone
-
-    threading.Thread(target=send, daemon=True).start()
-    return f"127.0.0.1:{server.getsockname()[1]}"
 
 
 def enter_page(folder: Path, world: Path, run: Path | None) -> None:

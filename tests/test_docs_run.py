@@ -20,12 +20,8 @@ import pytest
 from conftest import make_photo, make_trace
 from docs_world import (
     enter_page,
-    serve_samples,
-    write_published,
     write_shared,
-    write_strokes,
     write_surfaces,
-    write_tum_set,
     write_web_runtime,
     write_weights,
 )
@@ -35,6 +31,7 @@ import tex_lightning as tl
 from benchmarks.__main__ import names as benchmarks
 from tex_lightning.config.search import use_config_dir
 from tex_lightning.export import web_page as web_runtime
+from tex_lightning.synthetic import SyntheticSpec, write_tum
 from tex_lightning_runtime.__main__ import main as runtime_main
 
 # What no test can run, by a part of the command, with the reason.
@@ -50,7 +47,6 @@ NOT_RUN = {
     "http.server": "serves until it is stopped; tests/export opens pages in a browser",
     "hydra/launcher=submitit_slurm": "needs a SLURM cluster",
     "srun": "needs a SLURM cluster; tests/learning trains in two processes",
-    "serial:/dev/ttyUSB0": "needs a sensor, a sound card and a camera; tests/recording imitates",
     "docs/draw_networks.py": "writes into the checkout; tests/test_docs.py compares what it makes",
     "python -m benchmarks": "measures for minutes; the name is checked",
 }
@@ -58,9 +54,7 @@ WEIGHTS = {
     "ALEXNET.caffemodel": "alexnet_caffe",
     "VGG_M.mat": "vgg_m",
 }
-RECORDED = ("A", "B", "oak")
-ELSEWHERE = {"extend.md": "tests/plugin/test_extend.py"}
-USED: set[str] = set()
+ELSEWHERE = {"extend.md": "plugin", "data_sets.md": "data/readers", "recording.md": "recording"}
 RUNNABLE = [page for page in PAGES if page.name not in ELSEWHERE]
 
 
@@ -108,19 +102,12 @@ def special(page: Path, folder: Path) -> dict[str, str]:
         if file in text
     }
     if "data.root=TUM" in text:
-        write_tum_set(folder / "TUM")
+        size = {"photo_width": 640, "photo_height": 480}
+        write_tum(SyntheticSpec(classes=3, seconds=4.0, **size), folder / "TUM")
     if page.name == "unknown.md":
         words["FILE"] = "A.wav"
     if page.name == "page.md":
         write_web_runtime(folder / f"{web_runtime.NAME}-{web_runtime.VERSION}.tgz")
-    if page.name == "data_sets.md":
-        (folder / "DIR").unlink()
-        write_published(folder / "DIR")
-    if page.name == "recording.md":
-        (folder / "DIR").unlink()
-        write_surfaces(folder / "DIR", RECORDED, "haptic", "image", recordings=3, side=2 * 224)
-        words["localhost:9000"] = serve_samples()
-        words["/dev/my_sensor"] = str(write_strokes(folder / "sensor"))
     return words
 
 
@@ -203,7 +190,6 @@ class Reader:
             command = command.replace(word, value)
         for part in NOT_RUN:
             if part in command:
-                USED.add(part)
                 assert "benchmarks" not in part or set(command.split()[3:]) <= {*benchmarks()}
                 return
         arguments = package_arguments(command)
@@ -242,8 +228,3 @@ def test_a_page_runs_from_top_to_bottom(page, enter, cli, monkeypatch, capfd):
         except (Exception, SystemExit) as error:  # the other blocks are looked at, too
             failed.append(f"{block.page}:{block.line}: {type(error).__name__}: {error}")
     assert not failed, "\n\n".join(failed)
-
-
-@pytest.mark.slow
-def test_nothing_is_left_out_without_need():
-    assert {*NOT_RUN} == USED

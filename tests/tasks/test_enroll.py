@@ -136,10 +136,9 @@ def test_a_checkpoint_without_statistics_says_what_to_do(untrained, new, cli, tm
     assert tl.load(tmp_path).card.classes == ["a", "c"]
 
 
-def test_a_baseline_is_refused(run_once, surfaces, new, cli, tmp_path):
-    run = run_once("model=mfcc_nb", "data=folder", f"data.root={surfaces}")
+def test_a_baseline_is_refused(naive_bayes, new, cli, tmp_path):
     outcome = cli(
-        "task=enroll", f"checkpoint={run}", "data=folder", f"data.root={new}",
+        "task=enroll", f"checkpoint={naive_bayes}", "data=folder", f"data.root={new}",
         f"hydra.run.dir={tmp_path}",
     )  # fmt: skip
     assert outcome.status == 2

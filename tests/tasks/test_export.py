@@ -9,10 +9,9 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-from conftest import make_card, make_trace
+from conftest import make_card, make_trace, save_checkpoint
 
 import tex_lightning as tl
-from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.export.graph import ClassifierGraph
 from tex_lightning.tasks import export
@@ -22,16 +21,6 @@ KEY = "tex_lightning"
 
 def results(folder: Path) -> dict:
     return json.loads((folder / "export.json").read_text())
-
-
-def save(card, path: Path) -> Path:
-    """A checkpoint of random weights."""
-    torch.manual_seed(0)
-    state = {
-        f"classifier.{key}": each for key, each in SurfaceClassifier(card).state_dict().items()
-    }
-    torch.save({"hyper_parameters": {"card": card.to_dict()}, "state_dict": state}, path)
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +131,9 @@ def test_a_file_that_says_something_else_is_not_written(cli, untrained, tmp_path
 def test_what_cannot_be_exported(cli, tmp_path, monkeypatch, changes, sentence):
     monkeypatch.setitem(sys.modules, "onnx", None)
     monkeypatch.setattr(export, "trace", ClassifierGraph)  # as far as it takes to refuse
-    checkpoint = save(make_card("visual", width=0.1, **changes), tmp_path / "visual.ckpt")
+    checkpoint = save_checkpoint(
+        make_card("visual", width=0.1, **changes), tmp_path / "visual.ckpt"
+    )
     outcome = cli("task=export", f"checkpoint={checkpoint}", f"export.out={tmp_path}")
     assert outcome.status == 2
     assert sentence in outcome.err

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -27,17 +28,6 @@ NETWORK_KEYS = {
 }  # fmt: skip
 
 
-def tiny(surfaces: Path, directory: Path) -> list[str]:
-    return [
-        "data=folder",
-        f"data.root={surfaces}",
-        "data.half_scale=false",
-        "debug=tiny",
-        "trainer.threads=1",
-        f"hydra.run.dir={directory}",
-    ]
-
-
 def weights(directory: Path, kind: str = "haptic") -> dict[str, torch.Tensor]:
     path = directory / "checkpoints" / f"{kind}.ckpt"
     return torch.load(path, weights_only=True)["state_dict"]
@@ -53,28 +43,7 @@ def tags(directory: Path, kind: str) -> set[str]:
     return {*events.Tags()["scalars"], *events.Tags()["images"]}
 
 
-@pytest.fixture(scope="module")
-def fused(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("fused")
-
-
-def test_fusion_trains_three_networks_and_reports_them(cli, surfaces, fused, monkeypatch):
-    load, save, touched = torch.load, torch.save, []
-
-    def note(verb, function):
-        def call(*arguments, **options):
-            touched.extend((verb, each) for each in arguments if isinstance(each, Path))
-            return function(*arguments, **options)
-
-        return call
-
-    monkeypatch.setattr(torch, "load", note("read", load))
-    monkeypatch.setattr(torch, "save", note("written", save))
-    outcome = cli("model=fusion", *tiny(surfaces, fused))
-    assert outcome.status == 0, outcome.err
-    final = [(verb, path) for verb, path in touched if path.parent == fused / "checkpoints"]
-    assert not [path for verb, path in final if verb == "read"]
-    assert len(final) == 3  # each is written once, when everything in it is known
+def test_fusion_trains_three_networks_and_reports_them(fused):
     results = json.loads((fused / "results.json").read_text())
     assert set(results) >= {
         "task", "model", "data", "classes", "seed", "wall_seconds", "environment", "networks",
@@ -135,29 +104,20 @@ def test_checkpoints_hold_only_plain_values(fused):
         assert "optimizer_states" not in content
 
 
-def test_a_finished_run_is_not_trained_again(cli, surfaces, fused):
-    before = (fused / "checkpoints" / "fusion.ckpt").stat().st_mtime_ns
-    assert cli("model=fusion", *tiny(surfaces, fused)).status == 0
-    assert (fused / "checkpoints" / "fusion.ckpt").stat().st_mtime_ns == before
-
-
-def test_a_folder_with_another_run_is_left_alone(cli, surfaces, fused):
-    results = (fused / "results.json").read_bytes()
-    outcome = cli("model=fusion", "seed=5", *tiny(surfaces, fused))
+def test_a_finished_run_is_not_trained_again_nor_taken_by_another(cli, tiny, fused, tmp_path):
+    run = shutil.copytree(fused, tmp_path / "run")
+    before = (run / "checkpoints" / "fusion.ckpt").stat().st_mtime_ns
+    assert cli("model=fusion", *tiny, f"hydra.run.dir={run}").status == 0
+    assert (run / "checkpoints" / "fusion.ckpt").stat().st_mtime_ns == before
+    results = (run / "results.json").read_bytes()
+    outcome = cli("model=fusion", "seed=5", *tiny, f"hydra.run.dir={run}")
     assert outcome.status == 2
     assert "another seed; choose another hydra.run.dir" in outcome.err
-    assert (fused / "results.json").read_bytes() == results
-    assert "seed=5" not in (fused / ".hydra" / "overrides.yaml").read_text()
+    assert (run / "results.json").read_bytes() == results
+    assert "seed=5" not in (run / ".hydra" / "overrides.yaml").read_text()
 
 
-def test_a_refused_first_attempt_does_not_block_the_folder(cli, surfaces, tmp_path):
-    good = tiny(surfaces, tmp_path)
-    wrong = [f"{item}x" if item.startswith("data.root") else item for item in good]
-    assert cli("model=haptic", *wrong).status == 2
-    assert cli("model=haptic", *good).status == 0
-
-
-def test_a_recording_too_short_is_found_before_training(cli, surfaces, tmp_path):
+def test_a_recording_too_short_is_found_before_training(cli, tiny, surfaces, tmp_path):
     for label in ("alpha", "beta"):
         (tmp_path / "data" / label).mkdir(parents=True)
         (tmp_path / "data" / label / "haptic").symlink_to(surfaces / label / "haptic")
@@ -167,37 +127,39 @@ def test_a_recording_too_short_is_found_before_training(cli, surfaces, tmp_path)
         np.save(
             short / f"{recording}.npy", make_trace(2, recording, 1.0 if recording == 0 else 2.4)
         )
-    outcome = cli("model=haptic", *tiny(tmp_path / "data", tmp_path / "run"))
+    outcome = cli(
+        "model=haptic", *tiny, f"data.root={tmp_path}/data", f"hydra.run.dir={tmp_path}/run"
+    )
     assert outcome.status == 2
     assert "0.npy: The trace has" in outcome.err
     assert not (tmp_path / "run" / "checkpoints").exists()
 
 
-def test_a_damaged_working_checkpoint_is_said(cli, surfaces, tmp_path):
+def test_a_damaged_working_checkpoint_is_said(cli, tiny, tmp_path):
     working = tmp_path / "checkpoints" / "haptic"
     working.mkdir(parents=True)
     (working / "last.ckpt").write_bytes(b"PK\x03\x04")
-    outcome = cli("model=haptic", *tiny(surfaces, tmp_path))
+    outcome = cli("model=haptic", *tiny, f"hydra.run.dir={tmp_path}")
     assert outcome.status == 2
     assert "is damaged; delete" in outcome.err
 
 
-def test_given_checkpoints_are_used_and_checked(cli, surfaces, fused, tmp_path):
+def test_given_checkpoints_are_used_and_checked(cli, tiny, fused, tmp_path):
     haptic, visual = (fused / "checkpoints" / f"{kind}.ckpt" for kind in ("haptic", "visual"))
     given = [f"model.fusion.haptic_checkpoint={haptic}", f"model.fusion.visual_checkpoint={visual}"]
-    outcome = cli("model=fusion", *given, *tiny(surfaces, tmp_path / "a"))
+    outcome = cli("model=fusion", *given, *tiny, f"hydra.run.dir={tmp_path}/a")
     assert outcome.status == 0, outcome.err
     results = json.loads((tmp_path / "a" / "results.json").read_text())
     assert list(results["networks"]) == ["fusion"]
-    leak = cli("model=fusion", *given, "data.test_fold=3", *tiny(surfaces, tmp_path / "b"))
+    leak = cli("model=fusion", *given, "data.test_fold=3", *tiny, f"hydra.run.dir={tmp_path}/b")
     assert leak.status == 2
     assert "has trained on 3 of the 3 test recordings" in leak.err
     assert "data.test_fold=0 as in its training" in leak.err
-    other_folds = cli("model=fusion", *given, "data.folds=3", *tiny(surfaces, tmp_path / "d"))
+    other_folds = cli("model=fusion", *given, "data.folds=3", *tiny, f"hydra.run.dir={tmp_path}/d")
     assert other_folds.status == 2
     assert "has trained on" in other_folds.err
     swapped = [f"model.fusion.haptic_checkpoint={visual}", given[1]]
-    assert cli("model=fusion", *swapped, *tiny(surfaces, tmp_path / "c")).status == 2
+    assert cli("model=fusion", *swapped, *tiny, f"hydra.run.dir={tmp_path}/c").status == 2
 
 
 HAPTIC = ["model=haptic", "model.haptic.fit.epochs=3"]
@@ -208,23 +170,33 @@ def reference(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("reference")
 
 
-def test_an_uninterrupted_run(cli, surfaces, reference):
-    assert cli(*HAPTIC, *tiny(surfaces, reference)).status == 0
+def test_a_refused_first_attempt_blocks_nothing_and_a_checkpoint_is_written_once(
+    cli, tiny, reference, monkeypatch
+):
+    run = f"hydra.run.dir={reference}"
+    assert cli(*HAPTIC, *tiny, "data.root=/nowhere", run).status == 2
+    touched = []
 
+    def note(verb, function):
+        def call(*arguments, **options):
+            touched.extend((verb, each) for each in arguments if isinstance(each, Path))
+            return function(*arguments, **options)
 
-def test_loader_processes_do_not_change_the_weights(cli, surfaces, reference, tmp_path):
-    assert cli(*HAPTIC, "data.num_workers=2", *tiny(surfaces, tmp_path)).status == 0
-    assert same(weights(reference), weights(tmp_path))
+        return call
 
-
-def test_another_seed_does(cli, surfaces, reference, tmp_path):
-    assert cli(*HAPTIC, "seed=1", *tiny(surfaces, tmp_path)).status == 0
-    assert not same(weights(reference), weights(tmp_path))
+    with monkeypatch.context() as patch:
+        patch.setattr(torch, "load", note("read", torch.load))
+        patch.setattr(torch, "save", note("written", torch.save))
+        assert cli(*HAPTIC, *tiny, run).status == 0
+    final = [verb for verb, path in touched if path.parent == reference / "checkpoints"]
+    assert final == ["written"]  # when everything in it is known
 
 
 def test_ctrl_c_then_the_same_command_gives_the_same_weights(
-    cli, surfaces, reference, tmp_path, monkeypatch
+    cli, tiny, reference, tmp_path, monkeypatch
 ):
+    """Loader processes do not change them, either."""
+    run = [*HAPTIC, *tiny, "data.num_workers=2", f"hydra.run.dir={tmp_path}"]
     original = SurfaceModule.training_step
 
     def interrupted(self, batch, batch_idx):
@@ -235,16 +207,16 @@ def test_ctrl_c_then_the_same_command_gives_the_same_weights(
     handler = signal.getsignal(signal.SIGINT)
     with monkeypatch.context() as patch:
         patch.setattr(SurfaceModule, "training_step", interrupted)
-        outcome = cli(*HAPTIC, *tiny(surfaces, tmp_path))
+        outcome = cli(*run)
     signal.signal(signal.SIGINT, handler)  # Lightning ignores it from the first Ctrl-C on
     assert outcome.status == 130
     assert "goes on after the last finished epoch" in outcome.err
     assert not (tmp_path / "results.json").exists()
-    assert cli(*HAPTIC, *tiny(surfaces, tmp_path)).status == 0
+    assert cli(*run).status == 0
     assert same(weights(reference), weights(tmp_path))
 
 
-def test_an_epoch_that_is_not_the_best_is_kept_too(cli, surfaces, tmp_path, monkeypatch):
+def test_an_epoch_that_is_not_the_best_is_kept_too(cli, tiny, tmp_path, monkeypatch):
     original = SurfaceModule.training_step
 
     def interrupted(self, batch, batch_idx):
@@ -261,17 +233,15 @@ def test_an_epoch_that_is_not_the_best_is_kept_too(cli, surfaces, tmp_path, monk
         patch.setattr(SurfaceModule, "training_step", interrupted)
         patch.setattr(SurfaceModule, "validation_step", worse)
         patch.setattr(SurfaceModule, "on_validation_epoch_end", lambda self: None)
-        assert cli(*validated, *tiny(surfaces, tmp_path)).status == 130
+        assert cli(*validated, *tiny, f"hydra.run.dir={tmp_path}").status == 130
     signal.signal(signal.SIGINT, handler)
     kept = tmp_path / "checkpoints" / "haptic"
     epochs = {name: torch.load(kept / f"{name}.ckpt")["epoch"] for name in ("best", "last")}
     assert epochs == {"best": 0, "last": 1}
-    assert cli(*validated, *tiny(surfaces, tmp_path)).status == 0
+    assert cli(*validated, *tiny, f"hydra.run.dir={tmp_path}").status == 0
 
 
-def test_a_training_that_diverges_after_its_best_epoch_says_so(
-    cli, surfaces, tmp_path, monkeypatch
-):
+def test_a_training_that_diverges_after_its_best_epoch_says_so(cli, tiny, tmp_path, monkeypatch):
     original = SurfaceModule.training_step
 
     def diverging(self, batch, batch_idx):
@@ -279,7 +249,7 @@ def test_a_training_that_diverges_after_its_best_epoch_says_so(
 
     monkeypatch.setattr(SurfaceModule, "training_step", diverging)
     many = ["model=haptic", "model.haptic.fit.epochs=3", "data.val_fold=1"]
-    outcome = cli(*many, *tiny(surfaces, tmp_path))
+    outcome = cli(*many, *tiny, f"hydra.run.dir={tmp_path}")
     assert outcome.status == 0, outcome.err
     assert "the haptic network diverged; its weights are those of epoch 1" in outcome.err
     assert all(bool(each.isfinite().all()) for each in weights(tmp_path).values())
@@ -288,17 +258,18 @@ def test_a_training_that_diverges_after_its_best_epoch_says_so(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("val_fold", ["1", "null"])
-def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path, val_fold):
+def test_a_killed_run_resumes_to_the_same_weights(cli, tiny, cache, tmp_path, val_fold):
     many = ["model=haptic", "model.haptic.fit.epochs=12", f"data.val_fold={val_fold}"]
     whole, killed = tmp_path / "whole", tmp_path / "killed"
-    assert cli(*many, *tiny(surfaces, whole)).status == 0
+    assert cli(*many, *tiny, f"hydra.run.dir={whole}").status == 0
     process = subprocess.Popen(
         [
             sys.executable,
             "-m",
             "tex_lightning",
             *many,
-            *tiny(surfaces, killed),
+            *tiny,
+            f"hydra.run.dir={killed}",
             f"data.cache_dir={cache}",
         ],
         env={**os.environ, "PYTHONPATH": str(CONF.parent)},
@@ -313,5 +284,5 @@ def test_a_killed_run_resumes_to_the_same_weights(cli, surfaces, cache, tmp_path
     process.wait()
     assert last.is_file()
     assert not (killed / "results.json").exists()
-    assert cli(*many, *tiny(surfaces, killed)).status == 0
+    assert cli(*many, *tiny, f"hydra.run.dir={killed}").status == 0
     assert same(weights(whole), weights(killed))

@@ -28,11 +28,6 @@ def data(surfaces: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def fused(run_once, surfaces) -> Path:
-    return run_once("model=fusion", "debug=tiny", *data(surfaces))
-
-
-@pytest.fixture(scope="module")
 def folds(run_once, surfaces) -> Path:
     only = "crossval.only=[0,2]"
     return run_once("model=minirocket", "debug=tiny", "task=crossval", only, *data(surfaces))

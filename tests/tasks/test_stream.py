@@ -15,25 +15,9 @@ from scipy.signal import resample_poly
 from tex_lightning.inference.stream_classifier import StreamingClassifier
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("run")
-
-
 @pytest.fixture
-def checkpoint(cli, surfaces, folder):
-    path = folder / "checkpoints" / "haptic.ckpt"
-    if not path.is_file():
-        outcome = cli(
-            "model=haptic",
-            "data=folder",
-            f"data.root={surfaces}",
-            "debug=tiny",
-            "trainer.threads=1",
-            f"hydra.run.dir={folder}",
-        )
-        assert outcome.status == 0, outcome.err
-    return path
+def checkpoint(fused):
+    return fused / "checkpoints" / "haptic.ckpt"
 
 
 def lines(outcome) -> list[dict]:
