@@ -51,11 +51,12 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_the_table_has_every_trial_with_its_interval(tested):
+def test_the_table_has_every_trial_with_its_interval(tested, fused):
     lines = table(tested / "stability.csv")
     assert list(lines[0]) == COLUMNS.split()
     systems = {line["system"] for line in lines}
-    assert systems == {"fusion", "visual", "minirocket", "haptic (run) (1)", "haptic (run) (2)"}
+    twice = {f"haptic ({fused.name}) ({number})" for number in (1, 2)}
+    assert systems == {"fusion", "visual", "minirocket", *twice}
     for name in ("white_noise", "shorter_trace", "jpeg", "haptic_missing", "image_swapped"):
         found = [line for line in lines if line["perturbation"] == name]
         for system in {line["system"] for line in found}:
