@@ -5,7 +5,7 @@ the seed 0 from the lines that compute or decide something, and made plausible b
 is off by one, a swapped axis, a wrong sign, a label of the wrong sample. Each is put into a copy of
 the checkout, and the test files that belong to the module run until the first failure. A line is
 found by its content, and by a part of its path where several are alike; one that there is no
-longer counts as gone.
+longer counts as gone, and one whose tests take too long as undecided.
 """
 
 import os
@@ -90,7 +90,7 @@ def measure(only: str = "", tree: str = str(ROOT)) -> dict[str, Any]:
         only: Numbers of faults, separated by commas; else all.
         tree: The checkout that is tested.
     """
-    found: dict[str, list[int]] = {"caught": [], "survived": [], "gone": []}
+    found: dict[str, list[int]] = {"caught": [], "survived": [], "undecided": [], "gone": []}
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "copy"
         shutil.copytree(tree, copy, ignore=shutil.ignore_patterns(".git", ".*_cache", "outputs"))
@@ -114,13 +114,13 @@ def _try(copy: Path, fault: str) -> str:
     module = max(having, key=lambda path: f"tex_lightning/{hint}" in path.as_posix())
     module.write_text(texts[module].replace(old, new, 1))
     try:
-        return "survived" if _pass(copy, module) else "caught"
+        return _judge(copy, module)
     finally:
         module.write_text(texts[module])
 
 
-def _pass(copy: Path, module: Path) -> bool:
-    """Whether the tests of a module pass: its own file first, then its package's and users'."""
+def _judge(copy: Path, module: Path) -> str:
+    """What the tests of a module say: its own file first, then its package's and users'."""
     name = ".".join(module.relative_to(copy).with_suffix("").parts)
     package = copy / "tests" / module.parent.name
     using = re.compile(rf"{re.escape(name)}\b")
@@ -135,5 +135,5 @@ def _pass(copy: Path, module: Path) -> bool:
             cwd=copy, env=environment, capture_output=True, timeout=SECONDS, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return True
-    return done.returncode == 0
+        return "undecided"
+    return "caught" if done.returncode else "survived"
