@@ -1,8 +1,8 @@
 """How many of sixty one-line faults the tests find.
 
-``python -m benchmarks mutants``, or ``--only=3,14`` for some of them. The faults were drawn with
-the seed 0 from the lines that compute or decide something, and made plausible by hand: an end that
-is off by one, a swapped axis, a wrong sign, a label of the wrong sample. Each is put into a copy of
+``python -m benchmarks mutants``, or ``--only=3,14`` for some of them. The list is fixed and was
+picked by hand, mostly from lines that compute or decide, shuffled with the seed 0: an end
+that is off by one, a swapped axis, a wrong sign, another sample's label. Each is put into a copy of
 the checkout, and the test files that belong to the module run until the first failure. A line is
 found by its content, and by a part of its path where several are alike; one that there is no
 longer counts as gone, and one whose tests take too long as undecided.
