@@ -49,7 +49,7 @@ def measure(threads: int = 2) -> dict[str, Any]:
 
 def _case(kind: str, norm: str) -> dict[str, Any]:
     plain = make_classifier(f"model={kind}", f"model.{kind}.width=1", f"model.{kind}.norm={norm}")
-    x = torch.randn_like(plain.sense(kind).blank(*SIZES[kind]))
+    x = torch.randn_like(plain.senses[kind].blank(*SIZES[kind]))
     networks = {"reference": accelerate(plain, OFF).network}
     networks |= {name: accelerate(plain, switch).network for name, switch in SWITCHES.items()}
     inputs = {name: x.to(next(net.parameters()).dtype) for name, net in networks.items()}

@@ -82,7 +82,7 @@ def _hapticnet(labels: list[str], traces: list[Trace]) -> SurfaceClassifier:
     """The default HapticNet as prediction runs it, its features fitted on the traces."""
     config = configured("model=haptic")
     classifier = SurfaceClassifier(configured_card(config, ["haptic"], sorted(set(labels)))).eval()
-    features: Any = classifier.sense("haptic").features
+    features: Any = classifier.senses["haptic"].features
     features.fit([features.magnitudes(torch.from_numpy(trace)) for trace in traces])
     return accelerate(classifier, config.engine)
 

@@ -40,7 +40,6 @@ from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
 from tex_lightning.studies.console_summary import Opening, trained_networks
 from tex_lightning.studies.dataset import Workspace, make_card, open_workspace
-from tex_lightning.studies.fold import make_training
 
 CORE = ("forward", "backward", "optimiser")  # what a training step is for
 PARTS = ("data", "augmentation", *CORE)
@@ -97,11 +96,10 @@ class BareLoop:
 
     def __init__(self, module: SurfaceModule) -> None:
         twin = type(module)(**module.hparams)
-        twin.head_factor = module.head_factor
-        twin.classifier.network = deepcopy(module.classifier.network)
+        twin.classifier = deepcopy(module.classifier)
         twin.train()
         configured = twin.configure_optimizers()
-        self.network = twin.classifier.network
+        self.twin = twin
         self.smoothing = twin.fit_config["label_smoothing"]
         self.optimizer = configured["optimizer"]
         self.scheduler = configured["lr_scheduler"]["scheduler"]
@@ -111,7 +109,7 @@ class BareLoop:
         clock, begin = Clock(), time.perf_counter()
         for inputs, label in self.batches:
             clock.start()
-            logits = self.network(*inputs).flatten(2)
+            logits = self.twin.scores_of(inputs)
             clock.stop("forward")
             labels = label[:, None].expand(-1, logits.shape[2])
             loss = nn.functional.cross_entropy(logits, labels, label_smoothing=self.smoothing)
@@ -245,7 +243,8 @@ def _train(
     workspace: Workspace, senses: list[str], unimodal: dict[str, Trained], watch: Turns
 ) -> Trained:
     card, parts = make_card(workspace, senses, unimodal), workspace.parts()
-    return train_network(make_training(workspace, card, parts, unimodal), watch)
+    store, folder = workspace.store, workspace.directory
+    return train_network(workspace.config, card, parts, store, folder, unimodal, watch)
 
 
 def main() -> None:

@@ -71,7 +71,7 @@ def test_the_number_of_threads_does_not_matter(kind):
 
 def test_a_batch_gives_what_its_samples_give():
     model = classifier("haptic")
-    inputs = torch.cat([model.sense("haptic")(noise(seed=seed)) for seed in range(5)])
+    inputs = torch.cat([model.senses["haptic"](noise(seed=seed)) for seed in range(5)])
     for order in (range(5), (4, 2, 0, 1, 3), (3, 3)):
         scores = model.network(inputs[list(order)])
         for place, seed in enumerate(order):
@@ -124,7 +124,7 @@ def test_standard_normalisation_is_not_and_does_not_promise_it():
 
 def test_shifting_by_a_stride_of_hops_shifts_the_fragments_by_one():
     model = classifier("haptic")
-    step = model.features["haptic"].hop_length * HapticNet.stride
+    step = model.senses["haptic"].features.hop_length * HapticNet.stride
     trace = noise(8.0)
     trace -= trace.mean()
     later = trace[:, step:]
@@ -168,7 +168,7 @@ def test_input_without_a_spectrum_ends_in_a_sentence(edge, normalisation):
 
 def test_one_sample_too_few_is_refused_and_one_more_is_not():
     model = classifier("haptic")
-    features = model.features["haptic"]
+    features = model.senses["haptic"].features
     least = (HapticNet.min_size[1] - 1) * features.hop_length + features.window_length
     assert model.logits(haptic=noise()[:, :least]).shape == (4, 1)
     with pytest.raises(UserError, match="record a longer stroke"):

@@ -54,14 +54,12 @@ def test_fusions_logits_are_those_of_the_stated_tuples(kind):
     seed = content_seed(0, *(each.numpy() for each in given.values()))
     with torch.no_grad():
         features = [
-            network.features(sense(recording), "fc2")[0].flatten(1)
-            for network, sense, recording in zip(
-                model.network.networks, model.senses.values(), given.values(), strict=True
-            )
+            sense.network.features(sense(recording), "fc2")[0].flatten(1)
+            for sense, recording in zip(model.senses.values(), given.values(), strict=True)
         ]
         tuples = random_tuples([each.shape[1] for each in features], 200, seed)
         chosen = [each[:, tuples[:, place]] for place, each in enumerate(features)]
-        expected = model.network.head(torch.cat(chosen).T).T
+        expected = model.fusion.head(torch.cat(chosen).T).T
         torch.testing.assert_close(model.logits(**given), expected)
 
 
@@ -84,8 +82,8 @@ def save(model: SurfaceClassifier, path, **changes) -> None:
 @pytest.mark.parametrize("kind", SENSES)
 def test_a_checkpoint_rebuilds_it(tmp_path, kind, level):
     model = classifier(kind, level)
-    for name, features in model.features.items():
-        if hasattr(features, "fit"):
+    for name, sense in model.senses.items():
+        if hasattr(features := sense.features, "fit"):
             features.fit([features.magnitudes(sample()[name])])
     save(model, tmp_path / "m.ckpt")
     again = SurfaceClassifier.from_checkpoint(tmp_path / "m.ckpt", model.card.kind)
@@ -98,7 +96,7 @@ def test_a_checkpoint_rebuilds_it(tmp_path, kind, level):
 def three(request) -> SurfaceClassifier:
     """A FusionNet of three senses with a bias that is not 0."""
     model = classifier("three", request.param)
-    torch.nn.init.normal_(model.network.head.bias)
+    torch.nn.init.normal_(model.fusion.head.bias)
     return model.requires_grad_(False)
 
 
@@ -126,16 +124,16 @@ def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
 @pytest.mark.parametrize("three", ["fc3"], indirect=True)
 def test_parts_of_a_fusion_of_fc3_have_the_scores_of_their_networks(three):
     scores = {}
-    for network, (name, sense) in zip(three.network.networks, three.senses.items(), strict=True):
+    for name, sense in three.senses.items():
         part = three.with_senses([name])
-        scores[name] = network(sense(sample()[sense.modality]))[0].flatten(1)
+        scores[name] = sense.network(sense(sample()[sense.modality]))[0].flatten(1)
         torch.testing.assert_close(part.logits(**own(part)), scores[name])
     pair = three.with_senses(["haptic", "sound"])
     counts = [scores[name].shape[1] for name in pair.card.sense_names]
     tuples = random_tuples(counts, 200, pair.seed(**own(pair)))
     joined = [scores[name][:, tuples[:, i]] for i, name in enumerate(pair.card.sense_names)]
-    weight = three.network.head.weight[:, [0, 1, 2, 6, 7, 8]]  # of three classes each
-    expected = weight @ torch.cat(joined) + three.network.head.bias[:, None]
+    weight = three.fusion.head.weight[:, [0, 1, 2, 6, 7, 8]]  # of three classes each
+    expected = weight @ torch.cat(joined) + three.fusion.head.bias[:, None]
     torch.testing.assert_close(pair.logits(**own(pair)), expected)
 
 

@@ -86,7 +86,7 @@ def test_costs_known_in_advance_are_those_of_the_pass(level):
     inputs = given("three", 0)
     sizes = {"visual": (800, 1000)}
     for name in ("haptic", "sound"):
-        sizes[name] = 50, model.features[name].count_frames(inputs[name])
+        sizes[name] = 50, model.senses[name].features.count_frames(inputs[name])
     total = sum(costs.of(name, *size) for name, size in sizes.items())
     assert total == spent(lambda: model.logits(**inputs))
 
@@ -154,7 +154,7 @@ def test_single_windows_have_the_scores_of_isolated_crops():
     sequential = SequentialClassifier(model, CONFIG)
     rows, columns = model.network.output_size(800, 1000)
     last = rows * columns - 1
-    scores = sequential._windows(model.sense("visual"), large, torch.tensor([columns + 2, last]))
+    scores = sequential._windows(model.senses["visual"], large, torch.tensor([columns + 2, last]))
     inside = model.logits(image=large[32 : 32 + 224, 64 : 64 + 224].contiguous())
     edge = model.logits(image=large[-224:, -224:].contiguous())
     torch.testing.assert_close(scores, torch.cat((inside, edge), dim=1))
@@ -177,7 +177,7 @@ def test_the_dense_fallback_is_the_full_vote(kind, level):
 
 def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
-    rows = count_positions(monkeypatch, model.sense("visual").network)
+    rows = count_positions(monkeypatch, model.senses["visual"].network)
     vote = SequentialClassifier(model, CONFIG).classify(**given("fusion", 0))
     assert rows == []
     assert 0 < vote.relative_macs < 1
@@ -190,7 +190,7 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
 def test_the_cheaper_modality_comes_first(monkeypatch):
     model = classifier("fusion", confidence_threshold=0.0)
     small = photo(0, 240, 240)
-    rows = count_positions(monkeypatch, model.sense("haptic").network)
+    rows = count_positions(monkeypatch, model.senses["haptic"].network)
     vote = SequentialClassifier(model, CONFIG).classify(haptic=trace(0, 60.0), image=small)
     assert rows == []
     assert vote.relative_macs < 0.5
@@ -206,14 +206,14 @@ def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monk
         for name, sense in model.senses.items()
     }
     cheap, middle, dear = sorted(costs, key=costs.get)
-    rows = count_positions(monkeypatch, model.sense(dear).network)
+    rows = count_positions(monkeypatch, model.senses[dear].network)
     answers = iter([False, True])
     monkeypatch.setattr(early_stopping, "is_confident", lambda *_: next(answers))
     vote = SequentialClassifier(model, CONFIG).classify(**sample)
     assert rows == []
     assert vote.relative_macs == (costs[cheap] + costs[middle]) / sum(costs.values())
     senses = [name for name in model.card.sense_names if name != dear]  # in the order of the tuples
-    partials = [model.partial_logits(name, sample[model.sense(name).modality]) for name in senses]
+    partials = [model.partial_logits(name, sample[model.senses[name].modality]) for name in senses]
     tuples = random_tuples([each.shape[1] for each in partials], 200, model.seed(**sample))
     scores = sum(each[:, tuples[:, place]] for place, each in enumerate(partials))
     torch.testing.assert_close(vote.probabilities, RULES[rule](scores, 1.0).probabilities)

@@ -114,7 +114,7 @@ def test_large_inputs_in_pieces_keep_class_scores_and_fragments(kind):
     engine = accelerate(model, replace(DEFAULT, tile=25_000 if kind == "haptic" else 60_000))
     sizes = []
     sense = "haptic" if kind == "haptic" else "visual"
-    engine.sense(sense).network.trunk.register_forward_pre_hook(
+    engine.senses[sense].network.trunk.register_forward_pre_hook(
         lambda _, given: sizes.append(given[0].shape[2:])
     )
     found = engine.logits(**large)

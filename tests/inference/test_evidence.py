@@ -59,7 +59,7 @@ class Closed(nn.Module):
 
 def with_network(sense: str, network: nn.Module, **changes: object) -> SurfaceClassifier:
     classifier = SurfaceClassifier(make_card(sense, width=0.1, **changes))
-    classifier.network = network
+    classifier.senses[sense].network = network
     return classifier.eval()
 
 
@@ -140,7 +140,7 @@ def test_it_is_the_decision_of_classify_and_the_scores_of_each_sense_alone(level
     assert vote.label == whole.label
     assert torch.equal(vote.fragments, whole.fragments)
     assert torch.equal(vote.probabilities, whole.probabilities)
-    assert found["visual"].scores.shape == (3, *classifier.sense("visual").grid(given["image"]))
+    assert found["visual"].scores.shape == (3, *classifier.senses["visual"].grid(given["image"]))
     if level == "fc2":
         for name, modality in (("haptic", "haptic"), ("visual", "image")):
             alone = classifier.with_senses((name,)).logits(**{modality: given[modality]})

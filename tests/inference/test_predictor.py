@@ -169,7 +169,7 @@ def test_a_stream_adds_what_a_photo_says_once(fusion):
     assert (last.modalities, last.fragments) == (("haptic", "image"), 50)
     classifier = fusion.classifier
     trace, photo = torch.from_numpy(TRACE)[None], torch.from_numpy(PHOTO)
-    photo = photo[::2, ::2] if classifier.sense("visual").decoder.half_scale else photo
+    photo = photo[::2, ::2] if classifier.senses["visual"].decoder.half_scale else photo
     with torch.inference_mode():
         partials = (
             classifier.partial_logits("haptic", trace),

@@ -155,7 +155,7 @@ def test_what_needs_the_whole_recording_is_refused(senses, features, said):
 
 def test_a_sense_of_other_windows_is_streamed_as_any_signal():
     classifier, trace = make_classifier(sense="sound"), recording(25.0, 0.3, 1, 2)
-    features = classifier.features["sound"]
+    features = classifier.senses["sound"].features
     assert (features.window_length, features.hop_length) == (400, 100)
     stream, counted = StreamingClassifier(classifier), 0
     for end in range(0, 250_000, 10_000):

@@ -31,7 +31,7 @@ def test_a_container_changes_training_patches_alone(batch):
     both = {"_target_": "kornia.augmentation.AugmentationSequential", "_args_": [FLIP, INVERT]}
     augmented = module(both)
     (changed,) = augmented.inputs(batch)
-    features = augmented.classifier.features["visual"]
+    features = augmented.classifier.senses["visual"].features
     expected = 1 - (plain * features.std + features.mean).flip(3)
     torch.testing.assert_close(changed, (expected - features.mean) / features.std)
     (left,) = augmented.eval().inputs(batch)
@@ -46,7 +46,7 @@ def test_what_fails_on_patches_is_said(batch):
     assert "fit.augmentation (RandomCrop) raised TypeError" in caught.value.__notes__[0]
     flat = module({"_target_": "torch.nn.Flatten"})
     with pytest.raises(
-        UserError, match=r"returned a Tensor of float32 of shape \(2, 150528\) for patches"
+        UserError, match=r"returned a Tensor of float32 of shape \(2, 150528\) for a batch of 2"
     ):
         flat.inputs(batch)
 

@@ -7,7 +7,7 @@ from conftest import make_card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
-from tex_lightning.learning.enrolment import add_classes, fit_rows, keep_classes
+from tex_lightning.learning.enrolment import add_classes, fit_new_class_weights, keep_classes
 
 NEW = ["delta", "epsilon"]
 
@@ -39,8 +39,7 @@ def make_classifier(*senses, level="fc2"):
         rows = features[name][0][0].mean(dim=1) + torch.randn(9, size)
         labels = torch.arange(9) % 3
         classifier.statistics[name] = FeatureStatistics.of(rows, labels, 3)
-    for parameter in classifier.network.parameters():  # scores that differ
-        parameter.requires_grad_(False)
+    classifier.requires_grad_(False)
     return classifier, features
 
 
@@ -54,7 +53,7 @@ def test_scores_of_the_old_classes_stay(senses, level):
     with torch.enable_grad():
         found = add_classes(classifier, NEW, features)
     assert found.card.classes == [*classifier.card.classes, *NEW]
-    sample = {classifier.sense(name).modality: recordings(name)[0] for name in senses}
+    sample = {classifier.senses[name].modality: recordings(name)[0] for name in senses}
     before, after = classifier.logits(**sample), found.logits(**sample)
     assert after.shape == (5, before.shape[1])
     torch.testing.assert_close(after[:3], before)
@@ -86,7 +85,7 @@ def test_the_parts_of_a_fusion_of_features_add_up():
 def test_a_class_that_is_taken_out_leaves_the_others_in_order(senses):
     classifier, _ = make_classifier(*senses, level="fc3")
     found = keep_classes(classifier, ["alpha", "gamma"])
-    sample = {classifier.sense(name).modality: recordings(name)[0] for name in senses}
+    sample = {classifier.senses[name].modality: recordings(name)[0] for name in senses}
     with torch.no_grad():
         if len(senses) == 1:
             torch.testing.assert_close(found.logits(**sample), classifier.logits(**sample)[[0, 2]])
@@ -117,7 +116,9 @@ def test_new_rows_beside_the_best_old_ones_are_nearly_the_best(new_bias):
     few = [[each[:, :5], each[:, 5:10]] for each in features[4:]]
     means = torch.stack([each[:, :10].mean(1) for each in features[4:]])
     whole = statistics.with_classes(means, torch.tensor([2, 2]))
-    new, biases = fit_rows(whole, weight, bias, few, temperature=1.0, new_bias=new_bias)
+    new, biases = fit_new_class_weights(
+        whole, weight, bias, few, temperature=1.0, new_bias=new_bias
+    )
     scores = torch.cat([weight, new]) @ features + torch.cat([bias, biases])[:, None]
     right = scores.argmax(dim=1) == torch.arange(6)[:, None]
     assert right.float().mean(dim=1).min() > 0.97
@@ -141,10 +142,11 @@ def test_a_network_without_a_score_layer_says_so():
             self.inner = network
             self.features = network.features
 
-    classifier.network = Bare(classifier.network)
+    sense = classifier.senses["haptic"]
+    sense.network = Bare(sense.network)
     with pytest.raises(UserError, match="Bare of haptic has no score_layer"):
         add_classes(classifier, NEW, features)
     for layer in (torch.nn.Conv1d(4, 3, 3), torch.nn.Conv1d(4, 3, 1, bias=False)):
-        classifier.network.score_layer = layer
+        sense.network.score_layer = layer
         with pytest.raises(UserError, match="a convolution of kernel 1 with a bias"):
             add_classes(classifier, NEW, features)

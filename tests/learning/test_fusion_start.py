@@ -19,7 +19,7 @@ def test_no_epoch_leaves_the_sum_of_both_networks_scores(run_once, surfaces):
         for kind in ("haptic", "visual")
     ]
     expected = torch.cat([layer.flatten(1) for layer in layers], dim=1)
-    assert torch.equal(state["fusion"]["classifier.network.head.weight"], expected)
+    assert torch.equal(state["fusion"]["classifier.fusion.head.weight"], expected)
     networks = json.loads((run / "results.json").read_text())["networks"]
     assert networks["fusion"]["test_samples"] == 3
 

@@ -75,7 +75,7 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
     raw = []
     with torch.no_grad():
         for photo in photos.recordings:
-            image = module.classifier.sense("visual")(torch.from_numpy(photo))
+            image = module.classifier.senses["visual"](torch.from_numpy(photo))
             raw.append(module.network.eval().trunk(image).mean(dim=(0, 2, 3)).double().numpy())
     groups = names(12)
     fit_linear_head(module, photos, labels, groups)

@@ -11,7 +11,7 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.fusion import FusionModule, FusionStart
+from tex_lightning.learning.fusion import FusionModule, start_fusion
 
 SCHEDULES = "torch.optim.lr_scheduler"
 FIT = {
@@ -198,7 +198,7 @@ def test_fusion_keeps_the_statistics_of_batch_normalisation():
     assert norms
     assert not any(layer.training for layer in norms)
     assert any(layer.training for layer in model.modules() if isinstance(layer, nn.Dropout))
-    assert model.network(*model.inputs(batch_of_three(1))).shape == (1, 3, 1)
+    assert model.scores(batch_of_three(1)).shape == (1, 3, 1)
 
 
 def test_three_senses_are_trained_a_step():
@@ -208,16 +208,11 @@ def test_three_senses_are_trained_a_step():
     optimizer = torch.optim.SGD(model.parameters(), lr=0.1)
     model.training_step(batch_of_three(6), 0).backward()
     optimizer.step()
-    network = model.network
-    for place, sense in enumerate(SENSES["three"]):
-        changed = [
-            name
-            for name, value in network.networks[place].named_parameters()
-            if not torch.equal(value, before[f"classifier.network.networks.{place}.{name}"])
-        ]
-        assert changed, sense
-    columns = torch.split(network.head.weight, network.sizes, dim=1)
-    old = torch.split(before["classifier.network.head.weight"], network.sizes, dim=1)
+    for name, sense in model.classifier.senses.items():
+        prefix, parameters = f"classifier.senses.{name}.network", sense.network.named_parameters()
+        assert any(not torch.equal(value, before[f"{prefix}.{key}"]) for key, value in parameters)
+    columns = torch.split(model.fusion.head.weight, model.fusion.sizes, dim=1)
+    old = torch.split(before["classifier.fusion.head.weight"], model.fusion.sizes, dim=1)
     assert not any(torch.equal(new, start) for new, start in zip(columns, old, strict=True))
 
 
@@ -225,7 +220,7 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
     paths = {}
     for name in SENSES["three"]:
         single = module(name)
-        for buffer in single.classifier.features.buffers():
+        for buffer in single.classifier.senses[name].features.buffers():
             buffer.add_(0.5)  # what features have learnt comes along
         card = {"card": single.classifier.card.to_dict()}
         paths[name] = tmp_path / f"{name}.ckpt"
@@ -233,8 +228,7 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
         torch.save(content, paths[name])
     model = module("three")
     starts = {name: SurfaceClassifier.from_checkpoint(path) for name, path in paths.items()}
-    FusionStart(starts, 20.0).setup(None, model, "fit")
-    assert model.head_factor == 20
+    start_fusion(model, starts, "scores")
     classifier = model.eval().classifier
     rng = torch.Generator().manual_seed(0)
     sample = {
@@ -246,27 +240,21 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
     for name, sense in classifier.senses.items():
         start = SurfaceClassifier.from_checkpoint(paths[name], name)
         alone.append(start.logits(**sample))
-        assert torch.equal(sense(sample[sense.modality]), start.sense(name)(sample[sense.modality]))
+        assert torch.equal(
+            sense(sample[sense.modality]), start.senses[name](sample[sense.modality])
+        )
     counts = [each.shape[1] for each in alone]
     tuples = random_tuples(counts, 50, classifier.seed(**sample))
     expected = sum(each[:, tuples[:, place]] for place, each in enumerate(alone))
     torch.testing.assert_close(classifier.logits(**sample), expected, rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.parametrize("factor", [9.9, 50.1])
-def test_the_head_factor_has_the_papers_range(factor):
-    with pytest.raises(UserError, match="from 10 to 50"):
-        FusionStart({}, factor)
-    FusionStart({}, 10.0)
-
-
 @pytest.mark.parametrize("kind", ["fusion", "three"])
 def test_a_dropped_modality_leaves_the_scores_of_a_single_one(monkeypatch, kind):
     model = module(kind, modality_dropout=0.6)
     parts = list(torch.randn(len(SENSES[kind]), 4000, 3, 1))
-    monkeypatch.setattr(model, "inputs", lambda batch: ())
-    monkeypatch.setattr(model.network, "parts", lambda: parts)
-    scores = model.scores({})
+    monkeypatch.setattr(model, "parts", lambda inputs: parts)
+    scores = model.scores_of([])
     counts = [
         int((scores == expected).flatten(1).all(1).sum()) for expected in (*parts, sum(parts))
     ]

@@ -13,8 +13,8 @@ from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_sta
 from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError
 from tex_lightning.learning.callbacks import ProgressBar
-from tex_lightning.learning.train import _fit, _refuse_diverged, train_network
-from tex_lightning.learning.trainer import CheckpointFiles, _settle_progress_bar
+from tex_lightning.learning.train import _fit, _take_best, checkpoint_of, train_network
+from tex_lightning.learning.trainer import CheckpointFiles, _with_progress_bar
 
 
 class Unsaveable:
@@ -47,8 +47,7 @@ def test_a_checkpoint_is_the_one_that_lightning_would_write(tmp_path: Path) -> N
 
 
 def test_a_batch_of_one_position_is_said(batch_norm_of_one: SimpleNamespace) -> None:
-    card = SimpleNamespace(kind="visual")
-    module = SimpleNamespace(classifier=SimpleNamespace(card=card))
+    module = SimpleNamespace(kind="visual")
     with pytest.raises(UserError, match=r"raise model\.visual\.fit\.batch_size"):
         _fit(batch_norm_of_one, module, None, None)
 
@@ -92,19 +91,18 @@ def test_another_progress_bar_takes_its_place_and_none_is_none() -> None:
         ([other, theirs], {"enable_progress_bar": False}, [ModelCheckpoint]),
     ]
     for callbacks, flags, left in cases:
-        _settle_progress_bar(callbacks, flags)
-        assert [type(each) for each in callbacks] == left
+        assert [type(each) for each in _with_progress_bar(callbacks, flags)] == left
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:
-    final, working = tmp_path / "haptic.ckpt", tmp_path / "haptic"
+    final = checkpoint_of(tmp_path, "haptic")
+    working = final.with_suffix("")
     classifier = SurfaceClassifier(card := make_card("haptic", width=0.1))
     content = {"hyper_parameters": {"card": card.to_dict()}}
+    working.mkdir(parents=True)
     torch.save({**content, "state_dict": lightning_state(classifier)}, final)
-    working.mkdir()
     (working / "last.ckpt").touch()
-    training = SimpleNamespace(final=final, working=working, card=card)
-    assert train_network(training).checkpoint == final
+    assert train_network(None, card, None, None, tmp_path, {}).checkpoint == final
     assert not working.exists()
 
 
@@ -112,9 +110,9 @@ def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path:
 def test_weights_that_are_no_numbers_end_a_training_in_a_sentence(value: float) -> None:
     layer = torch.nn.Linear(2, 1)
     torch.nn.init.constant_(layer.bias, value)
-    layer.classifier = SimpleNamespace(card=SimpleNamespace(kind="fusion"), senses={})
+    layer.kind = "fusion"
     if value == 1e30:
-        _refuse_diverged(layer)
+        _take_best(layer, None)
         return
     with pytest.raises(UserError, match=r"diverged, .*; lower model\.fusion\.fit\.learning_rate"):
-        _refuse_diverged(layer)
+        _take_best(layer, None)

@@ -85,17 +85,6 @@ def test_caller_keeps_its_networks():
     assert torch.equal(visual(image), before[1])
 
 
-@pytest.mark.parametrize("level", ["fc2", "fc3"])
-def test_parameter_groups_are_all_parameters_and_all_learn(level):
-    net = fusion(level, norm="batch")
-    net(*inputs(192, 224, 224)).square().sum().backward()
-    groups = [*net.backbone_parameters(), *net.head_parameters()]
-    assert {id(p) for p in groups} == {id(p) for p in net.parameters()}
-    assert len(groups) == len({id(p) for p in groups})
-    assert len(list(net.head_parameters())) == 2
-    assert all(p.grad is not None for p in groups)
-
-
 def senses(count):
     """So many networks for CLASSES, with their inputs."""
     torch.manual_seed(3)
@@ -130,24 +119,6 @@ def test_parts_of_any_number_of_senses_sum_to_one_linear_layer(count, level):
     expected = net.head(torch.cat(chosen, dim=1).mT).mT
     torch.testing.assert_close(net(*given, tuples=tuples), expected)
     torch.testing.assert_close(net.fuse(net.parts(*given), tuples), expected)
-
-
-@pytest.mark.parametrize("level", ["fc2", "fc3"])
-@pytest.mark.parametrize("places", [[0], [2], [0, 2], [1, 2], [2, 0], [0, 1, 2]])
-def test_a_subset_is_the_linear_layer_on_the_features_of_some_senses(places, level):
-    net, given, features = several(3, level)
-    before = {name: value.clone() for name, value in net.state_dict().items()}
-    part = net.subset(places)
-    columns = torch.split(net.head.weight, net.sizes, dim=1)
-    weight = torch.cat([columns[place] for place in places], dim=1)
-    firsts = torch.cat([features[place][..., 0] for place in places], dim=1)
-    expected = torch.nn.functional.linear(firsts, weight, net.head.bias)
-    first = torch.zeros(1, len(places), dtype=torch.int64)
-    found = part(*(given[place] for place in places), tuples=first)
-    torch.testing.assert_close(found[..., 0], expected)
-    for parameter in part.parameters():
-        torch.nn.init.zeros_(parameter)
-    assert all(torch.equal(value, before[name]) for name, value in net.state_dict().items())
 
 
 def test_a_start_from_scores_adds_those_of_three_networks():

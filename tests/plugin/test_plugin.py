@@ -85,7 +85,8 @@ def test_reader_trunk_sense_callback_and_logger_of_a_user_train(run):
     content = read_checkpoint(run / "checkpoints" / "visual.ckpt")
     card = content["hyper_parameters"]["card"]
     assert card["senses"]["visual"]["trunk"] == {"_target_": "my_ext.SmallTrunk", "channels": 6}
-    assert content["state_dict"]["classifier.network.trunk.layers.0.weight"].shape == (6, 3, 8, 8)
+    key = "classifier.senses.visual.network.trunk.layers.0.weight"
+    assert content["state_dict"][key].shape == (6, 3, 8, 8)
 
 
 def test_a_perturbation_of_the_user_is_tried_before_any_trial(cli, run, data, tmp_path):

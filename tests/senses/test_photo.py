@@ -1,6 +1,6 @@
 """Photos: single windows, pieces of large ones, files and pixels."""
 
-from dataclasses import replace
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -22,7 +22,14 @@ FIT = {"perturb": [], "perturbed_share": 0.5, "rotation": 180.0}
 @pytest.fixture(scope="module")
 def sense():
     torch.manual_seed(0)
-    return SurfaceClassifier(make_card("visual", width=0.1)).eval().sense("visual")
+    return SurfaceClassifier(make_card("visual", width=0.1)).eval().senses["visual"]
+
+
+def changed(sense, **values):
+    copied = deepcopy(sense)
+    for name, value in values.items():
+        setattr(copied, name, value)
+    return copied
 
 
 def photo(height: int = 330, width: int = 300) -> torch.Tensor:
@@ -58,7 +65,7 @@ def test_positions_are_those_of_the_network_row_by_row(sense):
 def test_positions_in_pieces_are_those_of_the_whole(sense, tile):
     large = photo(610, 540)
     whole = sense.positions(large, "fc3")
-    found = replace(sense, tile=tile).positions(large, "fc3")
+    found = changed(sense, tile=tile).positions(large, "fc3")
     torch.testing.assert_close(found, whole, atol=1e-5, rtol=0)
 
 
@@ -78,7 +85,7 @@ def test_too_small_a_photo_is_refused(sense):
 )
 def test_the_remedy_for_a_small_photo_is_none_that_was_taken(sense, decoder, remedy):
     with pytest.raises(UserError) as caught:
-        replace(sense, decoder=decoder).check(photo(64, 64))
+        changed(sense, decoder=decoder).check(photo(64, 64))
     assert str(caught.value).endswith(remedy)
 
 
@@ -98,7 +105,7 @@ def test_a_bank_is_cut_into_turned_crops(sense, tmp_path):
 
 @pytest.mark.parametrize("half", [False, True])
 def test_files_and_pixels_are_received_alike(sense, tmp_path, half):
-    sense = replace(sense, decoder=PhotoDecoder(half_scale=half))
+    sense = changed(sense, decoder=PhotoDecoder(half_scale=half))
     rgb = make_photo(1, 0) // np.array([1, 2, 3], np.uint8)
     Image.fromarray(rgb).save(tmp_path / "p.png")
     side = 120 if half else 240
@@ -134,7 +141,7 @@ class Stripes(nn.Module):
 
 @torch.no_grad()
 def test_the_geometry_of_a_users_network_is_found_by_trying(sense):
-    own = replace(sense, network=Stripes(3), tile=100)
+    own = changed(sense, network=Stripes(3), tile=100)
     assert own.positions(photo(80, 60), "fc3").shape == (3, 3 * 2)
     own.check(photo(40, 40))
     with pytest.raises(

@@ -105,7 +105,7 @@ def test_a_bank_is_cut_into_training_inputs(tmp_path):
 
 
 def test_spectrograms_are_normalised_by_the_training_set(surfaces, tmp_path):
-    sense = SurfaceClassifier(make_card("haptic", width=0.1)).sense("haptic")
+    sense = SurfaceClassifier(make_card("haptic", width=0.1)).senses["haptic"]
     files = sorted((surfaces / "alpha" / "haptic").iterdir())[:3]
     rows = [Recording("alpha", "haptic", path, place) for place, path in enumerate(files)]
     store = Store(tmp_path, {"haptic": sense.decoder})

@@ -93,7 +93,7 @@ def test_the_fusion_checkpoint_started_from_the_unimodal_ones(fused):
     )
     assert (end - start).abs().max() < 0.01 * start.abs().max()
     for buffer in ("level", "channel_mean", "channel_std"):
-        key = f"classifier.features.haptic.{buffer}"
+        key = f"classifier.senses.haptic.features.{buffer}"
         assert torch.equal(haptic[key], fusion[key])
 
 

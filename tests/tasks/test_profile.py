@@ -81,23 +81,27 @@ def fusion(request) -> SurfaceClassifier:
     torch.manual_seed(0)
     card = make_card("haptic", "visual", level=request.param, width=0.1, trunk=trunk_node("tcnn"))
     classifier = SurfaceClassifier(card).eval()
-    torch.nn.init.normal_(classifier.network.head.weight)
-    torch.nn.init.normal_(classifier.network.head.bias)
-    classifier.features["haptic"].channel_mean.fill_(0.5)
+    torch.nn.init.normal_(classifier.fusion.head.weight)
+    torch.nn.init.normal_(classifier.fusion.head.bias)
+    classifier.senses["haptic"].features.channel_mean.fill_(0.5)
     return classifier
 
 
 def test_the_parts_of_a_fusion_are_its_halves(fusion):
     haptic, visual = (fusion.with_senses([name]) for name in fusion.card.sense_names)
     assert (haptic.card.kind, visual.card.kind) == ("haptic", "visual")
-    assert haptic.features["haptic"].channel_mean[0] == 0.5
+    assert haptic.senses["haptic"].features.channel_mean[0] == 0.5
     spectrogram, image = torch.randn(1, 1, 50, 210), torch.randn(1, 3, 224, 240)
     with torch.no_grad():
-        whole = fusion.network.parts(spectrogram, image)
+        layer, inputs = fusion.fusion, (spectrogram, image)
+        networks = [sense.network for sense in fusion.senses.values()]
+        pairs = zip(networks, inputs, strict=True)
+        features = [net.features(x, layer.level).flatten(2) for net, x in pairs]
+        whole = [layer.project(index, each) for index, each in enumerate(features)]
         parts = haptic.network(spectrogram), visual.network(image).flatten(2)
-        if fusion.network.level == "fc3":
-            weights = fusion.network.head.weight.tensor_split(2, dim=1)
-            parts = weights[0] @ parts[0], weights[1] @ parts[1] + fusion.network.head.bias[:, None]
+        if layer.level == "fc3":
+            weights = layer.head.weight.tensor_split(2, dim=1)
+            parts = weights[0] @ parts[0], weights[1] @ parts[1] + layer.head.bias[:, None]
     for half, part in zip(whole, parts, strict=True):
         torch.testing.assert_close(half, part, rtol=1e-4, atol=1e-5)
 

@@ -116,7 +116,7 @@ def test_without_its_trace_fusion_votes_as_its_visual_part(tested, fused):
     fusion = SurfaceClassifier.from_checkpoint(fused / "checkpoints" / "fusion.ckpt")
     part, right = fusion.with_senses(["visual"]), []
     for each in read_outcomes(fused / "predictions" / "fusion.csv"):
-        decoded, _ = part.sense("visual").decoder.decode(Path(each.files["image"]))
+        decoded, _ = part.senses["visual"].decoder.decode(Path(each.files["image"]))
         vote = part.classify(image=torch.from_numpy(decoded))
         right.append(fusion.card.classes[vote.label] == each.label)
     assert float(found[-1]["vote_accuracy"]) == pytest.approx(np.mean(right))

@@ -60,7 +60,7 @@ def test_both_parts_of_a_fusion_start_from_their_trunks(run_once, fused, tiny, c
     assert list(found["weights"]) == ["haptic", "visual"]
     for source in found["weights"].values():
         assert re.search(r"\(trained on \d+ recordings\)", source)
-    key = "classifier.network.trunk.0.weight"
+    key = "classifier.senses.haptic.network.trunk.0.weight"
     start, end = (
         torch.load(each / "checkpoints" / "haptic.ckpt", weights_only=True)["state_dict"][key]
         for each in (fused, run)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier.card import Card, damaged, named, read_checkpoint
+from tex_lightning.classifier.card import Card, read_checkpoint, reading
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config.instantiation import (
     INSTALL,
@@ -25,7 +25,7 @@ from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit
 from tex_lightning.networks.blocks import Level
-from tex_lightning.senses.base import Sense, as_tensor
+from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.dft321 import dft321, quick_length
 from tex_lightning.senses.features.spectrogram import movement_start
 from tex_lightning.senses.photo import PhotoSense
@@ -155,24 +155,17 @@ def as_baseline_takes_it(x: Tensor) -> "Array":
 class MovementSense(SignalSense):
     """Signals for baselines."""
 
-    features: Movement
-
     @property
     def knows_min_size(self) -> bool:
-        """Yes: of movement."""
+        """Yes: the movement itself is measured."""
         return True
-
-    def check_size(self, recording: "Tensor | Array") -> None:
-        """Refuse a signal with too little movement."""
-        self.features.steady(as_tensor(recording))
 
 
 class PixelSense(PhotoSense):
     """Photos for baselines, with pixels as they are."""
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
-        found: Tensor = self.network.features(x, level)  # type: ignore[operator]
-        return found
+        return self.score(x, level)
 
 
 class BaselineClassifier(SurfaceClassifier):
@@ -237,15 +230,11 @@ def load_trained(path: str | Path) -> Trained:
     path, content = Path(path).expanduser(), read_checkpoint(path)
     if not isinstance(content, dict) or "baseline" not in content:
         return Trained.of(SurfaceClassifier.from_content(path, content), path, content)
-    try:
+    with reading(path):
         card = Card.from_dict(content["hyper_parameters"]["card"])
         with SizeLimit(path.stat().st_size):
             classifier = BaselineClassifier(card)
             classifier.baseline.load_state(content["baseline"])
-    except UserError as error:
-        raise named(path, error) from error
-    except Exception as error:  # damage shows in as many ways as there are formats
-        raise damaged(path, error) from error
     return Trained.of(classifier, path, content)
 
 

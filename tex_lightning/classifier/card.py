@@ -1,7 +1,8 @@
 """The metadata of a checkpoint: plain values that rebuild the classifier."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -33,13 +34,22 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "axes": get_args(Axes),
     "scale": get_args(Scale),
     "normalisation": get_args(Normalisation),
+    "decision.rule": tuple(RULES),
+    "fusion.level": get_args(Level),
 }
-RANGES = {
+RANGES: dict[str, tuple[float, float]] = {
     "width": (0.0, MAX_WIDTH),
     "sampling_rate": (1.0, 1e6),  # sensors have 20 Hz to 200 kHz
     "file_rate": (1e-3, 1e7),
     "resize": (1, LARGEST),
+    "decision.pairs": (1, MAX_PAIRS),
+    "decision.seed": (0, 2**32 - 1),
+    "decision.reject_below": (0, 1),
+    "decision.unknown": (0, 1),
+    "calibration.temperature": (1e-6, 1e6),
+    "calibration.confidence_threshold": (0, 1),
 }
+OPTIONAL = ("file_rate", "resize", "decision.reject_below", "decision.unknown")
 
 
 @dataclass(frozen=True)
@@ -78,7 +88,7 @@ class Card:
     input_ranges: dict[str, dict[str, list[float]]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for a checkpoint."""
+        """Return plain values for a checkpoint."""
         return asdict(self)
 
     @classmethod
@@ -120,7 +130,7 @@ class Card:
         return str(self.baseline.get("name", f"{self.kind} network"))
 
     def of(self, senses: Sequence[str]) -> Self:
-        """The card of some of the senses; their temperature is not known."""
+        """Return the card of some of the senses; their temperature is not known."""
         chosen = {name: self.senses[name] for name in senses}
         fusion = self.fusion if len(chosen) > 1 else {}
         kept = {name: self.novelties[name] for name in senses if name in self.novelties}
@@ -175,35 +185,34 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
     path = Path(path).expanduser()
     if not path.is_file():
         raise UserError(f"Checkpoint {path} does not exist; check the path.")
-    try:
+    with reading(path), suppress_warnings():
         check_archive(path)
-        with suppress_warnings():
-            content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # damage shows in as many ways as there are formats
-        raise damaged(path, error) from error
+        content: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     return content
 
 
-def damaged(path: Path, error: Exception) -> UserError:
-    """Return the error for a checkpoint that cannot be read.
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Name the file in what goes wrong while a classifier is built from a checkpoint.
 
     Raises:
-        Exception: The given one, where a user's own class has raised it.
+        UserError: If a value of it cannot be used, or it is damaged in any way.
+        Exception: What a user's own class has raised.
     """
-    if fault_of(error) is not None:
-        raise error
-    what = str(error) if isinstance(error, CardError) else type(error).__name__
-    return UserError(
-        f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "
-        f"({what}); give a file from a run's checkpoints folder, or train anew."
-    )
-
-
-def named(path: Path, error: UserError) -> UserError:
-    """Return the error with the path of its checkpoint."""
-    if str(path) in str(error):
-        return error
-    return UserError(f"Checkpoint {path} cannot be used: {error}")
+    try:
+        yield
+    except UserError as error:
+        if str(path) in str(error):
+            raise
+        raise UserError(f"Checkpoint {path} cannot be used: {error}") from error
+    except Exception as error:  # damage shows in as many ways as there are formats
+        if fault_of(error) is not None:
+            raise
+        what = str(error) if isinstance(error, CardError) else type(error).__name__
+        raise UserError(
+            f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "
+            f"({what}); give a file from a run's checkpoints folder, or train anew."
+        ) from error
 
 
 class CardError(ValueError):
@@ -219,26 +228,18 @@ def _check(card: Card) -> None:
     if not isinstance(card.senses, dict) or not card.senses:
         raise CardError("it has no senses")
     for name, sense in card.senses.items():
-        _check_sense(name, sense)
-    _among("decision.rule", card.rule, tuple(RULES))
-    if card.kind == FUSION:
-        _among("fusion.level", card.fusion["level"], get_args(Level))
-    _number("decision.pairs", card.decision["pairs"], 1, MAX_PAIRS)
-    _number("decision.seed", card.decision["seed"], 0, 2**32 - 1)
-    _number("decision.reject_below", card.reject_below or 0, 0, 1)
-    _number("decision.unknown", card.unknown, 0, 1)
-    _number("calibration.temperature", card.temperature, 1e-6, 1e6)
-    threshold = card.calibration.get("confidence_threshold", 0)
-    _number("calibration.confidence_threshold", threshold, 0, 1)
+        if not isinstance(sense["modality"], str) or not isinstance(sense["decode"], dict):
+            raise CardError(f"its senses.{name} has no modality or decoder")
+        for part in (sense, sense["features"], sense["network"]):
+            if TARGET not in part or not isinstance(part, dict):
+                raise CardError(f"its senses.{name} names no class")
+    required = card.rule, card.decision["pairs"], card.decision["seed"]
+    if None in required or (card.kind == FUSION and "level" not in card.fusion):
+        raise CardError("its decision is not complete")
+    for key in ("senses", "decision", "fusion", "calibration", "input_ranges"):
+        _check_values(key, getattr(card, key))
     if card.novelties and set(card.novelties) != set(card.senses):
         raise CardError("its calibration.novelties are not those of its senses")
-    for name, values in card.novelties.items():
-        for value in values:
-            _number(f"calibration.novelties.{name}", value, 0, math.inf)
-    for modality, ranges in card.input_ranges.items():
-        for name, ends in ranges.items():
-            for end in ends:
-                _number(f"input_ranges.{modality}.{name}", end, 0, math.inf)
     if card.trained_on and not isinstance(card.trained_on.get("seen"), list):
         raise CardError("its trained_on.seen is no list")
     names = [name for name in card.classes if not isinstance(name, str)]
@@ -246,26 +247,21 @@ def _check(card: Card) -> None:
         raise CardError("its classes are not a list of different names")
 
 
-def _check_sense(name: str, sense: Mapping[str, Any]) -> None:
-    if not isinstance(sense["modality"], str):
-        raise CardError(f"its senses.{name}.modality is {shorten(repr(sense['modality']))}")
-    parts = {key: sense[key] for key in ("decode", "features", "network")}
-    for key, part in {"": sense, **parts}.items():
-        if not isinstance(part, dict) or (key != "decode" and TARGET not in part):
-            raise CardError(f"its senses.{name}{key and '.'}{key} names no class")
-        for leaf, value in part.items():
-            where = f"senses.{name}{key and '.'}{key}.{leaf}"
-            if leaf in CHOICES:
-                _among(where, value, CHOICES[leaf])
-            elif leaf in RANGES and value is not None:
-                _number(where, value, *RANGES[leaf])
+def _check_values(where: str, value: object) -> None:
+    """Check the values below a key of the card; those of senses go by their own name."""
+    key = where.rpartition(".")[2] if where.startswith("senses.") else where
+    if isinstance(value, dict):
+        for name, each in value.items():
+            _check_values(f"{where}.{name}", each)
+    elif where.startswith((f"calibration.{NOVELTIES}", "input_ranges")):
+        for each in value if isinstance(value, list) else [value]:
+            _check_number(where, each, 0, math.inf)
+    elif key in CHOICES and value not in CHOICES[key]:
+        raise CardError(f"its {where} is {shorten(repr(value))}")
+    elif key in RANGES and not (value is None and key in OPTIONAL):
+        _check_number(where, value, *RANGES[key])
 
 
-def _among(key: str, value: object, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise CardError(f"its {key} is {shorten(repr(value))}")
-
-
-def _number(key: str, value: object, low: float, high: float) -> None:
+def _check_number(where: str, value: object, low: float, high: float) -> None:
     if not isinstance(value, int | float) or not math.isfinite(value) or not low <= value <= high:
-        raise CardError(f"its {key} is {shorten(repr(value))}")
+        raise CardError(f"its {where} is {shorten(repr(value))}")

@@ -16,14 +16,14 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from tex_lightning.classifier.card import LEFT_OUT, Card, damaged, named, read_checkpoint
+from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint, reading
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.classifier.vote import RULES, Vote, random_tuples
 from tex_lightning.config.model import FUSION
 from tex_lightning.errors import UserError
 from tex_lightning.networks.archives import SizeLimit, check_numbers
 from tex_lightning.networks.blocks import Head, Level, score_layer_of
-from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.fusionnet import FusionLayer
 from tex_lightning.senses.base import Sense, content, make_sense
 
 PREFIX = "classifier."  # in the state of a LightningModule
@@ -46,17 +46,16 @@ class SenseOutput:
 class SurfaceClassifier(nn.Module):
     """Classify decoded recordings.
 
-    One branch decides by its own class scores; those of several branches add up (FusionNet).
+    One sense decides by its own class scores; those of several senses add up (FusionNet).
 
     Attributes:
         card: The plain values that it was built from.
-        features: The features of each branch, by the name of the sense.
-        network: The network of the only branch, or the FusionNet of all.
+        senses: The :class:`~tex_lightning.senses.base.Sense` of every name, a ``ModuleDict``.
+        fusion: The layer that adds up the scores of several senses; None for a single one.
         statistics: By the name of the sense, the
             :class:`~tex_lightning.classifier.statistics.FeatureStatistics` of what
             :meth:`embedding` gives for the training recordings; empty before training has ended,
             and of a checkpoint written without them.
-        tile: Most elements of an input that go through a network at once; None never divides.
 
     Example:
         >>> import tex_lightning as tl, torch
@@ -69,23 +68,21 @@ class SurfaceClassifier(nn.Module):
         True
     """
 
+    senses: Mapping[str, Sense]
+    fusion: FusionLayer | None
+    statistics: nn.ModuleDict
+
     def __init__(self, card: Card) -> None:
         super().__init__()
         self.card = card
-        self.tile: int | None = None
         senses = self.make_senses()
-        networks = [sense.network for sense in senses.values()]
-        self.features = nn.ModuleDict({name: each.features for name, each in senses.items()})
-        self.network: nn.Module = (
-            networks[0]
-            if len(networks) == 1
-            else FusionNet(*networks, classes=len(card.classes), **card.fusion)
-        )
+        self.senses = cast(Mapping[str, Sense], nn.ModuleDict(senses))
+        self.fusion = None
+        if card.kind == FUSION:
+            networks = [sense.network for sense in senses.values()]
+            self.fusion = FusionLayer(*networks, classes=len(card.classes), **card.fusion)
+            self.fusion.remove_scores(networks)
         self.statistics = nn.ModuleDict()
-        empty = nn.Module()  # :meth:`sense` puts each together again
-        self._templates = {
-            name: replace(each, features=empty, network=empty) for name, each in senses.items()
-        }
 
     def make_senses(self) -> dict[str, Sense]:
         """Make the senses of the card, with random weights."""
@@ -117,7 +114,7 @@ class SurfaceClassifier(nn.Module):
         Raises:
             UserError: As :meth:`from_checkpoint`.
         """
-        try:
+        with reading(path):
             card = Card.from_dict(stored["hyper_parameters"]["card"])
             if card.baseline:
                 raise UserError(
@@ -130,47 +127,42 @@ class SurfaceClassifier(nn.Module):
             classifier.expect_statistics(state)
             check_numbers(state)
             classifier.load_state_dict(state)
-        except UserError as error:
-            raise named(path, error) from error
-        except Exception as error:  # damage shows in as many ways as there are formats
-            raise damaged(path, error) from error
         return classifier.eval()
 
     def expect_statistics(self, state: Mapping[str, Tensor]) -> None:
-        """Have statistics of the sizes in a state."""
-        self.statistics = _stored_statistics(state)
+        """Make room for statistics of the sizes in a state."""
+        found: dict[str, dict[str, Tensor]] = {}
+        for key, value in state.items():
+            if key.startswith(STATISTICS):
+                name, buffer = key.removeprefix(STATISTICS).rsplit(".", 1)
+                found.setdefault(name, {})[buffer] = value
+        statistics = {name: FeatureStatistics.from_state(each) for name, each in found.items()}
+        self.statistics = nn.ModuleDict(statistics)
 
     @property
-    def fusion(self) -> FusionNet | None:
-        """Return the FusionNet of several senses; None of a single one."""
-        return cast(FusionNet, self.network) if self.card.kind == FUSION else None
-
-    def sense(self, name: str) -> Sense:
-        """Return one sense with its features and network as they are now."""
-        place = self.card.sense_names.index(name)
-        network = self.network if self.fusion is None else self.fusion.networks[place]
-        template = self._templates[name]
-        return replace(template, features=self.features[name], network=network, tile=self.tile)
-
-    @property
-    def senses(self) -> dict[str, Sense]:
-        """Return all senses by name."""
-        return {name: self.sense(name) for name in self.card.sense_names}
+    def network(self) -> nn.Module:
+        """The network of a single sense."""
+        (sense,) = self.senses.values()
+        return sense.network
 
     @property
     def device(self) -> torch.device:
-        """Return the device of its parameters."""
+        """Device of its parameters."""
         return next(iter(self.senses.values())).device
+
+    def trained_modules(self) -> list[nn.Module]:
+        """Return the networks of all senses and the fusion layer."""
+        networks = [sense.network for sense in self.senses.values()]
+        return networks if self.fusion is None else [*networks, self.fusion]
 
     def count_parameters(self) -> int:
         """Count the trained parameters."""
-        return sum(parameter.numel() for parameter in self.network.parameters())
+        return sum(each.numel() for part in self.trained_modules() for each in part.parameters())
 
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
-        """Decide on one sample, and say how unlike the training it is; see :meth:`logits`."""
-        sensed = self.sense_outputs(**recordings)
-        return self.vote(sensed, self._tuple_seed(**recordings))
+        """Decide on one sample; arguments are those of :meth:`logits`."""
+        return self.vote(self.sense_outputs(**recordings), self._tuple_seed(**recordings))
 
     @torch.inference_mode()
     def novelty(self, **recordings: Tensor) -> Tensor:
@@ -235,7 +227,7 @@ class SurfaceClassifier(nn.Module):
 
     def vote(self, sensed: Mapping[str, SenseOutput], seed: int) -> Vote:
         """Decide by the scores of all senses; ``seed`` is that of the tuples."""
-        logits = self.fuse([sensed[name].partial_logits for name in self.card.sense_names], seed)
+        logits = self.fuse([sensed[name].partial_logits for name in self.senses], seed)
         vote, novelty = self.decide(logits, self.card.temperature), join_novelties(sensed.values())
         return vote if novelty is None else replace(vote, novelty=float(novelty))
 
@@ -249,23 +241,17 @@ class SurfaceClassifier(nn.Module):
         return content_seed(self.card.decision["seed"], *arrays)
 
     def partial_logits(self, name: str, recording: Tensor) -> Tensor:
-        """Compute what one sense adds to the class scores: (classes, positions).
-
-        Args:
-            name: Name of the sense.
-            recording: Decoded.
-        """
+        """Compute what one sense adds to the class scores: (classes, positions)."""
         return self._partial_logits_of(name, self.embedding(name, recording))
 
     def _partial_logits_of(self, name: str, features: Tensor) -> Tensor:
-        """The partial logits of what :meth:`embedding` gives."""
         if self.embedding_layer(name) != self.level(name):
-            features = class_scores(self.sense(name).network, features)
+            features = class_scores(self.senses[name].network, features)
         return self.project(name, features)
 
     def positions(self, name: str, recording: Tensor) -> Tensor:
         """Compute features (D, positions) of the layer that is fused; of a single sense scores."""
-        return self.sense(name).positions(recording, self.level(name))
+        return self.senses[name].positions(recording, self.level(name))
 
     def embedding(self, name: str, recording: Tensor) -> Tensor:
         """Compute the features (D, positions) of one sense that its :attr:`statistics` are about.
@@ -277,25 +263,27 @@ class SurfaceClassifier(nn.Module):
             name: Name of the sense.
             recording: Decoded.
         """
-        return self.sense(name).positions(recording, self.embedding_layer(name))
+        return self.senses[name].positions(recording, self.embedding_layer(name))
 
     def embedding_layer(self, name: str) -> Level:
         """Return the layer of :meth:`embedding`."""
         level = self.level(name)
-        if level == "fc3" and score_layer_of(self.sense(name).network) is not None:
+        if level == "fc3" and score_layer_of(self.senses[name].network) is not None:
             return "fc2"  # fusion on FC2, which removes that layer, is there already
         return level
 
     def level(self, name: str) -> Level:
         """Return the layer of one sense that is fused; of a single one that of the scores."""
-        place = self.card.sense_names.index(name)
-        return "fc3" if self.fusion is None else self.fusion.levels[place]
+        return "fc3" if self.fusion is None else self.fusion.levels[self._index(name)]
+
+    def _index(self, name: str) -> int:
+        return self.card.sense_names.index(name)
 
     def project(self, name: str, features: Tensor) -> Tensor:
         """Return the partial logits of one sense from its features (D, positions)."""
         if self.fusion is None:
             return features
-        return self.fusion.project(self.card.sense_names.index(name), features[None])[0]
+        return self.fusion.project(self._index(name), features[None])[0]
 
     def fuse(self, partials: Sequence[Tensor], seed: int, count: int | None = None) -> Tensor:
         """Return the class scores (classes, fragments) of one sample.
@@ -307,8 +295,8 @@ class SurfaceClassifier(nn.Module):
         """
         if self.fusion is None:
             return partials[0]
-        wanted: int = self.card.decision["pairs"] if count is None else count
-        tuples = random_tuples([each.shape[-1] for each in partials], wanted, seed)
+        tuples_drawn: int = self.card.decision["pairs"] if count is None else count
+        tuples = random_tuples([each.shape[-1] for each in partials], tuples_drawn, seed)
         parts = [each[None] for each in partials]
         return self.fusion.fuse(parts, tuples.to(partials[0].device))[0]
 
@@ -323,18 +311,16 @@ class SurfaceClassifier(nn.Module):
         if self.fusion is None or tuple(senses) == self.card.sense_names:
             return self
         part = SurfaceClassifier(self.card.of(senses))
-        part.tile = self.tile
+        parts = nn.ModuleDict({name: deepcopy(self.senses[name]) for name in senses})
+        fresh, part.senses = part.senses, cast(Mapping[str, Sense], parts)
+        layer = _sublayer(self.fusion, [self._index(name) for name in senses])
+        if len(senses) > 1:
+            part.fusion = layer
+        elif layer.levels[0] == "fc2":
+            _set_scores(part.network, fresh[senses[0]].network, layer.head)
         for name in senses:
-            part.features[name] = deepcopy(self.features[name])
             if name in self.statistics:
                 part.statistics[name] = deepcopy(self.statistics[name])
-        places = [self.card.sense_names.index(name) for name in senses]
-        fused = self.fusion.subset(places)
-        if (
-            len(self.card.sense_names) - 1 not in places
-        ):  # the bias is in the partial logits of the last
-            fused.head.bias.zero_()
-        part.network = fused if len(places) > 1 else _alone(part, fused)
         return part.to(self.device).train(self.training)
 
     def require(self, given: Sequence[str] | dict[str, Any]) -> None:
@@ -349,6 +335,30 @@ class SurfaceClassifier(nn.Module):
                 f"This {self.card.kind} network needs {' and '.join(needs)}; give "
                 f"{' and '.join(f'{key}=FILE' for key in absent)} too."
             )
+
+
+def _sublayer(layer: FusionLayer, indices: Sequence[int]) -> FusionLayer:
+    """Return the fusion layer of some of the senses.
+
+    The bias is in the partial logits of the last sense, and goes with it.
+    """
+    part = deepcopy(layer)
+    columns = torch.split(layer.head.weight, layer.sizes, dim=1)
+    part.levels = [layer.levels[index] for index in indices]
+    part.sizes = [layer.sizes[index] for index in indices]
+    part.head.weight = nn.Parameter(torch.cat([columns[index] for index in indices], dim=1))
+    if len(layer.sizes) - 1 not in indices:
+        part.head.bias.zero_()
+    return part
+
+
+def _set_scores(network: Any, fresh: Any, head: nn.Linear) -> None:  # noqa: ANN401
+    """Give a network whose scores were removed those of a fusion layer of it alone."""
+    if hasattr(network, "head"):
+        network.head.scores = fresh.head.scores
+    layer = network.score_layer
+    layer.weight.copy_(head.weight.reshape(layer.weight.shape))
+    layer.bias.copy_(head.bias)
 
 
 def join_novelties(sensed: Iterable[SenseOutput]) -> Tensor | None:
@@ -420,29 +430,6 @@ def own_state(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
     return {
         key.removeprefix(PREFIX): value for key, value in stored.items() if key.startswith(PREFIX)
     }
-
-
-def _stored_statistics(state: Mapping[str, Tensor]) -> nn.ModuleDict:
-    found: dict[str, dict[str, Tensor]] = {}
-    for key, value in state.items():
-        if key.startswith(STATISTICS):
-            name, buffer = key.removeprefix(STATISTICS).rsplit(".", 1)
-            found.setdefault(name, {})[buffer] = value
-    return nn.ModuleDict({name: FeatureStatistics.from_state(each) for name, each in found.items()})
-
-
-def _alone(part: SurfaceClassifier, fused: FusionNet) -> nn.Module:
-    """The network of a single sense out of a FusionNet of it alone."""
-    network = fused.networks[0]
-    if fused.levels[0] == "fc3":
-        return network
-    whole: Any = network
-    if hasattr(whole, "head"):  # whose scores FusionNet has taken out
-        whole.head.scores = part.network.get_submodule("head").scores
-    layer = whole.score_layer
-    layer.weight.copy_(fused.head.weight.reshape(layer.weight.shape))
-    layer.bias.copy_(fused.head.bias)
-    return network
 
 
 def content_seed(seed: int, *recordings: npt.NDArray[Any]) -> int:

@@ -190,8 +190,10 @@ class ClassifierGraph(nn.Module):
         senses = classifier.senses
         self.modalities = {name: sense.modality for name, sense in senses.items()}
         self.fronts = nn.ModuleDict({name: _front(each) for name, each in senses.items()})
-        self.network = exportable(classifier.network)
+        networks = {name: exportable(sense.network) for name, sense in senses.items()}
+        self.networks = nn.ModuleDict(networks)
         self.fused = classifier.fusion is not None
+        self.fusion: Any = exportable(classifier.fusion) if classifier.fusion else None
         self.levels = {name: classifier.embedding_layer(name) for name in senses}
         self.scored = {name: classifier.level(name) != self.levels[name] for name in senses}
         known = {name: classifier.statistics_of(name) for name in senses}
@@ -227,7 +229,8 @@ class ClassifierGraph(nn.Module):
             x, start = front(recording)
             if isinstance(front, SpectrogramGraph):
                 outputs = {f"{name}_input": x[0, 0], f"{name}_start": start}
-        found = self._described(name, place, x)
+        network: Any = self.networks[name]
+        found: Tensor = network.features(x, self.levels[name])
         alone, partial_logits = self._scores(name, place, found[0].flatten(1))
         rows = found.shape[2:-1] or (1,)
         outputs[f"{name}_scores"] = partial_logits.reshape(-1, *rows, found.shape[-1])
@@ -243,24 +246,15 @@ class ClassifierGraph(nn.Module):
         forward.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         self.forward = forward  # type: ignore[method-assign]
 
-    def _network(self, place: int) -> Any:  # noqa: ANN401
-        network: Any = self.network
-        return network.networks[place] if self.fused else network
-
-    def _described(self, name: str, place: int, x: Tensor) -> Tensor:
-        """Features (1, D, *positions) that scores and novelty are computed from."""
-        found: Tensor = self._network(place).features(x, self.levels[name])
-        return found
-
     def _scores(self, name: str, place: int, positions: Tensor) -> tuple[Tensor, Tensor]:
         """Scores (classes, positions) of a sense alone, and what it adds to those of all."""
         if self.scored[name]:
-            positions = class_scores(self._network(place), positions)
+            positions = class_scores(self.networks[name], positions)
         if not self.fused:
             return positions, positions
-        network: Any = self.network
-        partial_logits: Tensor = network.project(place, positions[None])[0]
-        return (positions if network.levels[place] == "fc3" else partial_logits), partial_logits
+        partial_logits: Tensor = self.fusion.project(place, positions[None])[0]
+        alone = positions if self.fusion.levels[place] == "fc3" else partial_logits
+        return alone, partial_logits
 
     def _novelty(self, name: str, found: Tensor) -> Tensor | None:
         """Novelty (); see :meth:`.FeatureStatistics.novelty`."""

@@ -127,7 +127,7 @@ class SequentialClassifier(SurfaceClassifier):
     def _trace(self, sense: Sense, stream: StreamingClassifier, trace: Tensor) -> Vote:
         """Take more and more of a trace, nothing twice, as long as that costs less than all."""
         features, (bands, frames) = stream.features, sense.input_size(trace)
-        stream.sense.check_frames(frames)
+        stream.sense.check_input(1, frames)
         full = self.costs.of(sense.name, bands, frames)
         start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
         movement, begin, before, fragments = trace[:, start:], 0, 0, 1

@@ -121,8 +121,8 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
     device = classifier.device
     # on the CPU: not every device computes in float64
     fast = deepcopy(classifier).cpu().eval().requires_grad_(False)
-    fast.tile = config.tile
     for sense in fast.senses.values():
+        sense.tile = config.tile
         for features in sense.features.modules():
             if isinstance(features, SpectrogramFeatures):
                 features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
@@ -199,7 +199,7 @@ class Costs:
         self.of = lru_cache(self._of)
 
     def _of(self, sense: str, height: int, width: int) -> int:
-        classifier, branch = self.classifier, self.classifier.sense(sense)
+        classifier, branch = self.classifier, self.classifier.senses[sense]
         x = branch.blank(height, width).to("meta")
         return count_macs(
             lambda: classifier.project(sense, branch.dense(x, classifier.level(sense)))

@@ -292,7 +292,7 @@ class LiveStream:
             UserError: Saying how much signal it takes.
         """
         for stream in self.streams.values():
-            stream.sense.check_frames(stream.frames)
+            stream.sense.check_input(1, stream.frames)
         if self.window is None or self.voted:
             return
         if self.failure is not None:

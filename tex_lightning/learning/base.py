@@ -14,14 +14,15 @@ from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, own_state
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config.instantiation import build, call
-from tex_lightning.core.contract import breach, calling, check_batch, describe
+from tex_lightning.config.model import FUSION
+from tex_lightning.core.contract import calling, check_batch
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import log_figures
-from tex_lightning.learning.metrics import CONFUSION, train_metrics, vote_metrics
+from tex_lightning.learning.metrics import CONFUSION, accuracy, update_metrics, vote_metrics
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.report.confusion import confusion_figure
-from tex_lightning.senses.base import Sense
+from tex_lightning.senses.base import like_weights
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -51,18 +52,18 @@ class SurfaceModule(LightningModule):
         kept = {"card": card, "fit": fit, "seed": seed, "pieces": pieces}
         self.save_hyperparameters(kept, logger=False)
         self.classifier = SurfaceClassifier(Card(**card))
-        self.layout = training_layout(self.network)
-        self.network.to(memory_format=self.layout)
-        self.fit_config = fit
-        self.head_factor: float = fit["head_factor"]
-        self.seed, self.pieces = seed, pieces
-        node = fit.get("augmentation")
-        self.augmentation: Any = None if node is None else build(self._augmentation_key, node)
+        self.kind = self.classifier.card.kind
+        self.layout = training_layout(self.classifier)
+        if self.kind != FUSION:
+            self.network.to(memory_format=self.layout)
+        self.fit_config, self.seed, self.pieces = fit, seed, pieces
+        node, key = fit.get("augmentation"), f"model.{self.kind}.fit.augmentation"
+        self.augmentation: Any = None if node is None else build(key, node)
         self.fit_seconds = 0.0
         self.val_loss: float | None = None
         self.left_out: dict[str, list[float]] = {}
         classes = len(self.classifier.card.classes)
-        self.train_metrics = train_metrics(classes)
+        self.train_accuracy = accuracy(classes)
         self.val_metrics = vote_metrics(classes, "val")
         self.test_metrics = vote_metrics(classes, "test")
 
@@ -97,32 +98,23 @@ class SurfaceModule(LightningModule):
     def inputs(self, batch: Batch) -> list[Tensor]:
         """The network's input tensors (batch, ...) for a training batch, one for each sense."""
         change = self._augmented if self.augmentation is not None and self.training else None
-        return [
-            self._laid_out(sense.training_input(batch[name], self.pieces[name], change), sense)
-            for name, sense in self.classifier.senses.items()
-        ]
-
-    def _laid_out(self, x: Tensor, sense: Sense) -> Tensor:
-        x = sense.as_weights(x)
-        return x.contiguous() if self.layout is torch.contiguous_format else x
-
-    @property
-    def _augmentation_key(self) -> str:
-        return f"model.{self.classifier.card.kind}.fit.augmentation"
+        found = []
+        for name, sense in self.classifier.senses.items():
+            x = sense.training_input(batch[name], self.pieces[name], change)
+            x = like_weights(sense.network, x)
+            found.append(x.contiguous() if self.layout is torch.contiguous_format else x)
+        return found
 
     def _augmented(self, patches: Tensor) -> Tensor:
         """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""
-        part = self._augmentation_key, "augmentation", self.augmentation
+        part = f"model.{self.kind}.fit.augmentation", "augmentation", self.augmentation
         with calling(*part):
             pixels = self.augmentation(patches)
-        given = tuple(patches.shape)
-        if not isinstance(pixels, Tensor) or pixels.dim() != 4 or pixels.shape[:2] != given[:2]:
-            raise breach(*part, f"returned {describe(pixels)} for patches {given}")
-        return pixels
+        return check_batch(pixels, *part, len(patches), 4)
 
     @property
     def network(self) -> Any:  # noqa: ANN401
-        """The network that is trained."""
+        """The network of a single sense."""
         return self.classifier.network
 
     def backbone_parameters(self) -> Iterator[nn.Parameter]:
@@ -136,16 +128,17 @@ class SurfaceModule(LightningModule):
 
     def scores(self, batch: Batch) -> Tensor:
         """Class scores (batch, classes, fragments) of a training batch."""
-        inputs, (sense,) = self.inputs(batch), self.classifier.senses.values()
-        part = sense.network_part
-        with calling(*part):
-            found = self.network.features(*inputs, "fc3")
-        return check_batch(found, *part, len(batch["label"]), 3).flatten(2)
+        return self.scores_of(self.inputs(batch))
+
+    def scores_of(self, inputs: list[Tensor]) -> Tensor:
+        """Class scores of the network's input tensors, one for each sense."""
+        (x,), (sense,) = inputs, self.classifier.senses.values()
+        return sense.score(x, "fc3").flatten(2)
 
     def on_train_epoch_start(self) -> None:
         """Make dropout a function of seed, epoch and process: a resumed run repeats it exactly."""
         torch.manual_seed(self.global_rank * APART + self.seed * 100_003 + self.current_epoch)
-        self.train_metrics.reset()
+        self.train_accuracy.reset()
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Cross entropy of every fragment against the label of its sample."""
@@ -157,8 +150,8 @@ class SurfaceModule(LightningModule):
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by a connector
         logged = (self.global_step + 1) % every == 0
         if logged or (batch_idx + 1) % REFRESH == 0:  # the others would be seen by nobody
-            accuracy = self.train_metrics(logits.detach().argmax(dim=1), labels)
-            shown = {"train/loss": loss.detach(), **accuracy}
+            share = self.train_accuracy(logits.detach().argmax(dim=1), labels)
+            shown = {"train/loss": loss.detach(), "train/fragment_accuracy": share}
             self.log_dict(shown, prog_bar=True, batch_size=len(labels), sync_dist=True)
         if logged:
             for group in self.trainer.optimizers[0].param_groups:
@@ -192,7 +185,7 @@ class SurfaceModule(LightningModule):
         decided = scores
         if stage == "val" and not bool(scores.isfinite().all()):  # weights that diverge end nothing
             decided = -nn.functional.one_hot(label, len(scores))[:, None].float()  # an error
-        metrics.update(self._decide(decided), label)
+        update_metrics(metrics, self._decide(decided), label)
         loss = nn.functional.cross_entropy(scores.T, label.expand(scores.shape[1]))
         # Lightning rounds the mean number of samples of the processes down; this divides evenly
         count = self.trainer.world_size
@@ -226,12 +219,11 @@ class SurfaceModule(LightningModule):
         Raises:
             UserError: If one of the two cannot be made, or is none.
         """
-        if not any(True for _ in self.network.parameters()):
+        backbone, head = list(self.backbone_parameters()), list(self.head_parameters())
+        if not backbone + head:
             return None  # of a network that was fitted in closed form to its buffers
-        where = f"model.{self.classifier.card.kind}.fit"
-        optimizer, scheduler = make_optimizer(
-            where, self.fit_config, list(self.backbone_parameters()), list(self.head_parameters())
-        )
+        where = f"model.{self.kind}.fit"
+        optimizer, scheduler = make_optimizer(where, self.fit_config, backbone, head)
         return {
             "optimizer": optimizer,
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
@@ -252,13 +244,13 @@ class SurfaceModule(LightningModule):
         checkpoint[LEFT_OUT] = self.left_out
 
 
-def training_layout(network: nn.Module) -> torch.memory_format:
-    """Return the layout to train a network in: channels last, the faster one, if it is known.
+def training_layout(classifier: nn.Module) -> torch.memory_format:
+    """Return the layout to train networks in: channels last, the faster one, if they are built in.
 
     In it oneDNN of PyTorch 2.13 ends the process in the gradient of a convolution of kernel 1 and
     stride 2 on eight channels, which no network of this package has.
     """
-    return torch.channels_last if is_builtin(network) else torch.contiguous_format
+    return torch.channels_last if is_builtin(classifier) else torch.contiguous_format
 
 
 def make_optimizer(

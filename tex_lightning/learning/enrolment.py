@@ -18,7 +18,7 @@ from tex_lightning.classifier.classifier import STATISTICS, SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import ScoreLayer, score_layer_of
-from tex_lightning.networks.fusionnet import FusionNet
+from tex_lightning.networks.fusionnet import FusionLayer
 
 Fragments = Sequence[Sequence[Tensor]]  # by class and recording, features (D, positions)
 DRAWN = 60  # features of each class that stand for its recordings
@@ -27,7 +27,7 @@ STRENGTH = 1e-6  # of the penalty on a row's squared length, times the spread of
 STEPS = 200
 
 
-def fit_rows(
+def fit_new_class_weights(
     statistics: FeatureStatistics,
     weight: Tensor,
     bias: Tensor,
@@ -126,7 +126,7 @@ def add_classes(
         for name in classifier.card.sense_names:
             layer = _score_layer(classifier, name)
             weight, bias = _values(layer)
-            new = fit_rows(
+            new = fit_new_class_weights(
                 statistics[name], weight.flatten(1), bias, features[name],
                 temperature=temperature, new_bias=None,
             )  # fmt: skip
@@ -157,7 +157,8 @@ def keep_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> Surface
         weight, bias = (values[kept] for values in _values(fusion.head))
         blocks = [block[:, kept] for block in torch.split(weight, fusion.sizes, dim=1)]
         state |= _named(classifier, fusion.head, torch.cat(blocks, dim=1), bias)
-    statistics = {name: each.only(kept) for name, each in _all_statistics(classifier).items()}
+    known = {name: classifier.statistics_of(name) for name in senses}
+    statistics = {name: each.only(kept) for name, each in known.items() if each is not None}
     return _rebuilt(classifier, names, state, statistics)
 
 
@@ -179,7 +180,7 @@ def check_extensible(classifier: SurfaceClassifier) -> None:
 
 
 def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
-    network = classifier.sense(name).network
+    network = classifier.senses[name].network
     layer = score_layer_of(network)
     if layer is None:
         raise UserError(
@@ -196,7 +197,7 @@ def _unused_layers(classifier: SurfaceClassifier) -> list[ScoreLayer]:
     This package's have lost theirs.
     """
     names = [name for name in classifier.card.sense_names if classifier.level(name) == "fc2"]
-    kept = [name for name in names if not hasattr(classifier.sense(name).network, "head")]
+    kept = [name for name in names if not hasattr(classifier.senses[name].network, "head")]
     return [_score_layer(classifier, name) for name in kept]
 
 
@@ -205,25 +206,18 @@ def _values(layer: ScoreLayer) -> tuple[Tensor, Tensor]:
     return layer.weight.detach(), cast(Tensor, layer.bias).detach()
 
 
-def _all_statistics(classifier: SurfaceClassifier) -> dict[str, FeatureStatistics]:
-    return {
-        name: each
-        for name, each in classifier.statistics.items()
-        if isinstance(each, FeatureStatistics)
-    }
-
-
 def _with_classes(
     classifier: SurfaceClassifier, name: str, features: Fragments
 ) -> FeatureStatistics:
     means = [torch.stack([each.mean(dim=1) for each in own]).mean(dim=0) for own in features]
     counts = torch.tensor([len(own) for own in features])
-    return _all_statistics(classifier)[name].with_classes(torch.stack(means), counts)
+    statistics = cast(FeatureStatistics, classifier.statistics_of(name))
+    return statistics.with_classes(torch.stack(means), counts)
 
 
 def _with_features(
     classifier: SurfaceClassifier,
-    fusion: FusionNet,
+    fusion: FusionLayer,
     statistics: Mapping[str, FeatureStatistics],
     features: Mapping[str, Fragments],
     temperature: float,
@@ -239,7 +233,7 @@ def _with_features(
     last, rows, mean = classifier.card.sense_names[-1], [], float(whole.mean())
     for name, block in zip(classifier.card.sense_names, blocks, strict=True):
         bias = whole if name == last else torch.zeros_like(whole)
-        new, biases = fit_rows(
+        new, biases = fit_new_class_weights(
             statistics[name], block, bias, features[name],
             temperature=temperature, new_bias=mean if name == last else 0.0,
         )  # fmt: skip
@@ -247,7 +241,7 @@ def _with_features(
     return _appended(classifier, fusion.head, torch.cat(rows, dim=1), biases)
 
 
-def _with_scores(classifier: SurfaceClassifier, fusion: FusionNet, added: int) -> State:
+def _with_scores(classifier: SurfaceClassifier, fusion: FusionLayer, added: int) -> State:
     """The head of a fusion of scores: a new row is what the old ones are on average.
 
     The old rows do without the new scores.
@@ -291,15 +285,14 @@ def _rebuilt(
         UserError: If something else in the network depends on their number.
     """
     found = SurfaceClassifier(replace(classifier.card, classes=list(classes)))
-    found.tile = classifier.tile
     state = {**classifier.state_dict(), **changed}
     kept = {name: value for name, value in state.items() if not name.startswith(STATISTICS)}
     try:
         found.load_state_dict(kept)
     except RuntimeError as error:
         raise UserError(
-            f"More of {type(classifier.network).__name__} than its score layer depends on the "
-            "classes; train it anew with all recordings."
+            f"More of the {classifier.card.title} than its score layers depends on the classes; "
+            "train it anew with all recordings."
         ) from error
     found.statistics = nn.ModuleDict(statistics)
     return found.eval()

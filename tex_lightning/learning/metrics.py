@@ -1,121 +1,29 @@
-"""Metrics of training, validation and testing, as collections of torchmetrics."""
-
-from collections.abc import Callable
+"""Metrics of training, validation and testing, by torchmetrics."""
 
 import torch
 from torch import Tensor, nn
 from torchmetrics import Metric, MetricCollection
 from torchmetrics.classification import (
+    BinaryAUROC,
     BinaryCalibrationError,
     MulticlassAccuracy,
     MulticlassConfusionMatrix,
 )
-from torchmetrics.wrappers.abstract import WrapperMetric
 
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.evaluation.calibration import BINS
 
 CONFUSION = "confusion"  # a matrix, which is drawn and not logged
-CUT_BITS = 14  # of a float32 probability; what is left has 10 significant ones
-LEVELS = (0x3F800000 >> CUT_BITS) + 1  # of probabilities up to 1, whose bits are these
-
-Inputs = tuple[Tensor, Tensor]  # predictions and targets, as torchmetrics takes them
+THRESHOLDS = 1000  # of the ROC curve, so that its memory does not grow with the samples
 
 
-class VoteMetric(WrapperMetric):
-    """A metric that is updated with the decision on one sample.
-
-    Args:
-        metric: What is computed.
-        inputs: Takes its predictions and targets from a vote and the true class ().
-    """
-
-    def __init__(self, metric: Metric, inputs: Callable[[Vote, Tensor], Inputs]) -> None:
-        super().__init__()
-        self.metric = metric
-        self.inputs = inputs
-
-    def update(self, vote: Vote, label: Tensor) -> None:
-        """Add the vote on a sample of class ``label`` ()."""
-        self.metric.update(*self.inputs(vote, label))
-
-    def compute(self) -> Tensor:
-        """Compute the metric of all samples."""
-        value: Tensor = self.metric.compute()
-        return value
-
-    def reset(self) -> None:
-        """Forget all samples."""
-        super().reset()
-        self.metric.reset()
-
-
-class HistogramAUROC(Metric):
-    """Area under the ROC curve, in memory that grows with neither samples nor classes.
-
-    Probabilities are told apart to 10 significant bits, a thousandth of themselves; a positive and
-    a negative one that are equal to these count half.
-    """
-
-    counts: Tensor  # (2, levels), of negatives and positives
-
-    def __init__(self) -> None:
-        super().__init__()
-        zeros = torch.zeros(2, LEVELS, dtype=torch.int64)
-        self.add_state("counts", zeros, dist_reduce_fx="sum")
-
-    def update(self, probabilities: Tensor, target: Tensor) -> None:
-        """Add probabilities (n,) float32, 0 to 1, and what is true of each, 0 or 1.
-
-        NaN, of a training that diverges, counts as 0.
-        """
-        levels = probabilities.nan_to_num().abs().view(torch.int32) >> CUT_BITS  # -0 has a sign
-        for truth, counts in enumerate(self.counts):
-            counts += levels[target == truth].bincount(minlength=LEVELS)
-
-    def compute(self) -> Tensor:
-        """Compute the chance that a positive is more probable than a negative, 0 to 1.
-
-        NaN where one of both has not occurred.
-        """
-        negative, positive = self.counts
-        twice_below = 2 * negative.cumsum(dim=0) - negative
-        twice: Tensor = (positive * twice_below).sum() / (positive.sum() * negative.sum())
-        return twice / 2
-
-
-def _fragments(vote: Vote, label: Tensor) -> Inputs:
-    fragments = vote.fragments.to(label.device)
-    return fragments, label.expand_as(fragments)
-
-
-def _winner(vote: Vote, label: Tensor) -> Inputs:
-    return torch.full_like(label, vote.label)[None], label[None]
-
-
-def _confidence(vote: Vote, label: Tensor) -> Inputs:
-    return _probabilities(vote, label)[vote.label][None], (label == vote.label).long()[None]
-
-
-def _one_against_rest(vote: Vote, label: Tensor) -> Inputs:
-    return _probabilities(vote, label), nn.functional.one_hot(label, len(vote.probabilities))
-
-
-def _probabilities(vote: Vote, label: Tensor) -> Tensor:
-    """Probabilities on the metrics' device, as float32, since not every device has float64.
-
-    A mean probability may be rounded to more than 1, which torchmetrics would take for a logit.
-    """
-    return vote.probabilities.clamp(max=1).float().to(label.device)
-
-
-def train_metrics(classes: int) -> MetricCollection:
-    """Make the metrics of a training batch, updated with predicted and true class of fragments."""
-    return MetricCollection({"fragment_accuracy": _accuracy(classes)}, prefix="train/")
+def accuracy(classes: int) -> MulticlassAccuracy:
+    """Make the share of correct predictions."""
+    return MulticlassAccuracy(classes, average="micro", validate_args=False)
 
 
 def vote_metrics(classes: int, stage: str) -> MetricCollection:
-    """Make the metrics of whole samples, updated with a :class:`Vote` and a class index ().
+    """Make the metrics of whole samples, see :func:`update_metrics`.
 
     ``fragment_accuracy`` and ``vote_accuracy`` are shares of all fragments and of all samples,
     ``ece`` is the expected calibration error of the probability of the class that won (lower is
@@ -127,16 +35,27 @@ def vote_metrics(classes: int, stage: str) -> MetricCollection:
         stage: ``val`` or ``test``; the names begin with it. Testing counts confusions as well.
     """
     metrics: dict[str, Metric | MetricCollection] = {
-        "fragment_accuracy": VoteMetric(_accuracy(classes), _fragments),
-        "vote_accuracy": VoteMetric(_accuracy(classes), _winner),
-        "ece": VoteMetric(BinaryCalibrationError(BINS, validate_args=False), _confidence),
-        "auroc": VoteMetric(HistogramAUROC(), _one_against_rest),
+        "fragment_accuracy": accuracy(classes),
+        "vote_accuracy": accuracy(classes),
+        "ece": BinaryCalibrationError(BINS, validate_args=False),
+        "auroc": BinaryAUROC(thresholds=THRESHOLDS, validate_args=False),
     }
     if stage == "test":
-        confusion = MulticlassConfusionMatrix(classes, validate_args=False)
-        metrics[CONFUSION] = VoteMetric(confusion, _winner)
+        metrics[CONFUSION] = MulticlassConfusionMatrix(classes, validate_args=False)
     return MetricCollection(metrics, prefix=f"{stage}/", compute_groups=False)
 
 
-def _accuracy(classes: int) -> MulticlassAccuracy:
-    return MulticlassAccuracy(classes, average="micro", validate_args=False)
+def update_metrics(metrics: MetricCollection, vote: Vote, label: Tensor) -> None:
+    """Add the vote on a sample of class ``label`` () to :func:`vote_metrics`."""
+    # a mean probability may be rounded to more than 1, which torchmetrics would take for a logit
+    probabilities = vote.probabilities.clamp(max=1).float().to(label.device)
+    fragments = vote.fragments.to(label.device)
+    winner = torch.full_like(label, vote.label)[None]
+    correct = (label == vote.label).long()[None]
+    one_hot = nn.functional.one_hot(label, len(probabilities))
+    metrics["fragment_accuracy"].update(fragments, label.expand_as(fragments))
+    metrics["vote_accuracy"].update(winner, label[None])
+    metrics["ece"].update(probabilities[vote.label][None], correct)
+    metrics["auroc"].update(probabilities, one_hot)
+    if CONFUSION in metrics:
+        metrics[CONFUSION].update(winner, label[None])

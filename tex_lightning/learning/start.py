@@ -4,15 +4,17 @@ import inspect
 import itertools
 import logging
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import torch
-from torch import nn
 
 from tex_lightning.classifier.card import SUFFIX, Card, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import Config
+from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
@@ -20,7 +22,6 @@ from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.training import Training
 from tex_lightning.learning.visual_head import fit_linear_head, probe_head
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
@@ -119,7 +120,9 @@ def _describe(card: Card) -> str:
     return f"trained on {len(card.trained_on['seen'])} recordings{''.join(begun)}"
 
 
-def start_network(training: Training, module: SurfaceModule, batches: TrainingBatches) -> None:
+def start_network(
+    config: Config, module: SurfaceModule, batches: TrainingBatches, groups: Sequence[str]
+) -> None:
     """Fill the trunk with the given weights, and fit what is fitted to all recordings at once.
 
     That is VisualNet's head on pretrained features, and a network of signals that has a method
@@ -127,57 +130,49 @@ def start_network(training: Training, module: SurfaceModule, batches: TrainingBa
     :class:`~tex_lightning.networks.linear.LinearNet`.
 
     Args:
-        training: Says what to start from.
+        config: Names the weights to start from.
         module: Module of the network, on the CPU, where it is left.
         batches: Of which a head learns.
+        groups: Group of each training recording of the first sense.
 
     Raises:
         UserError: If the weights cannot be used.
     """
-    weights = training.weights
+    weights = config.start_of(module.kind)
     if weights is not None:
         log_once(log, start_trunk(module.classifier, weights))
-    network: Any = module.network
+    if module.kind == FUSION:
+        return
+    network, (bank, labels) = module.network, batches.banks[module.kind]
     if hasattr(network, "fit"):
-        with calling(*module.classifier.sense(training.card.kind).network_part):
-            fit_closed_form(network, *batches.banks[training.card.kind], _groups(training))
+        with calling(f"model.{module.kind}.network", "network", network):
+            fit_closed_form(network, bank, labels, groups)
     if not isinstance(network, VisualNet):
         return
-    module.to(pick_device(training.config.trainer.accelerator))
+    module.to(pick_device(config.trainer.accelerator))
     if not network.has_hidden_layers:
         if weights is None:
             warn_of_random_weights(network.trunk)
-        bank, labels = batches.banks[training.card.kind]
-        fit_linear_head(module, cast(PhotoBank, bank), labels, _groups(training))
-    elif weights is not None:
-        _probe(training, module, batches)
+        fit_linear_head(module, cast(PhotoBank, bank), labels, groups)
+    elif weights is not None and module.fit_config["probe"]["steps"]:
+        count = math.ceil(module.fit_config["probe"]["passes"] * len(labels) / batches.batch_size)
+        probe_head(module, map(batches.__getitem__, itertools.count()), count, module.seed)
     module.to("cpu")
 
 
-def fits_probabilities(network: nn.Module) -> bool:
-    """Whether what :func:`start_network` fits gives probabilities, by groups that it leaves out."""
+def fits_probabilities(classifier: SurfaceClassifier) -> bool:
+    """Return whether what was fitted at once gives probabilities, by groups that it left out."""
+    if classifier.fusion is not None:
+        return False
+    network = classifier.network
     linear = isinstance(network, VisualNet) and not network.has_hidden_layers
     return linear or isinstance(network, LinearNet)
 
 
-def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: list[str]) -> None:  # noqa: ANN401
-    """Fit a network of one's own kind to all recordings and their perturbed copies at once."""
+def fit_closed_form(network: Any, bank: Bank, labels: Indices, groups: Sequence[str]) -> None:  # noqa: ANN401
+    """Fit a network that has a method ``fit`` to all recordings and their perturbed copies."""
     inputs = cast(InputBank, bank).inputs
     given: list[Any] = [inputs, torch.from_numpy(np.resize(labels, len(inputs)))]
     if "groups" in inspect.signature(network.fit).parameters:
-        given.append(groups * (len(inputs) // len(labels)))
+        given.append([*groups] * (len(inputs) // len(labels)))
     network.fit(*given)
-
-
-def _groups(training: Training) -> list[str]:
-    """Group of each training recording of the sense."""
-    return [row.group_key for row in training.parts.train.of(training.card.modalities[0])]
-
-
-def _probe(training: Training, module: SurfaceModule, batches: TrainingBatches) -> None:
-    probe = training.fit_values["probe"]
-    if probe["steps"] == 0:
-        return
-    _, labels = batches.banks[training.card.kind]
-    count = math.ceil(probe["passes"] * len(labels) / batches.batch_size)
-    probe_head(module, map(batches.__getitem__, itertools.count()), count, module.seed)

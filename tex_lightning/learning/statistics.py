@@ -80,7 +80,7 @@ def position_features(
         rows: Recordings of its modality.
         store: Where they are decoded.
     """
-    what = plural(classifier.sense(name).modality)
+    what = plural(classifier.senses[name].modality)
     for row in track(rows, f"Statistics of {what}"):
         yield classifier.embedding(name, load_recording(row, store)).cpu()
 

@@ -3,7 +3,7 @@
 import logging
 import signal
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from lightning import Callback, LightningModule, Trainer
 from lightning.fabric.plugins import TorchCheckpointIO
-from lightning.pytorch.callbacks import ModelCheckpoint, ModelSummary, Timer
+from lightning.pytorch.callbacks import ModelCheckpoint, Timer
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 from torch import nn
 
@@ -21,13 +21,10 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import DEBUG, Screen
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_atomically
-from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError, reason
 from tex_lightning.learning.base import make_optimizer
 from tex_lightning.learning.callbacks import ProgressBar
-from tex_lightning.learning.fusion import FusionStart
 from tex_lightning.learning.loggers import make_loggers, open_loggers
-from tex_lightning.learning.training import Training
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
@@ -36,8 +33,6 @@ UNHELPFUL = (
     ".*configure_optimizers` returned `None`.*",  # of what is fitted in closed form
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
-
-SUMMARISED = 3  # levels of modules
 LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
 
 
@@ -95,49 +90,41 @@ def quiet_lightning() -> Iterator[None]:
 
 
 def make_trainer(
-    training: Training, *watchers: Callback
+    config: Config, kind: str, directory: Path, validated: bool, watchers: Sequence[Callback]
 ) -> tuple[Trainer, Timer, ModelCheckpoint | None]:
     """Make the trainer, with its clock and, where it validates, the keeper of the best weights.
 
     Args:
-        training: What is trained.
+        config: How the networks of the model are trained.
+        kind: Name of the network.
+        directory: The run folder.
+        validated: Whether there are samples to validate on.
         watchers: Callbacks beside the configured ones.
 
     Raises:
         UserError: If a flag, a callback or a logger cannot be used.
     """
-    fit, kind = training.fit_values, training.card.kind
-    validated = bool(make_samples(training.parts.val, training.card.modalities))
-    timer = Timer()
-    keeper = _keep(training, "best", "val/loss") if validated else None
+    fit, working = config.model.fit_values(kind), directory / "checkpoints" / kind
+    timer, keeper = Timer(), _keep(working, "best", "val/loss") if validated else None
     # not Lightning's save_last, which leaves out the epochs that are not the best
-    keepers = [keeper for keeper in (keeper, _keep(training, "last", None)) if keeper is not None]
-    callbacks: list[Callback] = [timer, *keepers, PlainTermination(), *watchers]
-    callbacks += _own_callbacks(training.config)
-    _settle_progress_bar(callbacks, training.config.trainer.flags)
-    if Screen.verbose >= DEBUG:
-        # Lightning's own choice prints on standard output
-        callbacks.append(ModelSummary(SUMMARISED))
-    if kind == FUSION:
-        start = training.config.model.fusion.head_start
-        starts = {name: each.classifier for name, each in training.unimodal.items()}
-        callbacks.append(FusionStart(starts, fit["head_factor"], start))
+    callbacks = [timer, keeper, _keep(working, "last", None), PlainTermination(), *watchers]
+    callbacks += _configured_callbacks(config)
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
         "enable_model_summary": False,
-        "sync_batchnorm": _synchronises(training.config.trainer, kind),
-        **training.config.trainer.flags,
+        "sync_batchnorm": _synchronises(config.trainer, kind),
+        **config.trainer.flags,
     }
     trainer = _lightning_trainer(
         flags,
         plugins=[CheckpointFiles()],
         max_epochs=fit["epochs"],
-        callbacks=callbacks,
-        logger=open_loggers(training.config.logger, training.directory, kind),
+        callbacks=_with_progress_bar([each for each in callbacks if each is not None], flags),
+        logger=open_loggers(config.logger, directory, kind),
         use_distributed_sampler=False,  # every process knows its share of a batch
-        default_root_dir=training.directory,
+        default_root_dir=directory,
     )
     return trainer, timer, keeper
 
@@ -156,7 +143,7 @@ def try_parts_of_training(config: Config, directory: Path) -> None:
     make_loggers(config.logger, directory, model.kind)
     if model.baseline is not None:
         return
-    callbacks = _own_callbacks(config)
+    callbacks = _configured_callbacks(config)
     if any(model.fit_values(kind)["epochs"] for kind in model.trained):
         with quiet_lightning():
             _lightning_trainer(config.trainer.flags, callbacks=[ModelCheckpoint(), *callbacks])
@@ -167,7 +154,7 @@ def try_parts_of_training(config: Config, directory: Path) -> None:
             make_optimizer(f"model.{kind}.fit", fit, weights[:1], weights[1:])
 
 
-def _own_callbacks(config: Config) -> list[Callback]:
+def _configured_callbacks(config: Config) -> list[Callback]:
     return [
         build_derived(f"callbacks.{name}", node, Callback)
         for name, node in config.callbacks.items()
@@ -185,13 +172,12 @@ def _lightning_trainer(flags: dict[str, Any], **own: Any) -> Trainer:  # noqa: A
         ) from error
 
 
-def _settle_progress_bar(callbacks: list[Callback], flags: dict[str, Any]) -> None:
-    """Have this package's bar, unless the user has named another one or wants none."""
+def _with_progress_bar(callbacks: list[Callback], flags: dict[str, Any]) -> list[Callback]:
+    """Add this package's bar, unless the user has named another one or wants none."""
     bars = [each for each in callbacks if isinstance(each, LightningProgressBar)]
     if not flags.get("enable_progress_bar", True):
-        callbacks[:] = [each for each in callbacks if each not in bars]
-    elif not bars:
-        callbacks.append(ProgressBar())
+        return [each for each in callbacks if each not in bars]
+    return callbacks if bars else [*callbacks, ProgressBar()]
 
 
 def _synchronises(trainer: TrainerConfig, kind: str) -> bool:
@@ -200,10 +186,10 @@ def _synchronises(trainer: TrainerConfig, kind: str) -> bool:
     return several and kind != FUSION and pick_device(trainer.accelerator).type == "cuda"
 
 
-def _keep(training: Training, name: str, monitor: str | None) -> ModelCheckpoint:
+def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:
     """Keep the epoch with the least ``monitor``, or the last one."""
     return ModelCheckpoint(
-        dirpath=training.working,
+        dirpath=working,
         filename=name,
         monitor=monitor,
         save_on_train_epoch_end=True,  # a resumption then starts with a whole epoch

@@ -1,9 +1,7 @@
-"""The base class of branches, for any sensor."""
+"""The base class of senses, for any sensor."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from typing import Any, ClassVar
 
@@ -21,42 +19,44 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, reason, shorten
 from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.networks.geometry import Geometry, affordable, geometry_of, in_tiles
-from tex_lightning.networks.visualnet import VisualNet
 
 Change = Callable[[Tensor], Tensor]
 
 
-@dataclass
-class Sense(ABC):
+class Sense(nn.Module, ABC):
     """One sense: how its files are decoded, its features, its network.
 
-    Features are an ``nn.Module`` that maps a decoded recording to the network's input (1, ...).
-    The network is an ``nn.Module`` whose ``features(x, level)`` maps inputs to (batch, D,
-    *positions): class scores before softmax at level "fc3", the last hidden layer at level "fc2".
-    A network that also has a ``score_layer``, its last layer, can be fused on FC2. Large recordings
-    are taken through a network in pieces where its geometry is known.
+    Called with a decoded recording, it gives the network's input.
 
-    Attributes:
+    Args:
         name: Name of the sense.
         modality: Modality of its recordings in the table.
         decoder: Decoder of its files.
-        features: See above.
-        network: See above.
+        features: Module that maps a decoded recording to the network's input (1, ...).
+        network: Module whose ``features(x, level)`` maps inputs to (batch, D, *positions): class
+            scores before softmax at level "fc3", the last hidden layer at level "fc2". A network
+            that also has a ``score_layer``, its last layer, can be fused on FC2.
+
+    Attributes:
         tile: Most elements of an input that go through the network at once, or twice its receptive
-            field each way if that is more; None never divides.
+            field each way if that is more; None never divides. Inputs are divided where the
+            geometry of the network is known.
         medium: What its recordings are: ``signal`` or ``photo``.
         windowed: Whether single windows of a recording can be classified.
     """
 
-    name: str
-    modality: str
-    decoder: Decoder
-    features: nn.Module
-    network: nn.Module
-    tile: int | None = None
-
     medium: ClassVar[str]
     windowed: ClassVar[bool] = False
+    features: nn.Module
+    network: nn.Module
+
+    def __init__(
+        self, name: str, modality: str, decoder: Decoder, features: nn.Module, network: nn.Module
+    ) -> None:
+        super().__init__()
+        self.name, self.modality, self.decoder = name, modality, decoder
+        self.features, self.network = features, network
+        self.tile: int | None = None
 
     @classmethod
     @abstractmethod
@@ -66,11 +66,11 @@ class Sense(ABC):
     @property
     @abstractmethod
     def knows_min_size(self) -> bool:
-        """Whether it can be told without computing if a recording is large enough."""
+        """Whether it is known without computing if a recording is large enough."""
 
     @abstractmethod
-    def check_size(self, recording: Tensor | Array) -> None:
-        """Refuse a decoded recording that is too small for one fragment, where that is known.
+    def check_input(self, height: int, width: int) -> None:
+        """Refuse a network input that is too small for one fragment, where that is known.
 
         Raises:
             UserError: Saying what it takes.
@@ -78,15 +78,19 @@ class Sense(ABC):
 
     @abstractmethod
     def dense_input(self, recording: Tensor) -> Tensor:
-        """Input of :meth:`dense` for a decoded recording."""
+        """Return the input of :meth:`dense` for a decoded recording."""
 
     @abstractmethod
-    def input_size(self, recording: Tensor) -> tuple[int, int]:
-        """Height and width of the network input of a decoded recording."""
+    def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
+        """Return height and width of the network input of a decoded recording."""
 
     @abstractmethod
     def blank(self, height: int, width: int) -> Tensor:
-        """A network input (1, C, height, width) of zeros."""
+        """Return a network input (1, C, height, width) of zeros."""
+
+    @abstractmethod
+    def example(self) -> Tensor:
+        """Make an input of the network, of any content and size."""
 
     @abstractmethod
     def bank(
@@ -115,7 +119,7 @@ class Sense(ABC):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """Network input (batch, ...) of what the bank has cut.
+        """Return the network input (batch, ...) of what the bank has cut.
 
         Args:
             pieces: What the bank has cut.
@@ -131,7 +135,7 @@ class Sense(ABC):
         ranges: Ranges,
         **how: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
-        """Decode a file, or bring an array to what decoding gives; say what is wrong with it.
+        """Decode a file, or bring an array to what decoding gives; judge its quality.
 
         Args:
             given: A path, or samples or pixels.
@@ -142,47 +146,16 @@ class Sense(ABC):
             UserError: If it cannot be used.
         """
 
-    def piece_size(self, size: int) -> int:
-        """Length or side of a piece that gives a single position; ``size`` if nothing tells."""
-        return size if self.geometry is None else self.window_size[1]
-
-    def adopt(self, other: "Sense") -> None:
-        """Take over what the features of another sense of this kind have learnt."""
-        self.features.load_state_dict(other.features.state_dict())
-
-    def __call__(self, recording: Tensor) -> Tensor:
-        """Network input of a decoded recording, on the device of the sense."""
+    def forward(self, recording: Tensor) -> Tensor:
+        """Return the network input of a decoded recording, on the device of the sense."""
         return self.read(recording.to(self.device))
 
-    def read(self, x: Tensor, batch: int = 1) -> Tensor:
-        """What the features give for ``batch`` recordings on their device.
-
-        Raises:
-            UserError: If that is no network input.
-        """
-        with self._calling_features():
+    def read(self, x: Tensor) -> Tensor:
+        """Return what the features give for a recording, or a batch of photos."""
+        part, photos = (f"model.{self.name}.features", "features", self.features), x.dim() == 4
+        with calling(*part):
             found = self.features(x)
-        least = 2 if self.medium == "signal" else 4
-        return check_batch(found, *self.features_part, batch, least)
-
-    @property
-    def features_part(self) -> tuple[str, str, nn.Module]:
-        """Key, kind and object of the features, as a contract names them."""
-        return f"model.{self.name}.features", "features", self.features
-
-    @property
-    def network_part(self) -> tuple[str, str, nn.Module]:
-        """The same of the network, or of the trunk in it that alone is a user's."""
-        if isinstance(self.network, VisualNet) and not is_builtin(self.network.trunk):
-            return f"model.{self.name}.trunk", "trunk", self.network.trunk
-        return f"model.{self.name}.network", "network", self.network
-
-    def _calling_features(self) -> AbstractContextManager[None]:
-        return calling(*self.features_part)
-
-    def as_weights(self, x: Tensor) -> Tensor:
-        """A network input in the precision of the network's weights."""
-        return x.to(next(self.network.parameters(), x).dtype)
+        return check_batch(found, *part, len(x) if photos else 1, 4 if photos else 2)
 
     def check(self, recording: Tensor | Array) -> None:
         """Refuse a decoded recording that is too small for one fragment.
@@ -191,13 +164,13 @@ class Sense(ABC):
             UserError: Saying what it takes, as far as that is known.
         """
         if self.knows_min_size:
-            self.check_size(recording)
+            self.check_input(*self.input_size(recording))
         else:
             with torch.inference_mode():
-                self._tried(as_tensor(recording), "fc3")
+                self.position_grid(as_tensor(recording), "fc3")
 
     def positions(self, recording: Tensor, level: Level) -> Tensor:
-        """Features (D, positions), float32, of a decoded recording; an image's row by row.
+        """Return features (D, positions), float32, of a decoded recording; an image's row by row.
 
         Raises:
             UserError: If the recording is too small, or not finite.
@@ -205,116 +178,34 @@ class Sense(ABC):
         return self.position_grid(recording, level).flatten(1)
 
     def position_grid(self, recording: Tensor, level: Level) -> Tensor:
-        """Features on their grid (D, rows, columns); a signal's have one row.
+        """Return features on their grid (D, rows, columns); a signal's have one row.
 
         Raises:
             UserError: As :meth:`positions`.
         """
-        if not self.knows_min_size:
-            return self._tried(recording, level)
-        self.check_size(recording)
-        return self._dense_grid(self.dense_input(recording), level)
-
-    def _tried(self, recording: Tensor, level: Level) -> Tensor:
-        """Features by a network of which it is not known how much it needs."""
+        if self.knows_min_size:
+            x = self.dense_input(recording)
+            self.check_input(*x.shape[-2:])
+            return self._dense_grid(x, level)
         try:
             found = self._dense_grid(self.dense_input(recording), level)
+            why = "" if found[0].numel() else "it gives no position"
         except RuntimeError as error:  # of a kernel that is larger than its input
-            raise self._unusable(recording, reason(error)) from error
-        if not found[0].numel():
-            raise self._unusable(recording, "it gives no position")
-        return found
-
-    def _unusable(self, recording: Tensor, why: str) -> UserError:
+            why = reason(error)
+        if not why:
+            return found
         extent = f"{self.decoder.extent(content(recording)):.3g} {self.decoder.unit}"
-        return UserError(
+        raise UserError(
             f"{type(self.network).__name__} makes nothing of {extent} of a {self.what} "
             f"({shorten(why)}); give a larger one, or correct the network."
         )
 
-    def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
-        """Features (D, windows), float32, of single windows of a decoded recording.
-
-        Args:
-            recording: As for :meth:`positions`.
-            corners: (windows, 2) row and column where each begins in the network's input.
-            level: As for :meth:`positions`.
-        """
-        raise NotImplementedError(f"{self.medium}s are not classified window by window")
-
-    def grid(self, recording: Tensor) -> tuple[int, int]:
-        """Rows and columns of positions that a decoded recording gives."""
-        return self._known_geometry.output_size(*self.input_size(recording))
-
-    @property
-    def is_builtin(self) -> bool:
-        """Whether the classes of its features and network are this package's."""
-        return is_builtin(self.features) and is_builtin(self.network)
-
-    @abstractmethod
-    def example(self) -> Tensor:
-        """Make an input of the network, of any content and size."""
-
-    @property
-    def geometry(self) -> Geometry | None:
-        """Geometry of the network, or None where it is not known."""
-        return geometry_of(self.network, self.example, rows_vary=self.medium == "photo")
-
-    @property
-    def window_size(self) -> tuple[int, int]:
-        """Height and width of an input that gives exactly one position."""
-        return self._known_geometry.window_size
-
-    @property
-    def known_min_size(self) -> tuple[int, int] | None:
-        """Height and width of the smallest input that gives a position, if that can be told."""
-        geometry = self.geometry
-        return getattr(self.network, "min_size", None) if geometry is None else geometry.min_size
-
-    @property
-    def min_size(self) -> tuple[int, int]:
-        """The same, of a sense that knows it."""
-        found = self.known_min_size
-        return self._known_geometry.min_size if found is None else found
-
-    @property
-    def stride(self) -> int:
-        """Elements of the input between neighbouring positions."""
-        return self._known_geometry.stride
-
-    @property
-    def device(self) -> torch.device:
-        """Device of its parameters."""
-        return next(self._tensors()).device
-
-    @property
-    def what(self) -> str:
-        """Name of one of its recordings."""
-        return name_one(self.modality)
-
-    def _tensors(self) -> Iterator[Tensor]:
-        modules = (self.features, self.network)
-        yield from chain(*(module.buffers() for module in modules))
-        yield from chain(*(module.parameters() for module in modules))
-        yield torch.empty(0)  # of modules without any
-
-    @property
-    def _known_geometry(self) -> Geometry:
-        found = self.geometry
-        if found is None:
-            raise UserError(
-                "This needs a network whose predictions each see a window of its input, at equal "
-                f"distances along two axes, and {type(self.network).__name__} of {self.name} is "
-                "none; give another checkpoint."
-            )
-        return found
-
     def dense(self, x: Tensor, level: Level) -> Tensor:
-        """Features (D, positions) of a network input, piece by piece if it is large."""
+        """Return features (D, positions) of a network input, computed by tiles if it is large."""
         return self._dense_grid(x, level).flatten(1)
 
     def _dense_grid(self, x: Tensor, level: Level) -> Tensor:
-        """The same (D, rows, columns)."""
+        """Return the same (D, rows, columns)."""
 
         def features(part: Tensor) -> Tensor:
             found = self._features(part, level)
@@ -327,22 +218,102 @@ class Sense(ABC):
         return in_tiles(features, x, geometry.layers, affordable(geometry.layers, self.tile))[0]
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
-        """Features (1, D, *positions) of a network input: float32, of float64 weights float64."""
-        x = self.as_weights(x)
-        part = self.network_part
-        with calling(*part):
-            given = self.network.features(x, level)  # type: ignore[operator]
-        found = check_batch(given, *part, len(x), 3)
+        """Return features (batch, D, *positions): float32, of float64 weights float64."""
+        found = self.score(like_weights(self.network, x), level)
         return found if found.dtype == torch.float64 else found.float()
+
+    def score(self, x: Tensor, level: Level) -> Tensor:
+        """Return features (batch, D, *positions) as the network gives them."""
+        network: Any = self.network
+        part = f"model.{self.name}.network", "network", network
+        with calling(*part):
+            found = network.features(x, level)
+        return check_batch(found, *part, len(x), 3)
+
+    def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
+        """Return features (D, windows), float32, of single windows of a decoded recording.
+
+        Args:
+            recording: As for :meth:`positions`.
+            corners: (windows, 2) row and column where each begins in the network's input.
+            level: As for :meth:`positions`.
+        """
+        raise NotImplementedError(f"{self.medium}s are not classified window by window")
+
+    def grid(self, recording: Tensor) -> tuple[int, int]:
+        """Return rows and columns of positions that a decoded recording gives."""
+        return self._known_geometry.output_size(*self.input_size(recording))
+
+    def piece_size(self, size: int) -> int:
+        """Return the size of a piece that gives one position; ``size`` where it is not known."""
+        return size if self.geometry is None else self.window_size[1]
+
+    @property
+    def is_builtin(self) -> bool:
+        """Whether the classes of its features and network are this package's."""
+        return is_builtin(self.features) and is_builtin(self.network)
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """Geometry of the network, or None where it is not known."""
+        return geometry_of(self.network, self.example, rows_vary=self.medium == "photo")
+
+    @property
+    def known_min_size(self) -> tuple[int, int] | None:
+        """Height and width of the smallest input that gives a position, if that is known."""
+        geometry = self.geometry
+        return getattr(self.network, "min_size", None) if geometry is None else geometry.min_size
+
+    @property
+    def min_size(self) -> tuple[int, int]:
+        """The same, of a sense that knows it."""
+        found = self.known_min_size
+        return self._known_geometry.min_size if found is None else found
+
+    @property
+    def window_size(self) -> tuple[int, int]:
+        """Height and width of an input that gives exactly one position."""
+        return self._known_geometry.window_size
+
+    @property
+    def stride(self) -> int:
+        """Elements of the input between neighbouring positions."""
+        return self._known_geometry.stride
+
+    @property
+    def _known_geometry(self) -> Geometry:
+        found = self.geometry
+        if found is None:
+            raise UserError(
+                "This needs a network whose predictions each see a window of its input, at equal "
+                f"distances along two axes, and {type(self.network).__name__} of {self.name} is "
+                "none; give another checkpoint."
+            )
+        return found
+
+    @property
+    def device(self) -> torch.device:
+        """Device of its parameters and buffers."""
+        return next(chain(self.buffers(), self.parameters()), torch.empty(0)).device
+
+    @property
+    def what(self) -> str:
+        """Name of one of its recordings."""
+        return name_one(self.modality)
+
+
+def like_weights(network: nn.Module, x: Tensor) -> Tensor:
+    """Return a network input in the precision of the network's weights."""
+    return x.to(next(network.parameters(), x).dtype)
 
 
 def as_tensor(recording: Tensor | Array) -> Tensor:
-    """A decoded recording in memory; an array may be a read-only map of a file."""
+    """Return a decoded recording in memory; an array may be a read-only map of a file."""
     return recording if isinstance(recording, Tensor) else torch.from_numpy(np.array(recording))
 
 
 def content(recording: Tensor) -> Array:
-    """The array whose content seeds what is random about a recording."""
+    """Return the array whose content seeds what is random about a recording."""
     return np.ascontiguousarray(recording.cpu().numpy())
 
 

@@ -1,4 +1,4 @@
-"""The branch of a sense whose recordings are photos."""
+"""The sense whose recordings are photos."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,10 +15,10 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.perturbations.table import Augmentation
-from tex_lightning.senses.base import Change, Sense
+from tex_lightning.senses.base import Change, Sense, like_weights
 from tex_lightning.senses.features.image import ImageFeatures, crop_side, rotated_photos
 
-SIDE = 64  # pixels of an example
+EXAMPLE_SIDE = 64  # pixels
 
 
 class PhotoSense(Sense):
@@ -41,9 +41,8 @@ class PhotoSense(Sense):
         """Whether it is known how large a photo the network takes."""
         return is_builtin(self.features) and self.known_min_size is not None
 
-    def check_size(self, recording: Tensor | Array) -> None:
+    def check_input(self, height: int, width: int) -> None:
         """Refuse a photo that is too small for one fragment; see the base class."""
-        height, width = recording.shape[:2]
         least = max(self.min_size)
         if min(height, width) < least:
             if self.decoder.resize is not None:
@@ -55,38 +54,38 @@ class PhotoSense(Sense):
                 f"needs {least} on each side; use a larger one{more}."
             )
 
-    def __call__(self, recording: Tensor) -> Tensor:
-        """Network input (1, 3, height, width) of a decoded photo."""
-        return super().__call__(_planes(recording))
+    def forward(self, recording: Tensor) -> Tensor:
+        """Return the network input (1, 3, height, width) of a decoded photo."""
+        return super().forward(_planes(recording))
 
     def dense_input(self, recording: Tensor) -> Tensor:
-        """Pixels (1, 3, height, width), which this package's features normalise piece by piece."""
+        """Return pixels (1, 3, height, width), which built-in features normalise by tiles."""
         return _planes(recording) if is_builtin(self.features) else self(recording)
 
     def _features(self, x: Tensor, level: Level) -> Tensor:
-        pixels = self.read(x.to(self.device), len(x)) if x.dtype == torch.uint8 else x
+        pixels = self.read(x.to(self.device)) if x.dtype == torch.uint8 else x
         return super()._features(pixels, level)
 
     def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
-        """Features of single windows of a photo; see the base class."""
+        """Return features of single windows of a photo; see the base class."""
         height, width = self.window_size
         crops = torch.stack(
             [recording[row : row + height, column : column + width] for row, column in corners]
         )
         return self._features(crops.permute(0, 3, 1, 2), level).flatten(1).T
 
-    def input_size(self, recording: Tensor) -> tuple[int, int]:
-        """Height and width in pixels."""
+    def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
+        """Return height and width in pixels."""
         return recording.shape[0], recording.shape[1]
 
     def blank(self, height: int, width: int) -> Tensor:
-        """A black photo, laid out as decoded ones are."""
+        """Return a black photo, laid out as decoded ones are."""
         return torch.zeros(1, 3, height, width).contiguous(memory_format=torch.channels_last)
 
     def example(self) -> Tensor:
-        """What the features give of a black photo."""
-        photo = torch.zeros(1, 3, SIDE, SIDE, dtype=torch.uint8)
-        return self.as_weights(self.read(photo.to(self.device)))
+        """Make what the features give for a black photo."""
+        photo = torch.zeros(1, 3, EXAMPLE_SIDE, EXAMPLE_SIDE, dtype=torch.uint8)
+        return like_weights(self.network, self.read(photo.to(self.device)))
 
     def bank(
         self,
@@ -98,7 +97,7 @@ class PhotoSense(Sense):
         seed: int,
         learn: bool,
     ) -> PhotoBank:
-        """Square crops, large enough to be turned; see the base class."""
+        """Cut square crops, large enough to be rotated; see the base class."""
         augmentation = Augmentation.of(fit["perturb"], fit["perturbed_share"])
         rotation = fit["rotation"]
         return PhotoBank(rows, store, crop_side(size, rotation), rotation, augmentation)
@@ -106,7 +105,7 @@ class PhotoSense(Sense):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """Features of rotated patches (batch, 3, size, size); see the base class.
+        """Return features of rotated patches (batch, 3, size, size); see the base class.
 
         Other features than this package's get photos to read, as in a prediction.
         """
@@ -121,7 +120,7 @@ class PhotoSense(Sense):
         photos = rotated_photos(crops, degrees, size)
         if change is not None:
             photos = (change(photos / 255) * 255).round().clamp(0, 255).to(torch.uint8)
-        return self.read(photos, len(photos))
+        return self.read(photos)
 
     def decode_input(
         self,
@@ -132,7 +131,7 @@ class PhotoSense(Sense):
         fast: bool = False,
         **_: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
-        """A file or pixels; ``colour`` is the order of an array's colours."""
+        """Decode a file or pixels; ``colour`` is the order of an array's colours."""
         if isinstance(given, str | Path):
             photo = decode_image(Path(given).expanduser(), self.decoder, fast=fast)
         else:
@@ -141,5 +140,5 @@ class PhotoSense(Sense):
 
 
 def _planes(recording: Tensor) -> Tensor:
-    """A photo (height, width, 3) as (1, 3, height, width)."""
+    """Return a photo (height, width, 3) as (1, 3, height, width)."""
     return recording.permute(2, 0, 1)[None]

@@ -1,4 +1,4 @@
-"""The branch of a sense whose recordings are signals: traces of acceleration, sounds, forces."""
+"""The sense whose recordings are signals: traces of acceleration, sounds, forces."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
@@ -18,10 +18,10 @@ from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.perturbations.table import Augmentation
-from tex_lightning.senses.base import Change, Sense, as_tensor
+from tex_lightning.senses.base import Change, Sense, as_tensor, like_weights
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
-SECONDS = 4  # of an example
+EXAMPLE_SECONDS = 4
 
 
 class SignalSense(Sense):
@@ -50,21 +50,13 @@ class SignalSense(Sense):
         """Whether the spectrogram's frames can be counted, and the network says how many."""
         return self.spectrogram is not None and self.known_min_size is not None
 
-    def check_size(self, recording: Tensor | Array) -> None:
-        """Refuse a signal that is too short for one fragment; see the base class."""
-        self.check_frames(self.input_size(as_tensor(recording))[1])
-
     def dense_input(self, recording: Tensor) -> Tensor:
-        """Network input of the whole signal."""
-        return self(recording)
+        """Return the network input of the whole signal."""
+        return self.forward(recording)
 
-    def check_frames(self, frames: int) -> None:
-        """Refuse a spectrogram of so many frames if it is too short for one fragment.
-
-        Raises:
-            UserError: Saying how much movement it takes.
-        """
-        features, least = self.spectrogram, self.min_size[1]
+    def check_input(self, height: int, width: int) -> None:
+        """Refuse a spectrogram that is too short for one fragment; see the base class."""
+        features, least, frames = self.spectrogram, self.min_size[1], width
         if features is not None and frames < least:
             rate = features.sampling_rate
             have = max(0, features.samples(frames)) / rate if frames else 0.0
@@ -74,13 +66,13 @@ class SignalSense(Sense):
                 "stroke."
             )
 
-    def __call__(self, recording: Tensor) -> Tensor:
-        """Network input (1, ..., frames) of a decoded signal.
+    def forward(self, recording: Tensor) -> Tensor:
+        """Return the network input (1, ..., frames) of a decoded signal.
 
         Raises:
             UserError: If it is not finite: NaN would win every vote.
         """
-        found = super().__call__(recording)
+        found: Tensor = super().forward(recording)
         if not bool(found.isfinite().all()):
             own = "" if is_builtin(self.features) else type(self.features).__name__
             raise UserError(
@@ -90,23 +82,24 @@ class SignalSense(Sense):
             )
         return found
 
-    def input_size(self, recording: Tensor) -> tuple[int, int]:
-        """Bands and frames of the spectrogram, which is not computed for that."""
+    def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
+        """Return bands and frames of the spectrogram, which is not computed for that."""
+        recording = as_tensor(recording)
         if self.spectrogram is None:
             height, width = self(recording).shape[-2:]
             return height, width
         return self.spectrogram.bands, self.spectrogram.count_frames(recording)
 
     def blank(self, height: int, width: int) -> Tensor:
-        """A spectrogram of zeros."""
+        """Return a spectrogram of zeros."""
         return torch.zeros(1, 1, height, width)
 
     def example(self) -> Tensor:
-        """A blank spectrogram, or what other features give of some seconds of noise."""
+        """Make a blank spectrogram, or what other features give for some seconds of noise."""
         if self.spectrogram is not None:
-            return self.as_weights(self.blank(self.spectrogram.bands, 1))
-        samples = SECONDS * round(self.decoder.sampling_rate)
-        return self.as_weights(self.read(torch.randn(1, samples).to(self.device)))
+            return like_weights(self.network, self.blank(self.spectrogram.bands, 1))
+        samples = EXAMPLE_SECONDS * round(self.decoder.sampling_rate)
+        return like_weights(self.network, self.read(torch.randn(1, samples).to(self.device)))
 
     def bank(
         self,
@@ -122,37 +115,31 @@ class SignalSense(Sense):
 
         The normalisation is that of the clean ones.
         """
-        if learn and hasattr(self.features, "learn"):
-            signals = (load_recording(row, store).to(self.device) for row in rows)
-            with self._calling_features():
-                self.features.learn(signals)  # type: ignore[operator]  # of features that have one
+        features: Any = self.features
+        if learn and hasattr(features, "learn"):
+            features.learn(load_recording(row, store).to(self.device) for row in rows)
         store.root.mkdir(parents=True, exist_ok=True)
         clean = (self._raw(load_recording(row, store)) for row in self._tracked(rows))
         perturbed = self._perturbed(rows, store, fit, seed)
         raw = InputBank(chain(clean, perturbed), 1, folder=store.root).inputs
-        if learn and hasattr(self.features, "fit"):
-            with self._calling_features():
-                self.features.fit(raw[: len(rows)])  # type: ignore[operator]  # of those with one
+        if learn and hasattr(features, "fit"):
+            features.fit(raw[: len(rows)])
         versions = len(raw) // len(rows)
         return InputBank(map(self._normalised, raw), size, versions, store.root)
 
     @torch.no_grad()
     def _raw(self, recording: Tensor) -> Tensor:
-        """Features (..., frames), before normalisation if that is apart."""
+        """Return features (..., frames), before normalisation if that is apart."""
         measure = getattr(self.features, "magnitudes", None)
         recording = recording.to(self.device)
-        if measure is None:
-            return self.read(recording)[0].detach()
-        with self._calling_features():
-            found: Tensor = measure(recording)
+        found: Tensor = self.read(recording)[0] if measure is None else measure(recording)
         return found
 
     def _normalised(self, raw: Tensor) -> Tensor:
-        """Network input (..., frames) on the CPU."""
-        if hasattr(self.features, "magnitudes"):
-            raw = raw.to(self.device)
-            with self._calling_features():
-                raw = self.features.normalise(raw)[None]  # type: ignore[operator]  # they have both
+        """Return the network input (..., frames) on the CPU."""
+        features: Any = self.features
+        if hasattr(features, "magnitudes"):
+            raw = features.normalise(raw.to(self.device))[None]
         return raw.cpu()
 
     def _tracked(self, rows: Sequence[Recording]) -> Iterable[Recording]:
@@ -161,7 +148,7 @@ class SignalSense(Sense):
     def _perturbed(
         self, rows: Sequence[Recording], store: Store, fit: Mapping[str, Any], seed: int
     ) -> Iterator[Tensor]:
-        """Of all signals perturbed, once for each copy; seeded by recording and copy."""
+        """Yield features of all signals perturbed; each copy and recording has its seed."""
         augmentation = Augmentation.of(
             fit["perturb"], rate=self.decoder.sampling_rate, modality=self.modality
         )
@@ -179,7 +166,7 @@ class SignalSense(Sense):
     def training_input(
         self, pieces: Mapping[str, Tensor], size: int, change: Change | None = None
     ) -> Tensor:
-        """The sub-samples as they are."""
+        """Return the sub-samples as they are."""
         return pieces["input"]
 
     def decode_input(
@@ -190,7 +177,7 @@ class SignalSense(Sense):
         rate: float | None = None,
         **_: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
-        """A file or samples; ``rate`` in Hz is that of samples and of files that carry none."""
+        """Decode a file or samples; ``rate`` in Hz is that of samples and of files without one."""
         target = self.decoder.sampling_rate
         if isinstance(given, str | Path):
             path, assumed = Path(given).expanduser(), rate or self.decoder.file_rate

@@ -229,11 +229,11 @@ def check_networks(config: Config) -> list[Sense]:
 def _checked_branch(config: Config, name: str) -> Sense:
     given, source = config.model.checkpoints.get(name), config.weights_of(name)
     if given is not None:
-        return SurfaceClassifier.from_checkpoint(given, name).sense(name)
+        return SurfaceClassifier.from_checkpoint(given, name).senses[name]
     start = SurfaceClassifier(configured_card(config, [name], ["one", "other"]))
     if source is not None:
         start_trunk(start, source)
-    sense, fit = start.eval().sense(name), config.model.sense(name).fit
+    sense, fit = start.eval().senses[name], config.model.sense(name).fit
     least = sense.known_min_size if is_builtin(sense.features) else None
     if least is not None and fit.piece < least[1]:
         raise UserError(

@@ -35,8 +35,7 @@ from tex_lightning.evaluation.outcomes import RANDOM, environment
 from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.start import name_source
-from tex_lightning.learning.train import input_data, train_network, train_once
-from tex_lightning.learning.training import Training
+from tex_lightning.learning.train import checkpoint_of, input_data, train_network, train_once
 from tex_lightning.learning.trial import try_baseline
 from tex_lightning.studies.console_summary import Opening, trained_networks
 from tex_lightning.studies.dataset import (
@@ -52,36 +51,42 @@ from tex_lightning.studies.sample_maps import draw_telling
 log = logging.getLogger(__name__)
 
 
-def fit_baseline(training: Training) -> Trained:
+def fit_baseline(workspace: Workspace, card: Card, parts: Split) -> Trained:
     """Fit, calibrate and write the checkpoint, unless it is there already.
+
+    Args:
+        workspace: Opened, on its fold.
+        card: Card of the baseline.
+        parts: Recordings by part.
 
     Raises:
         UserError: If a recording is too short, weights do not fit, or a user's class does not
             keep its contract.
     """
-    if training.final.is_file():
-        log.info("%s is fitted already.", training.final)
-        return load_trained(training.final)
-    card = training.card
-    rows = training.parts.train.of(card.modalities[0]).rows
+    config, store = workspace.config, workspace.store
+    final, weights = checkpoint_of(workspace.directory, card.kind), config.baseline_weights
+    if final.is_file():
+        log.info("%s is fitted already.", final)
+        return load_trained(final)
+    rows = parts.train.of(card.modalities[0]).rows
     labels = np.array(class_indices([row.label for row in rows], card.classes))
     classifier = BaselineClassifier(card)
-    if training.weights is not None:
-        log_once(log, classifier.baseline.load_weights(training.weights))
+    if weights is not None:
+        log_once(log, classifier.baseline.load_weights(weights))
     log.info("Fitting %s to %d recordings.", card.title, len(rows))
     begin = time.perf_counter()
-    recordings = Loaded(rows, training.store, classifier.sense(card.kind))
+    recordings = Loaded(rows, store, classifier.senses[card.kind])
     with calling(*as_part(classifier.baseline)):
         fit: Any = classifier.baseline.fit
         groups = [row.group_key for row in rows]
         more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
-        fit(recordings, labels, training.config.seed, **more)
+        fit(recordings, labels, config.seed, **more)
     seconds = time.perf_counter() - begin
     try_baseline(classifier, recordings)
-    validation = make_samples(training.parts.val, card.modalities)
-    classifier.card = calibrated_card(classifier, validation, training.store, training.config)
-    classifier.save(training.final, seconds)
-    return Trained(classifier, training.final, seconds)
+    validation = make_samples(parts.val, card.modalities)
+    classifier.card = calibrated_card(classifier, validation, store, config)
+    classifier.save(final, seconds)
+    return Trained(classifier, final, seconds)
 
 
 def results_frame(
@@ -158,13 +163,13 @@ def _fit_network(
     test: bool = True,
 ) -> tuple[Trained, dict[str, Any]]:
     card = make_card(workspace, senses, unimodal)
-    training = make_training(workspace, card, parts, unimodal)
+    given = workspace.config, card, parts, workspace.store, workspace.directory, unimodal
     if card.baseline:
-        trained = fit_baseline(training)
+        trained = fit_baseline(workspace, card, parts)
     elif networks_in is not None:
-        trained = train_once(training, networks_in)
+        trained = train_once(*given, networks_in)
     else:
-        trained = train_network(training)
+        trained = train_network(*given)
     if not is_rank_zero():  # it alone tests and writes
         return trained, {"checkpoint": str(trained.checkpoint)}
     if not test:
@@ -181,16 +186,7 @@ def fold_data(config: Config, directory: Path) -> InputData:
         opening = Opening(config.data, trained_networks(model), [config.data.test_fold])
         workspace = open_workspace(config, directory, opening)
         card = configured_card(config, model.senses, workspace.classes)
-        return input_data(make_training(workspace, card, workspace.parts(), {}))
-
-
-def make_training(
-    workspace: Workspace, card: Card, parts: Split, unimodal: dict[str, Trained]
-) -> Training:
-    """Collect the networks, data and settings of one network's training."""
-    return Training(
-        card, parts, workspace.store, workspace.directory, unimodal, config=workspace.config
-    )
+        return input_data(config, card, workspace.parts(), workspace.store)
 
 
 def _tested_network(
