@@ -157,7 +157,7 @@ def test_the_original_is_left_alone_and_the_type_is_kept(kind):
     model = classifier(kind).requires_grad_(True)
     before = {key: value.clone() for key, value in model.state_dict().items()}
     engine = accelerate(model, DEFAULT)
-    assert type(engine.network) is type(model.network)
+    assert type(engine.fusion) is type(model.fusion)
     assert engine.card == model.card
     assert not engine.logits(**inputs()).requires_grad
     for parameter in engine.parameters():
