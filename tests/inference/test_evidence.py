@@ -5,7 +5,6 @@ import pytest
 import torch
 from conftest import RATE, make_card, make_photo, make_trace
 from torch import nn
-from torch.nn.functional import avg_pool2d
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
@@ -20,9 +19,10 @@ class Brightness(nn.Module):
         super().__init__()
         self.window_size = self.min_size = window
         self.stride = stride
+        self.pool = nn.AvgPool2d(window, stride)
 
     def features(self, x, level):
-        mean = avg_pool2d(self.tell(x), self.window_size, self.stride)
+        mean = self.pool(self.tell(x))
         return torch.cat([mean, -mean, torch.full_like(mean, -9)], dim=1)
 
     def tell(self, x):

@@ -1,7 +1,7 @@
 """A trained system that classifies files and arrays, as the command line and Python use it."""
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ from tex_lightning.data.quality import Quality, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.early_stopping import SequentialClassifier, make_inference_model
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.evidence import Evidence, classify_with_maps, refuse_baseline
+from tex_lightning.inference.evidence import Evidence, classify_with_maps
 from tex_lightning.inference.prediction import Prediction, check_unknown, describe
 from tex_lightning.inference.stream_live import LiveStream
 
@@ -118,11 +118,7 @@ class Predictor:
         Raises:
             UserError: If the input is unusable, or of a modality that the checkpoint does not use.
         """
-
-        def classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
-            return decider.classify(**decoded)
-
-        return self._classified(recordings, rate, colour, classify)[0]
+        return self._classified(recordings, rate, colour)[0]
 
     def explain(
         self, *, rate: float | None = None, colour: str = "rgb", **recordings: Input
@@ -138,16 +134,7 @@ class Predictor:
         """
         from tex_lightning.report.explanation import Explanation  # slow: it imports Matplotlib
 
-        refuse_baseline(self.classifier)
-        found: dict[str, Evidence] = {}
-
-        def classify(decider: SurfaceClassifier, decoded: dict[str, Tensor]) -> Vote:
-            whole = decider.full if isinstance(decider, SequentialClassifier) else decider
-            vote, senses = classify_with_maps(whole, decoded)
-            found.update(senses)
-            return vote
-
-        prediction, vote = self._classified(recordings, rate, colour, classify)
+        prediction, vote, found = self._classified(recordings, rate, colour, maps=True)
         return Explanation.of(prediction, self.card.classes, vote.label, found)
 
     def _classified(
@@ -155,16 +142,23 @@ class Predictor:
         recordings: Mapping[str, Input],
         rate: float | None,
         colour: str,
-        classify: Callable[[SurfaceClassifier, dict[str, Tensor]], Vote],
-    ) -> tuple[Prediction, Vote]:
-        """Classify one sample: ``classify`` gets the deciding classifier and the recordings."""
+        *,
+        maps: bool = False,
+    ) -> tuple[Prediction, Vote, dict[str, Evidence]]:
+        """Classify one sample; with ``maps`` by the full decision, and what it is made of."""
         given = {name: each for name, each in recordings.items() if each is not None}
         self.check_senses(given)
         decider = self._decider(self._senses(given))
         begin = time.perf_counter()
         try:
             decoded = self._decoded(given, rate, colour)
-            vote = classify(decider, {name: each for name, (each, _) in decoded.items()})
+            inputs = {name: each for name, (each, _) in decoded.items()}
+            found: dict[str, Evidence] = {}
+            if maps:
+                full = decider.full if isinstance(decider, SequentialClassifier) else decider
+                vote, found = classify_with_maps(full, inputs)
+            else:
+                vote = decider.classify(**inputs)
         except (UserError, MemoryError, RuntimeError) as error:
             if not isinstance(error, UserError) and not is_out_of_memory(error):
                 raise
@@ -175,8 +169,9 @@ class Predictor:
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         said = decider.card.modalities if fused else ()
-        quality = together(found for _, found in decoded.values())
-        return describe(vote, decider.card, quality, self.config.top_k, latency, said), vote
+        quality = together(each for _, each in decoded.values())
+        prediction = describe(vote, decider.card, quality, self.config.top_k, latency, said)
+        return prediction, vote, found
 
     def stream(
         self,

@@ -1,8 +1,8 @@
 """Which part of an input each prediction of a dense network depends on, and runs in pieces.
 
-This package's networks say it by their layers. Of any other network it is found by trying: output
-sizes on the meta device, where nothing is computed, then how far NaN in the input spreads. What is
-found holds only if pieces of random inputs give the scores of the whole; else inputs are not cut.
+The convolutions and poolings of a network tell it, in the order of its modules. For a network of
+another package that holds only if pieces of random inputs give the scores of the whole, which is
+tried; else inputs are not cut.
 
 A piece begins at a multiple of the network's stride, where the grids of all its layers coincide
 with those of the whole. Inside the input its edge is padded with zeros where the whole has pixels;
@@ -13,18 +13,15 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
-from itertools import product
+from itertools import count, product
 from math import prod
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from tex_lightning.networks.blocks import SameConv2d, Window, is_builtin
-from tex_lightning.networks.windows import Scores
 
-MAX_SIDE = 1 << 13  # elements along an axis that are tried
-MAX_COMPUTED = 1 << 20  # of an input that is computed to learn the size of a map
 MAX_ELEMENTS = 1 << 22  # of an input that is tried
 MARGINS = 2  # receptive fields along an axis of a piece; of less, most is computed several times
 Layers = tuple[Sequence[Window], Sequence[Window]]  # along rows and along columns
@@ -75,19 +72,57 @@ def geometry_of(
         example: Makes an input (1, C, H, W) of it.
         rows_vary: Whether inputs may have any height; else they have that of the example.
     """
-    values = vars(network)
+    values, declared = vars(network), getattr(network, "window_size", None)
     if is_builtin(network):
-        if not hasattr(network, "window_size"):
-            return None
-        declared: Any = network
-        layers = layer_windows(network, 0), layer_windows(network, 1)
-        return Geometry(layers, declared.window_size, declared.min_size)
+        least: Any = getattr(network, "min_size", None)
+        return None if declared is None else Geometry(_layers(network), declared, least)
     if "probed_geometry" not in values:
         values["probed_geometry"] = None
         with suppress(Exception), torch.inference_mode():  # it raises again where it is used
-            values["probed_geometry"] = probe_geometry(network, example(), rows_vary=rows_vary)
+            values["probed_geometry"] = _probe(network, example(), rows_vary=rows_vary)
     found: Geometry | None = values["probed_geometry"]
     return found
+
+
+def _layers(network: nn.Module) -> Layers:
+    return layer_windows(network, 0), layer_windows(network, 1)
+
+
+def _probe(network: nn.Module, example: Tensor, *, rows_vary: bool) -> Geometry | None:
+    """The geometry that the layers of a network tell, if it cuts and counts as they do."""
+    network, layers = deepcopy(network).eval(), _layers(network)  # it may keep what it is given
+    sides = [next(side for side in count(1) if side_after(each, side)) for each in layers]
+    least = (sides[0] if rows_vary else example.shape[2]), sides[1]
+    window = getattr(network, "window_size", least)
+    found = Geometry(layers, window, least)
+    if found.output_size(*window) != (1, 1):
+        found = Geometry(layers, least, least)
+    axes = (0, 1) if rows_vary else (1,)
+    holds = all(
+        _holds(network, found, example, axis, more)
+        for axis, more in product(axes, (0, found.stride // 2 + 1))
+    )
+    return found if holds else None
+
+
+def _holds(network: Any, geometry: Geometry, example: Tensor, axis: int, more: int) -> bool:  # noqa: ANN401
+    """Whether pieces along an axis give what the whole does."""
+
+    def run(x: Tensor, level: str = "fc3") -> Tensor:
+        found: Tensor = network.features(x, level)
+        return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
+
+    size, layers = list(geometry.min_size), geometry.layers
+    size[axis] += 2 * receptive_field(layers[axis]) + 6 * geometry.stride + more
+    if prod(size) > MAX_ELEMENTS:
+        return False
+    generator = torch.Generator().manual_seed(0)
+    x = torch.randn(1, example.shape[1], *size, generator=generator).to(example)
+    whole, pieces = run(x), in_tiles(run, x, layers, prod(size) * 2 // 3)
+    limit = 1e-3 * float(whole.abs().max()) + 1e-6
+    sizes = geometry.output_size(size[0], size[1])
+    same = whole.shape[2:] == pieces.shape[2:] == run(x, "fc2").shape[2:] == sizes
+    return same and bool(((whole - pieces).abs() <= limit).all())
 
 
 def layer_windows(network: nn.Module, axis: int) -> list[Window]:
@@ -123,169 +158,6 @@ def side_after(windows: Iterable[Window], side: int) -> int:
     for window in windows:
         side = window.output(side)
     return side
-
-
-class Steps(NamedTuple):
-    """How many positions a module gives on an axis of ``size``: (size + shift) // stride.
-
-    Attributes:
-        min_size: Smallest size that gives one.
-        stride: Elements of the input between neighbouring positions.
-        shift: See above.
-    """
-
-    min_size: int
-    stride: int
-    shift: int
-
-
-def map_sizes(module: nn.Module) -> Callable[[tuple[int, ...]], tuple[int, ...] | None]:
-    """Return a function from the shape of an input (B, C, ...) to the size of the map.
-
-    It gives None for inputs that the module cannot take.
-    """
-    copies = {"meta": deepcopy(module).to("meta"), "cpu": deepcopy(module).cpu()}
-
-    def sizes(shape: tuple[int, ...]) -> tuple[int, ...] | None:
-        for device, copy in copies.items():  # values, which a module may ask for, are on one only
-            if device == "meta" or prod(shape) <= MAX_COMPUTED:
-                with suppress(Exception), torch.no_grad():  # of a kernel larger than its input
-                    found = copy(torch.zeros(shape, device=device))
-                    return tuple(found.shape[2:]) if len(found) == shape[0] else None
-        return None
-
-    return sizes
-
-
-def smallest(count: Callable[[int], int], least: int) -> int | None:
-    """Return the smallest size that gives at least so many positions, if one does."""
-    high = 1
-    while count(high) < least:
-        high *= 2
-        if high > MAX_SIDE:
-            return None
-    low = high // 2  # too small, or 0
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if count(middle) >= least else (middle, high)
-    return high
-
-
-def measure_steps(count: Callable[[int], int]) -> Steps | None:
-    """Return the steps of an axis, or None where positions do not come at even distances."""
-    if (first := smallest(count, 1)) is None:
-        return None
-    one, two = (smallest(count, count(first) + more) for more in (1, 2))
-    if one is None or two is None or one == two:  # or more positions than elements
-        return None
-    stride = two - one
-    shift = stride * (count(first) + 1) - one
-    tried = range(first, first + 3 * stride + 1, max(1, stride // 5))
-    even = all(count(size) == (size + shift) // stride for size in tried)
-    return Steps(first, stride, shift) if even else None
-
-
-def probe_geometry(network: nn.Module, example: Tensor, *, rows_vary: bool) -> Geometry | None:
-    """Find the geometry of a network by trying; arguments are those of :func:`geometry_of`."""
-    steps = _probe_steps(network, example, rows_vary=rows_vary)
-    if steps is None:
-        return None
-    network = deepcopy(network).eval()  # which may keep something of what it is given
-    run, (rows, columns) = _runner(network, "fc3"), steps
-    least = rows.min_size, columns.min_size
-    across = _measure_reach(run, example, steps, 1)
-    down = _measure_reach(run, example, steps, 0) if rows_vary else Window(least[0], least[0])
-    larger = least[0] + 2 * rows.stride * rows_vary, least[1] + 2 * columns.stride
-    several = _noise(example, larger)
-    if down is None or across is None or several is None:
-        return None
-    if _runner(network, "fc2")(several).shape[2:] != run(several).shape[2:]:
-        return None
-    found = Geometry(([down], [across]), getattr(network, "window_size", least), least)
-    if found.output_size(*found.window_size) != (1, 1):
-        found = Geometry(found.layers, least, least)
-    axes = (0, 1) if rows_vary else (1,)
-    return found if all(_holds(run, example, found, axis) for axis in axes) else None
-
-
-def _probe_steps(
-    network: nn.Module, example: Tensor, *, rows_vary: bool
-) -> tuple[Steps, Steps] | None:
-    """Find how many positions a network gives along rows and columns."""
-    if example.dim() != 4:
-        return None
-    sizes, (channels, height) = map_sizes(Scores(network)), example.shape[1:3]
-
-    def count(rows: int, columns: int, axis: int) -> int:
-        found = sizes((2, channels, rows, columns))
-        return 0 if found is None else (1, *found)[-2:][axis]
-
-    rows: Steps | None = Steps(height, height, 0)
-    if rows_vary:
-        side = smallest(lambda size: count(size, size, 0), 1)
-        if side is None:
-            return None
-        height, rows = side, measure_steps(lambda size: count(size, side, 0))
-    columns = measure_steps(lambda size: count(height, size, 1))
-    return None if rows is None or columns is None else (rows, columns)
-
-
-def _runner(network: Any, level: str) -> Run:  # noqa: ANN401
-    def run(x: Tensor) -> Tensor:
-        found: Tensor = network.features(x, level)
-        return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
-
-    return run
-
-
-def _noise(example: Tensor, size: Sequence[int]) -> Tensor | None:
-    if example.shape[1] * prod(size) > MAX_ELEMENTS:
-        return None
-    generator = torch.Generator().manual_seed(0)
-    return torch.randn(1, example.shape[1], *size, generator=generator).to(example)
-
-
-def _measure_reach(
-    run: Run, example: Tensor, steps: tuple[Steps, Steps], axis: int
-) -> Window | None:
-    """One window that is as good as all layers along an axis.
-
-    NaN in as many neighbouring elements as the stride reaches every position that reads one of
-    them. The window may reach less than a stride farther than the network does.
-    """
-    min_size, stride, shift = steps[axis]
-    size = [steps[0].min_size, steps[1].min_size]
-    size[axis] = min_size + 8 * stride
-    while (x := _noise(example, size)) is not None:
-        begin = size[axis] // 2
-        x.narrow(2 + axis, begin, stride).fill_(torch.nan)
-        reached = run(x)[0].isnan().any(dim=0).any(dim=1 - axis).nonzero().flatten().tolist()
-        if not reached:
-            return None
-        if reached[0] > 0 and reached[-1] < (size[axis] + shift) // stride - 1:
-            before = max(0, stride * reached[-1] - begin)
-            after = begin + stride - stride * reached[0]
-            beyond = shift + after - before - stride
-            return Window(before + after, stride, before, beyond=beyond)
-        size[axis] *= 2
-    return None
-
-
-def _holds(run: Run, example: Tensor, geometry: Geometry, axis: int) -> bool:
-    """Whether pieces along an axis give what the whole does, of an even and an odd size."""
-    kernel, stride = geometry.layers[axis][0][:2]
-    for more in (0, stride // 2 + 1):
-        size = list(geometry.min_size)
-        size[axis] += 2 * kernel + 6 * stride + more
-        if (x := _noise(example, size)) is None:
-            return False
-        whole, pieces = run(x), in_tiles(run, x, geometry.layers, prod(size) * 2 // 3)
-        limit = 1e-3 * float(whole.abs().max()) + 1e-6
-        if whole.shape != pieces.shape or not bool(((whole - pieces).abs() <= limit).all()):
-            return False
-        if tuple(whole.shape[2:]) != geometry.output_size(size[0], size[1]):
-            return False
-    return True
 
 
 def affordable(windows: Layers, most: int | None) -> int | None:

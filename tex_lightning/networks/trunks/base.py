@@ -1,6 +1,9 @@
 """The declarations of every trunk of VisualNet, and the geometry that follows from them."""
 
+from bisect import bisect_left
 from collections.abc import Mapping
+from contextlib import suppress
+from copy import deepcopy
 from math import prod
 from typing import ClassVar, Literal
 
@@ -9,14 +12,10 @@ from torch import Tensor, nn
 
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Norm, Window, check_norm, initialise, is_builtin
-from tex_lightning.networks.geometry import (
-    MAX_SIDE,
-    map_sizes,
-    measure_steps,
-    side_after,
-    smallest,
-)
+from tex_lightning.networks.geometry import layer_windows, side_after
 
+MAX_SIDE = 1 << 13  # pixels along an axis that are tried
+MAX_COMPUTED = 1 << 10  # of an image that is computed for that
 Layout = Literal["caffe", "efficientnet"]
 
 
@@ -84,8 +83,14 @@ class Trunk(nn.Module):
         """Return the side of the feature map of an image of ``side`` pixels; 0 if too small."""
         if is_builtin(self):
             return side_after(self.geometry, side)
-        found = map_sizes(self)((2, 3, side, side))
-        return 0 if found is None else found[0]
+        values = vars(self)  # copies that are no part of it; on the meta device nothing is computed
+        if "copies" not in values:
+            values["copies"] = {"meta": deepcopy(self).to("meta"), "cpu": deepcopy(self).cpu()}
+        for device, copy in values["copies"].items():
+            if device == "meta" or side <= MAX_COMPUTED:  # of one that asks for values
+                with suppress(Exception), torch.no_grad():  # of a kernel larger than its input
+                    return int(copy(torch.zeros(2, 3, side, side, device=device)).shape[2])
+        return 0
 
     def smallest_side(self, features: int) -> int:
         """Return the smallest image side in pixels whose feature map has side ``features``.
@@ -93,15 +98,17 @@ class Trunk(nn.Module):
         Raises:
             UserError: If none has.
         """
-        found = smallest(self.output_side, features)
-        if found is None:
-            with torch.no_grad():
-                self(torch.zeros(2, 3, self.patch, self.patch))  # which says what is wrong with it
-            raise UserError(
-                f"{type(self).__name__} makes no map of side {features} of any photo up to "
-                f"{MAX_SIDE} pixels; give it another fc1_kernel."
-            )
-        return found
+        high = 1
+        while self.output_side(high) < features:
+            high *= 2
+            if high > MAX_SIDE:
+                with torch.no_grad():
+                    self(torch.zeros(2, 3, self.patch, self.patch))  # says what is wrong with it
+                raise UserError(
+                    f"{type(self).__name__} makes no map of side {features} of any photo up to "
+                    f"{MAX_SIDE} pixels; give it another fc1_kernel."
+                )
+        return bisect_left(range(high), features, key=self.output_side)
 
     @property
     def min_side(self) -> int:
@@ -110,8 +117,5 @@ class Trunk(nn.Module):
 
     @property
     def stride(self) -> int:
-        """Pixels between neighbouring predictions; 0 where they are at no even distances."""
-        if is_builtin(self):
-            return prod(window.stride for window in self.geometry)
-        steps = measure_steps(self.output_side)
-        return 0 if steps is None else steps.stride
+        """Pixels between neighbouring predictions."""
+        return prod(window.stride for window in layer_windows(self.layers, 1))
