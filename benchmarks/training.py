@@ -38,8 +38,7 @@ from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.train import train_network
-from tex_lightning.studies.console_summary import Opening, trained_networks
-from tex_lightning.studies.dataset import Workspace, make_card, open_workspace
+from tex_lightning.studies.dataset import Dataset, make_card, open_dataset
 
 CORE = ("forward", "backward", "optimiser")  # what a training step is for
 PARTS = ("data", "augmentation", *CORE)
@@ -219,15 +218,13 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     unimodal: dict[str, Trained] = {}
     with tempfile.TemporaryDirectory() as folder, kept_memory():
         config = _config(overrides)
-        opening = Opening(config.data, trained_networks(config.model), [config.data.test_fold])
-        workspace = open_workspace(config, Path(folder), opening)
-        model = workspace.config.model
+        dataset, model = open_dataset(config, Path(folder)), config.model
         for kind in dict.fromkeys([*model.senses, model.kind]):
             watch = Turns()
             if kind == FUSION:
-                _train(workspace, model.senses, unimodal, watch)
+                _train(dataset, Path(folder), model.senses, unimodal, watch)
             else:
-                unimodal[kind] = _train(workspace, [kind], {}, watch)
+                unimodal[kind] = _train(dataset, Path(folder), [kind], {}, watch)
             networks[kind] = watch.summary(model.fit_values(kind)["steps_per_epoch"])
     return {"environment": environment(torch.device("cpu")), "networks": networks}
 
@@ -240,11 +237,10 @@ def _config(overrides: tuple[str, ...]) -> Config:
 
 
 def _train(
-    workspace: Workspace, senses: list[str], unimodal: dict[str, Trained], watch: Turns
+    dataset: Dataset, folder: Path, senses: list[str], unimodal: dict[str, Trained], watch: Turns
 ) -> Trained:
-    card, parts = make_card(workspace, senses, unimodal), workspace.parts()
-    store, folder = workspace.store, workspace.directory
-    return train_network(workspace.config, card, parts, store, folder, unimodal, watch)
+    card, parts = make_card(dataset, senses, unimodal), dataset.parts()
+    return train_network(dataset.config, card, parts, dataset.store, folder, unimodal, watch)
 
 
 def main() -> None:

@@ -145,7 +145,7 @@ def test_a_fault_of_the_program_keeps_its_own_exception(given, tmp_path, monkeyp
     def fail(*arguments):
         raise ZeroDivisionError("a fault of ours")
 
-    monkeypatch.setattr("tex_lightning.tasks.fit.open_workspace", fail)
+    monkeypatch.setattr("tex_lightning.tasks.fit.open_announced", fail)
     with pytest.raises(ZeroDivisionError, match="a fault of ours"):
         tl.train(*QUICK, *given, f"hydra.run.dir={tmp_path}")
 

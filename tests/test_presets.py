@@ -6,7 +6,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, register
 from tex_lightning.report.table import paper_table
-from tex_lightning.studies.frontier import _tested_folds
+from tex_lightning.tasks.frontier import _tested_folds
 
 EXPERIMENTS = sorted(
     str(path.relative_to(CONF / "experiment").with_suffix(""))

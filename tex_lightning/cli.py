@@ -334,7 +334,7 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)
         if config.model.name == AUTO:
-            from tex_lightning.studies.frontier import resolve_auto
+            from tex_lightning.tasks.frontier import resolve_auto
 
             config = resolve_auto(config.frontier.run, config.data.test_fold, job)
         # a task is imported when it runs: most take Lightning, which predictions do without

@@ -53,7 +53,7 @@ CASES = [
     )],
     *[(FRONTIER, each) for each in (
         "frontier.rounds=1", "frontier.trainings=1 crossval.only=null", "data.per_class=1",
-        "frontier.max_latency_ms=1e-9", "frontier.min_accuracy=1", "frontier.senses=[haptic]",
+        "frontier.senses=[haptic]",
         "data.inverted=true", "crossval.only=[0]", "+frontier.systems.bands=null",
     )],
     *[(STABILITY, each) for each in (

@@ -29,7 +29,7 @@ from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.perturbations.table import SCALES, read_severities
-from tex_lightning.studies.frontier import _read_choice
+from tex_lightning.tasks.frontier import _read_choice
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tex_lightning.data.decode import SignalDecoder
-from tex_lightning.studies.profile import render_recording
+from tex_lightning.tasks.profile import render_recording
 
 
 @pytest.mark.parametrize("rate", [50.0, 500.0, 900.0, 10_000.0])

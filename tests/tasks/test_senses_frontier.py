@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from conftest import write_forces
 
-from tex_lightning.studies.frontier import _tested_folds
+from tex_lightning.tasks.frontier import _tested_folds
 
 SYSTEMS = {"haptic", "force", "haptic+force", "haptic+force_sequential"}
 
@@ -72,13 +72,6 @@ def test_trainings_decide_which_folds_are_tested(trainings, only, folds, tested)
 def read_csv(path: Path) -> list[dict[str, str]]:
     with path.open() as stream:
         return list(csv.DictReader(stream))
-
-
-def correct(run: Path, system: str, kind: str) -> dict[str, bool]:
-    """By the trace of the sample, on both folds."""
-    folder = run / "systems" / system / "folds/0-5/predictions"
-    rows = [row for name in (kind, f"{kind}_partner") for row in read_csv(folder / f"{name}.csv")]
-    return {row.get("haptic", row.get("force")): row["label"] == row["predicted"] for row in rows}
 
 
 def test_every_subset_of_the_senses_in_the_data_is_a_system(measured):

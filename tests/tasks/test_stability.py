@@ -11,11 +11,7 @@ from scipy.stats import binomtest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import CONF
-from tex_lightning.config.composition import compose_config
-from tex_lightning.config.weights import read_config
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.studies.systems import load_systems
 
 ONLY = ("white_noise", "shorter_trace", "rotated_axes", "jpeg", "haptic_missing", "image_swapped")
 COLUMNS = (
@@ -25,6 +21,11 @@ COLUMNS = (
 
 def data(surfaces: Path) -> list[str]:
     return ["data=folder", f"data.root={surfaces}", "data.half_scale=false", "logger=csv"]
+
+
+@pytest.fixture(scope="module")
+def fused(run_once, surfaces) -> Path:
+    return run_once("model=fusion", "debug=tiny", *data(surfaces))
 
 
 @pytest.fixture(scope="module")
@@ -51,12 +52,11 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_the_table_has_every_trial_with_its_interval(tested, fused):
+def test_the_table_has_every_trial_with_its_interval(tested):
     lines = table(tested / "stability.csv")
     assert list(lines[0]) == COLUMNS.split()
     systems = {line["system"] for line in lines}
-    twice = {f"haptic ({fused.name}) ({number})" for number in (1, 2)}
-    assert systems == {"fusion", "visual", "minirocket", *twice}
+    assert systems == {"fusion", "visual", "minirocket", "haptic (1)", "haptic (2)"}
     for name in ("white_noise", "shorter_trace", "jpeg", "haptic_missing", "image_swapped"):
         found = [line for line in lines if line["perturbation"] == name]
         for system in {line["system"] for line in found}:
@@ -72,17 +72,6 @@ def test_the_table_has_every_trial_with_its_interval(tested, fused):
             assert float(line["flip_rate"]) == 0
     met = {line["perturbation"] for line in lines if line["system"] == "visual"}
     assert met == {"jpeg"}
-
-
-def test_a_file_is_looked_at_once_for_all_folds_and_systems(surfaces, fused, folds, cache):
-    given = f"stability.systems=[{folds},{fused}]"
-    overrides = ["task=stability", given, *data(surfaces), f"data.cache_dir={cache}"]
-    config = read_config(compose_config(CONF, overrides))
-    systems = load_systems(config)
-    (dataset,) = {
-        id(each.dataset): each.dataset for one in systems for each in one.members
-    }.values()
-    assert set(dataset.store.entries) == set(dataset.rows.values())
 
 
 def test_clean_accuracy_is_that_of_the_test_after_training(tested, fused, folds):
@@ -130,7 +119,6 @@ def test_breaking_points_lie_below_the_bound(tested):
         if line["reached"] == "true":
             assert float(line["vote_accuracy"]) < least
             assert float(line["severity"]) % 0.25 == 0
-            assert line["first_classes"]
     short = next(
         line
         for line in lines
@@ -145,12 +133,8 @@ def test_results_and_figures_are_there(tested):
     assert results["task"] == "stability"
     assert results["wall_seconds"] > 0
     assert results["environment"]["versions"]["torch"]
-    assert results["reference"] == "fusion"
     assert set(results["perturbations"]) == set(ONLY) - {"rotated_axes"}
     fusion = results["systems"]["fusion"]
-    assert 0 <= fusion["conflict_auroc"] <= 1
-    assert fusion["corruption_error"]["mean"] == pytest.approx(1)
-    assert "conflict_auroc" not in results["systems"]["minirocket"]
     errors = fusion["perturbation_errors"]
     assert fusion["mean_error"] == pytest.approx(np.mean(list(errors.values())))
     for name in ("heat_map", "curves_haptic", "curves_image", "curves_both"):

@@ -45,8 +45,6 @@ READ_BY = {
     "data.test_where": ("fit", "evaluate", "stability"),
     "enroll.forget": ("enroll",),
     "enroll.only": ("enroll",),
-    "frontier.max_latency_ms": ("frontier",),
-    "frontier.min_accuracy": ("frontier",),
     "frontier.only": ("frontier",),
     "optimized_metric": ("fit", "crossval"),
     "predict.fast_decode": ("predict",),

@@ -237,15 +237,6 @@ class FrontierConfig:
         least=1, most=100_000, default=None,
     )  # fmt: skip
     rounds: int = key("rounds of timing; each times every system", **ROUNDS)
-    max_latency_ms: float | None = key(
-        "latency budget: prints the best system within it and the command that trains it",
-        unit="ms", above=0, most=1_000_000_000, default=None,
-    )  # fmt: skip
-    min_accuracy: float | None = key(
-        "accuracy wanted: prints the fastest system with this share of correct votes on the tested "
-        "folds",
-        default=None, **SHARE,
-    )  # fmt: skip
     run: str | None = key(
         "finished run folder of task=frontier whose choice model=auto trains; null runs "
         "task=frontier first",

@@ -24,7 +24,7 @@ WORK = ("checkpoints", "folds", "systems", "predictions", "results.json", "trial
 
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
-    "crossval.", "frontier.only", "frontier.max", "frontier.min", "logger.", "data.cache_dir",
+    "crossval.", "frontier.only", "logger.", "data.cache_dir",
     "data.num_workers", "explained_samples", "figures.", "optimized_metric", "trainer.accelerator",
     "trainer.devices", "trainer.num_nodes", "trainer.strategy", "trainer.threads", "callbacks.",
     "trusted", "data.reader.cache_dir", "verbose",

@@ -1,109 +1,48 @@
-"""Open a data set for training: recordings, store, folds, checks, and the card to train."""
+"""Open a data set: recordings, store and folds, checked; and describe the classifier to train."""
 
+import logging
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+from rich.table import Table
 
 from tex_lightning.baselines.classifier import make_baseline, new_classifier
 from tex_lightning.classifier.card import DECISION, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
 from tex_lightning.classifier.unknown import LABEL
-from tex_lightning.config import Config, DataConfig
+from tex_lightning.config import Config
+from tex_lightning.core.console import QUIET, Screen, console
 from tex_lightning.core.progress import track
-from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split
+from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split, tested_part
 from tex_lightning.data.quality import training_ranges
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.recordings import Recording, Recordings
+from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
 from tex_lightning.errors import UserError, listed
 from tex_lightning.inference.prediction import taken
-from tex_lightning.learning.start import start_trunk
+from tex_lightning.learning.start import start_trunk, starting_classifier
 from tex_lightning.learning.trainer import try_parts_of_training
 from tex_lightning.learning.trial import try_branch
 from tex_lightning.networks.blocks import is_builtin
+from tex_lightning.report.durations import mixed_rates, spread, unlike_the_others
 from tex_lightning.senses.base import Sense
-from tex_lightning.studies.console_summary import Opening
-from tex_lightning.studies.leaks import refuse_leak, trained_on, trained_on_parts
+from tex_lightning.studies.leaks import refuse_leak, trained_on
 
-
-def find_unusable(
-    recordings: Recordings,
-    store: Store,
-    senses: Iterable[Sense],
-    damaged: Sequence[Unusable] | None = None,
-    *,
-    skip_bad: bool,
-) -> list[Unusable]:
-    """Find recordings that cannot be decoded, or give no fragment.
-
-    Args:
-        recordings: All that a task will need.
-        store: Filled with them.
-        damaged: Those that it could not be filled with; None fills it.
-        senses: Branches that look at them.
-        skip_bad: Whether the task goes on without them (``data.skip_bad``).
-
-    Raises:
-        UserError: Listing them, unless the task goes on.
-    """
-    damaged = store.fill(recordings) if damaged is None else damaged
-    readable = recordings.without(each.recording for each in damaged)
-    seen = [(row, sense) for sense in senses for row in readable.of(sense.modality)]
-    small = [
-        found
-        for row, sense in track(seen, "Checking")
-        if (found := _too_small(row, store, sense)) is not None
-    ]
-    unusable = list({each.recording: each for each in (*damaged, *small)}.values())
-    if unusable and not skip_bad:
-        refuse(unusable, len(recordings))
-    return unusable
-
-
-def refuse(unusable: list[Unusable], count: int) -> None:
-    """End with the list of all files out of ``count`` that cannot be used.
-
-    Raises:
-        UserError: Always.
-    """
-    raise UserError(
-        f"{len(unusable)} of {count} files cannot be used; repair them, take them out or set "
-        "data.skip_bad=true to go on without them:",
-        *list_files(unusable),
-    )
-
-
-def _too_small(row: Recording, store: Store, sense: Sense) -> Unusable | None:
-    """A recording that is too short or too small for a single fragment."""
-    try:
-        sense.check(store.load(row))
-    except UserError as error:
-        said = f"{str(error).rstrip('.')}{_doubt(row, store, sense)}."
-        return Unusable(row, f"{row.source}: {said}")
-    return None
-
-
-def _doubt(row: Recording, store: Store, sense: Sense) -> str:
-    """Hint that a rate that no file states may be the reason."""
-    if sense.medium != "signal" or (rate := store.rate(row)).source != "assumed":
-        return ""
-    return (
-        f", or correct the rate: {rate.hz:,.6g} Hz are assumed (data.file_rate, or give the rate "
-        "of this file)"
-    )
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Workspace:
-    """Recordings and a configuration, ready to train on any fold.
+class Dataset:
+    """Recordings of one task, checked and decoded.
 
     Attributes:
-        config: The data, and how networks are trained on them and recorded.
+        config: Where they come from, how they are divided, and what is done with them.
         classes: Class names in natural order.
         recordings: Those of the modalities that the model needs.
         unknown: The same of the classes held out of everything but a test of their own.
         store: Decoded files.
-        directory: The run folder.
         skipped: Files that were left out since they cannot be used (``data.skip_bad``).
     """
 
@@ -112,42 +51,31 @@ class Workspace:
     recordings: Recordings
     unknown: Recordings
     store: Store
-    directory: Path
     skipped: tuple[Unusable, ...] = ()
 
-    @property
-    def data(self) -> DataConfig:
-        """Where the recordings come from and how they are divided."""
-        return self.config.data
-
-    @property
-    def kind(self) -> str:
-        """Name of the network of all senses."""
-        return self.config.model.kind
-
-    def on_fold(self, fold: int, directory: Path) -> "Workspace":
-        """Copy it with another test fold and run folder."""
-        data = replace(self.data, test_fold=fold)
-        return replace(self, config=replace(self.config, data=data), directory=directory)
+    def on_fold(self, fold: int) -> "Dataset":
+        """Copy it with another test fold."""
+        data = replace(self.config.data, test_fold=fold)
+        return replace(self, config=replace(self.config, data=data))
 
     def parts(self) -> Split:
         """Training, validation and test recordings, checked."""
-        parts = split(self.recordings, self.data)
-        check_split(parts, self.classes, self.config.model.modalities, self.data)
+        data = self.config.data
+        parts = split(self.recordings, data)
+        check_split(parts, self.classes, self.config.model.modalities, data)
         return parts
 
     def unknown_samples(self, modalities: Sequence[str]) -> list[Sample]:
         """Samples of the held-out classes in the test fold."""
-        return make_samples(split(self.unknown, self.data).test, modalities)
+        return make_samples(split(self.unknown, self.config.data).test, modalities)
 
 
-def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspace:
-    """Read the data set and decode what the cache does not have.
+def open_dataset(config: Config, directory: Path) -> Dataset:
+    """Read the data set to train on, and decode what the cache does not have.
 
     Args:
         config: Where recordings come from, and the networks to train on them.
         directory: The run folder.
-        opening: Says what was found.
 
     Raises:
         UserError: If the data or the networks cannot be used.
@@ -158,8 +86,7 @@ def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspa
     rows = read_recordings(data, modalities)
     needed = rows.without(row for row in rows if row.modality not in modalities)
     recordings, unknown = hold_out(needed, data.hold_out)
-    decoders = {sense.modality: sense.decoder for sense in senses}
-    store = Store(cache_root(data.cache_dir), decoders)
+    store = Store(cache_root(data.cache_dir), {each.modality: each.decoder for each in senses})
     if len(recordings.classes) < 2:
         raise UserError(
             f"The data has {' or '.join(modalities)} recordings of "
@@ -169,21 +96,66 @@ def open_workspace(config: Config, directory: Path, opening: Opening) -> Workspa
     if config.decision.unknown and LABEL in recordings.classes:
         raise taken("The data has")
     damaged = store.fill(needed)
+    readable = recordings.without(each.recording for each in damaged)
     for sense in senses:
         if _is_new(config, sense):
-            _try_new(config, sense, recordings.without(each.recording for each in damaged), store)
+            _try_new(config, sense, readable, store)
     skipped = find_unusable(needed, store, senses, damaged, skip_bad=data.skip_bad)
     bad = [each.recording for each in skipped]
-    opening.announce(needed.without(bad), store, skipped)
-    return Workspace(
-        config,
-        recordings.classes,
-        recordings.without(bad),
-        unknown.without(bad),
-        store,
-        directory,
-        tuple(skipped),
-    )
+    usable, held = recordings.without(bad), unknown.without(bad)
+    return Dataset(config, recordings.classes, usable, held, store, tuple(skipped))
+
+
+def open_test_data(config: Config, classifier: SurfaceClassifier, who: str) -> Dataset:
+    """Read what a checkpoint is tested on: the test fold, decoded as the checkpoint says.
+
+    Only ``data.file_rate`` belongs to the files themselves and counts if it is given.
+
+    Args:
+        config: Where recordings come from, and which fold.
+        classifier: What is tested.
+        who: Its name in messages.
+
+    Raises:
+        UserError: If classes are unknown to the checkpoint, it was trained on these recordings, or
+            they cannot be used.
+    """
+    data, card = config.data, classifier.card
+    rows, held = hold_out(read_recordings(data, card.modalities), data.hold_out)
+    if unknown := [label for label in rows.classes if label not in card.classes]:
+        raise UserError(
+            f"{who} does not know the class {listed(unknown)}; leave it out of the "
+            "data, name it in data.hold_out or train on it."
+        )
+    tested, strange = (_tested(part, config, card, who) for part in (rows, held))
+    store = open_store(config, classifier)
+    both = replace(tested, rows=tested.rows + strange.rows)
+    senses = classifier.senses.values()
+    skipped = find_unusable(both, store, senses, store.fill(both), skip_bad=data.skip_bad)
+    bad = [each.recording for each in skipped]
+    usable = tested.without(bad)
+    if not make_samples(usable, card.modalities):
+        raise UserError(
+            f"{who} has nothing to be tested on in {tested_part(data)}; choose another "
+            "data.test_fold or data.test_where, or data.test_fold=null for everything."
+        )
+    return Dataset(config, card.classes, usable, strange.without(bad), store, tuple(skipped))
+
+
+def _tested(rows: Recordings, config: Config, card: Card, who: str) -> Recordings:
+    wanted = rows.without(row for row in rows if row.modality not in card.modalities)
+    test = split(wanted, config.data).test
+    refuse_leak(test, card, who, config.data)
+    return replace(test, notes=rows.notes)
+
+
+def open_store(config: Config, classifier: SurfaceClassifier) -> Store:
+    """Open a store that decodes recordings with a checkpoint's settings."""
+    decoders = {
+        sense.modality: sense.decoder.assuming(config.data.file_rate)
+        for sense in classifier.senses.values()
+    }
+    return Store(cache_root(config.data.cache_dir), decoders)
 
 
 def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordings, Recordings]:
@@ -192,19 +164,94 @@ def hold_out(recordings: Recordings, classes: list[str] | None) -> tuple[Recordi
     Raises:
         UserError: If there is no such class.
     """
-    absent = sorted(set(classes or ()) - set(recordings.classes))
-    if joined := next((each for each in absent if {*each.split()} <= {*recordings.classes}), None):
-        raise UserError(
-            f"data.hold_out names {joined} as one class; put commas between names: "
-            f"data.hold_out=[{','.join(joined.split())}]."
-        )
-    if absent:
+    if absent := sorted(set(classes or ()) - set(recordings.classes)):
         raise UserError(
             f"data.hold_out names {listed(absent)}, and the data has no such class; choose from "
-            f"{listed(recordings.classes)}."
+            f"{listed(recordings.classes)}, with commas between names."
         )
     known = [label for label in recordings.classes if label not in (classes or ())]
     return recordings.in_classes(known), recordings.in_classes(classes or [])
+
+
+def find_unusable(
+    recordings: Recordings,
+    store: Store,
+    senses: Iterable[Sense],
+    damaged: Sequence[Unusable],
+    *,
+    skip_bad: bool,
+) -> list[Unusable]:
+    """Find recordings that cannot be decoded, or give no fragment.
+
+    Args:
+        recordings: All that a task will need.
+        store: Filled with them.
+        senses: Branches that look at them.
+        damaged: Those that it could not be filled with.
+        skip_bad: Whether the task goes on without them (``data.skip_bad``).
+
+    Raises:
+        UserError: Listing them, unless the task goes on.
+    """
+    readable = recordings.without(each.recording for each in damaged)
+    pairs = [(row, sense) for sense in senses for row in readable.of(sense.modality)]
+    small = []
+    for row, sense in track(pairs, "Checking"):
+        try:
+            sense.check(store.load(row))
+        except UserError as error:
+            small.append(Unusable(row, f"{row.source}: {error}"))
+    unusable = list({each.recording: each for each in (*damaged, *small)}.values())
+    if unusable and not skip_bad:
+        raise UserError(
+            f"{len(unusable)} of {len(recordings)} files cannot be used; repair them, take them "
+            "out or set data.skip_bad=true to go on without them:",
+            *list_files(unusable),
+        )
+    return unusable
+
+
+def show_opening(config: Config, dataset: Dataset, what: str, *, trains: bool = True) -> None:
+    """Warn of what was passed over or looks wrong; print the data and what is done with it.
+
+    Args:
+        config: Where the recordings come from.
+        dataset: All that will be trained or tested on.
+        what: What is trained or tested.
+        trains: Whether folds are trained on.
+    """
+    rows, data = dataset.recordings, config.data
+    modalities = list(dict.fromkeys(row.modality for row in rows))
+    warnings = [note.text for note in rows.notes if note.modality in (None, *modalities)]
+    if dataset.skipped:
+        files = list_files(dataset.skipped)
+        warnings.append("\n".join([f"Going on without {len(dataset.skipped)} files:", *files]))
+    for modality in modalities:
+        found = rows.of(modality)
+        odd = unlike_the_others(found, dataset.store), mixed_rates(found, dataset.store)
+        warnings += filter(None, odd)
+    for text in warnings:
+        log.warning("%s", text)
+    if Screen.verbose == QUIET:
+        return
+    block = Table.grid(padding=(0, 2))
+    block.add_column(min_width=7)
+    block.add_column(no_wrap=True, overflow="ellipsis")
+    block.add_row("Data", f"{data.name} {data.manifest or data.root or ''}")
+    block.add_row("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
+    for modality in modalities:
+        title = plural(modality).partition(" ")[0].capitalize()
+        block.add_row(title, _describe(rows.of(modality), dataset.store))
+    block.add_row("Trains" if trains else "Tests", what)
+    console.print(block)
+
+
+def _describe(rows: Recordings, store: Store) -> str:
+    """How many there are, how long or large they are once decoded, and how many of each class."""
+    decoder = store.decoders[rows.rows[0].modality]
+    size = spread([store.extent(row) for row in rows], decoder.unit, decoder.precision, median=True)
+    counts = Counter(row.label for row in rows)
+    return f"{len(rows)}; {size}; {spread([*counts.values()], '', 'd')} of a class"
 
 
 def check_networks(config: Config) -> list[Sense]:
@@ -257,24 +304,28 @@ def _try_new(config: Config, sense: Sense, recordings: Recordings, store: Store)
     try_branch(card, model.fit_values(sense.name), piece, recordings, store)
 
 
-def make_card(workspace: Workspace, senses: Sequence[str], unimodal: dict[str, Trained]) -> Card:
-    """Describe the classifier to train; FusionNet's branches are those of its networks."""
-    data, config, parts = workspace.data, workspace.config, workspace.parts()
-    card = configured_card(config, senses, workspace.classes)
+def make_card(dataset: Dataset, senses: Sequence[str], unimodal: dict[str, Trained]) -> Card:
+    """Describe the classifier to train; FusionNet's branches are those of its networks.
+
+    Raises:
+        UserError: If its trunk cannot be used or has seen what is to be tested.
+    """
+    config, parts = dataset.config, dataset.parts()
+    card = configured_card(config, senses, dataset.classes)
     ranges = {
-        modality: training_ranges(parts.train.of(modality), workspace.store)
+        modality: training_ranges(parts.train.of(modality), dataset.store)
         for modality in card.modalities
     }
-    card = replace(card, input_ranges=ranges)
-    if not unimodal:
-        source = None if card.baseline else config.start_of(card.kind)
-        return replace(card, trained_on=trained_on(card, parts, data, source))
     starts = {name: start.classifier.card for name, start in unimodal.items()}
-    return replace(
-        card,
-        trained_on=trained_on_parts(card, parts, data, *starts.values()),
-        senses={name: starts[name].senses[name] for name in senses},
-    )
+    branches = {name: starts[name].senses[name] if starts else card.senses[name] for name in senses}
+    card = replace(card, input_ranges=ranges, senses=branches)
+    source = None if card.baseline or starts else config.start_of(card.kind)
+    begun = list(starts.values())
+    if source is not None and (start := starting_classifier(source, card)) is not None:
+        test = parts.test.of(card.modalities[0])
+        refuse_leak(test, start.card, f"weights: checkpoint {source}", config.data)
+        begun.append(start.card)
+    return replace(card, trained_on=trained_on(card, parts, config.data, begun, source))
 
 
 def configured_card(config: Config, senses: Sequence[str], classes: list[str]) -> Card:
@@ -295,27 +346,27 @@ def configured_card(config: Config, senses: Sequence[str], classes: list[str]) -
     )
 
 
-def given_start(workspace: Workspace, name: str, path: Path) -> Trained:
+def given_start(dataset: Dataset, name: str, path: Path) -> Trained:
     """Read a unimodal checkpoint, if FusionNet may start from it.
 
     Raises:
         UserError: If it is no such network, classes or decoding differ, or it has seen the fold
             that this run tests.
     """
-    start = read_trained(path, name)
+    start, config = read_trained(path, name), dataset.config
     card = start.classifier.card
-    if card.classes != workspace.classes:
+    if card.classes != dataset.classes:
         raise UserError(
             f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
-            f"{len(workspace.classes)} of this data; train it on the same data."
+            f"{len(dataset.classes)} of this data; train it on the same data."
         )
-    theirs, ours = card.senses[name]["decode"], workspace.config.model.sense(name).decode
+    theirs, ours = card.senses[name]["decode"], config.model.sense(name).decode
     for key in theirs:
         if key != "file_rate" and theirs[key] != ours.get(key):
             raise UserError(
                 f"Checkpoint {path} was trained with data.{key}={theirs[key]}, this "
                 f"run has {ours.get(key)}; make them equal."
             )
-    test = workspace.parts().test.of(card.modalities[0])
-    refuse_leak(test, card, f"Checkpoint {path}", workspace.data)
+    test = dataset.parts().test.of(card.modalities[0])
+    refuse_leak(test, card, f"Checkpoint {path}", config.data)
     return start

@@ -3,8 +3,9 @@
 import itertools
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import combinations
 from math import ceil
 from pathlib import Path
 from statistics import fmean, median
@@ -14,50 +15,47 @@ from torch import Tensor
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
-from tex_lightning.config import Config, FrontierConfig
+from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
+from tex_lightning.config.tasks import AUTO, EVERY_SENSE
 from tex_lightning.config.weights import read_config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
 from tex_lightning.core.progress import stage
 from tex_lightning.data.decode import Decoder
 from tex_lightning.data.folds import make_samples
+from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings
 from tex_lightning.data.store import load_sample, skipped_entry
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.comparison import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
-from tex_lightning.inference.early_stopping import make_inference_model
-from tex_lightning.studies.console_summary import Opening
-from tex_lightning.studies.dataset import Workspace, open_workspace
+from tex_lightning.inference.early_stopping import SEQUENTIAL, make_inference_model
+from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
 from tex_lightning.studies.fold import fit_fold
 from tex_lightning.studies.timing import interleaved, waiting
 
-TASK_KEYS = ("task=", "frontier", "hydra")
-OWN_KEYS = (*TASK_KEYS, "model=", "crossval.", "data.val_fold")
 DONE = "measured.json"
 NETWORKS = "networks"
+OWN_SECTIONS = ("task", "frontier", "crossval")  # keys that say nothing of a single system
+WARM_UP = 3
+TIMED = 15  # tested samples, at most, that every system is timed on
 Pair = tuple[int, int]  # folds that networks are trained without
 
-
-@dataclass(frozen=True)
-class Member:
-    """One system of the family: its name, its overrides and its composed configuration."""
-
-    name: str
-    overrides: tuple[str, ...]
-    config: Config
+log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """Results of training and testing a member.
+@dataclass
+class System:
+    """One system of the family, and the results of training and testing it.
 
     Attributes:
-        member: The system.
+        name: Its name in the family.
+        overrides: Its own, beside those of the user.
+        config: Its composed configuration.
         entry: Facts of the first fold's network: parameters, arithmetic, checkpoint.
         fit_seconds: Mean over the trainings, parts of a FusionNet included.
         tests: Outcomes by tested fold.
@@ -65,11 +63,13 @@ class Measured:
             :func:`~tex_lightning.evaluation.comparison.partner`.
     """
 
-    member: Member
-    entry: dict[str, Any]
-    fit_seconds: float
-    tests: dict[int, list[Outcome]]
-    partners: dict[int, list[Outcome]]
+    name: str
+    overrides: list[str]
+    config: Config
+    entry: dict[str, Any] = field(default_factory=dict)
+    fit_seconds: float = 0.0
+    tests: dict[int, list[Outcome]] = field(default_factory=dict)
+    partners: dict[int, list[Outcome]] = field(default_factory=dict)
 
     @property
     def outcomes(self) -> list[Outcome]:
@@ -77,105 +77,148 @@ class Measured:
         return [outcome for tested in self.tests.values() for outcome in tested]
 
 
-def compose_family(
-    frontier: FrontierConfig, job: Job, held: Sequence[str] = ()
-) -> Iterator[Member]:
-    """Compose the requested systems, and those ``held``, with the user's other overrides.
+def compose_family(config: Config, job: Job) -> list[System]:
+    """Compose the requested systems with the user's other overrides.
 
     Networks that differ in nothing but how they are run are trained once, in a folder of the run.
 
     Raises:
-        UserError: If a system is unknown or its configuration cannot be used.
+        UserError: If a system is unknown, its configuration cannot be used or a library is missing.
     """
-    systems, only = frontier.systems, frontier.only
-    family = {name: overrides for name, overrides in systems.items() if overrides is not None}
-    unknown = [name for name in only or () if name not in family]
-    if unknown:
+    systems = {**_subsets(config, job), **config.frontier.systems}
+    family = {name: text.split() for name, text in systems.items() if text is not None}
+    only = config.frontier.only or list(family)
+    if unknown := [name for name in only if name not in family]:
         raise UserError(
             f"frontier.only names {unknown[0]}, which this family does not have: choose from "
             f"{', '.join(family)}."
         )
-    for name in family:
-        if only and name not in (*only, *held):
-            continue
-        overrides = _split_overrides(name, family[name])
-        training = with_system(job, given_overrides(job), overrides)
-        member = read_config(job.compose([*training, "task=frontier"]))
-        member = replace(member, task="crossval")
-        check_config(member)
-        trust(*named_classes(member.model.nodes))
-        yield Member(name, overrides, member)
+    members = [compose_system(name, own, job) for name, own in family.items() if name in only]
+    _check_libraries(members)
+    return members
 
 
-def _split_overrides(name: str, given: str) -> tuple[str, ...]:
-    overrides = tuple(given.split())
-    for item in overrides:
-        if item.startswith(TASK_KEYS):
-            raise UserError(
-                f"frontier.systems.{name} has {item}, but says only what is trained and how it is "
-                "run; leave it out."
-            )
-    return overrides
+def compose_system(name: str, own: Sequence[str], job: Job) -> System:
+    """Compose a system: its own overrides, and the user's others.
 
-
-def check_libraries(members: Sequence[Member]) -> None:
-    """Make sure that all systems can be run, before time is spent on the first.
-
-    Raises:
-        UserError: Naming those whose libraries are missing and what does without them.
+    A single source of weights is meant for published trunks; a system without one gets none.
     """
+    asked = [*with_system(job, own), "task=frontier", "data.val_fold=null"]
+    member = read_config(job.compose(asked))
+    published = any(hasattr(member.model.sense(name), "trunk") for name in member.model.senses)
+    if isinstance(member.weights, str) and not published:
+        member, own = replace(member, weights=None), [*own, "weights=null"]
+    member = replace(member, task="crossval")
+    check_config(member)
+    trust(*named_classes(member.model.nodes))
+    return System(name, list(own), member)
+
+
+def with_system(job: Job, own: Sequence[str]) -> list[str]:
+    """Overrides of a system alone: its own replace the user's of the same keys."""
+    keys = {_key(item) for item in own}
+    given = [item for item in job.overrides if item != f"model={AUTO}" and _key(item) not in keys]
+    return [*(each for each in given if _key(each).split(".")[0] not in OWN_SECTIONS), *own]
+
+
+def _key(override: str) -> str:
+    return override.lstrip("+~").partition("=")[0]
+
+
+def _check_libraries(members: Sequence[System]) -> None:
+    """Make sure that all systems can be run, before time is spent on the first."""
     needed = {member.name: member.config.model.baseline for member in members}
     missing = {
         name: library
         for name, baseline in needed.items()
         if baseline is not None and (library := missing_library(baseline))
     }
-    if not missing:
-        return
-    listed = ", ".join(f"{name} ({library})" for name, library in missing.items())
-    others = [name for name in needed if name not in missing]
-    without = f", or do without them: frontier.only=[{','.join(others)}]" if others else ""
-    raise UserError(
-        f"Libraries of these systems are not installed: {listed}; run: {INSTALL}{without}."
-    )
+    if missing:
+        systems = ", ".join(f"{name} ({library})" for name, library in missing.items())
+        others = ",".join(name for name in needed if name not in missing)
+        raise UserError(
+            f"Libraries of these systems are not installed: {systems}; run: {INSTALL}, or do "
+            f"without them: frontier.only=[{others}]."
+        )
 
 
-def measure_family(
-    members: Sequence[Member], folds: Sequence[int], directory: Path, opening: Opening
-) -> list[Measured]:
-    """Train every member without each of ``folds`` and its partner, and test it on both.
+def _subsets(config: Config, job: Job) -> dict[str, str]:
+    """Systems of every subset of the senses asked for: all at once, or the next only if unsure.
+
+    Raises:
+        UserError: If the data has recordings of no known sense, or cannot be read.
+    """
+    if config.frontier.senses is None:
+        return {}
+    senses = chosen_senses(config)
+    given = [item for item in job.overrides if item != f"model={AUTO}"]
+    model = job.compose(given).model.name
+    systems = {}
+    for order, least in (("", 1), (SEQUENTIAL, 2)):
+        for count in range(least, len(senses) + 1):
+            for subset in combinations(senses, count):
+                name = "_".join(filter(None, ["+".join(subset), order]))
+                how = f" decision={order}" if order else ""
+                systems[name] = f"model={model} model.senses=[{','.join(subset)}]{how}"
+    return systems
+
+
+def chosen_senses(config: Config) -> list[str]:
+    """Senses whose subsets are compared: those named, or all known ones that the data has.
+
+    Raises:
+        UserError: If the data has recordings of no known sense, or cannot be read.
+    """
+    if config.frontier.senses != EVERY_SENSE:
+        return list(config.frontier.senses)
+    model = config.model
+    modalities = {name: model.sense(name).modality for name in model.known}
+    table = read_recordings(config.data, list(dict.fromkeys(modalities.values())))
+    present = {row.modality for row in table}
+    found = [name for name, modality in modalities.items() if modality in present]
+    if not found:
+        raise UserError(
+            f"The data has recordings of {', '.join(sorted(present))}, and no sense reads these: "
+            f"known are {', '.join(modalities)}; write conf/sense/NAME.yaml for another."
+        )
+    return found
+
+
+def measure_family(members: Sequence[System], folds: Sequence[int], directory: Path) -> None:
+    """Train every system without each of ``folds`` and its partner, and test it on both.
 
     What a run in the same folder has finished is read.
 
     Args:
-        members: The systems.
+        members: The systems, whose results are filled in.
         folds: Folds that are tested.
         directory: Holds a folder for each system; the networks, each trained once, lie beside it.
-        opening: Says what was found.
     """
     pairs = {member.name: _pairs(member, folds) for member in members}
     missing = {
         name: [pair for pair in dict.fromkeys(own.values()) if not _done(directory / name, pair)]
         for name, own in pairs.items()
     }
-    left = sum(map(len, missing.values()))
-    with stage("training", left) as trainings:
-        for number, member in enumerate(members):
-            workspace: Workspace | None = None
+    shown: set[str] = set()
+    with stage("training", sum(map(len, missing.values()))) as trainings:
+        for member in members:
+            dataset: Dataset | None = None
             home = directory / member.name
             for pair in missing[member.name]:
-                log.info(
-                    "System %d of %d (%s), trained without folds %d and %d.",
-                    number + 1, len(members), member.name, *pair,
-                )  # fmt: skip
+                log.info("%s, trained without folds %d and %d.", member.name, *pair)
                 trainings.update(trainings.done, title=member.name)
-                workspace = workspace or open_workspace(member.config, home, opening)
-                _measure_pair(workspace, pair, _place(home, pair), directory.parent / NETWORKS)
+                dataset = dataset or open_dataset(member.config, home)
+                if not shown.issuperset(dataset.store.decoders):  # each modality once
+                    shown |= {*dataset.store.decoders}
+                    names = ", ".join(each.name for each in members)
+                    show_opening(member.config, dataset, f"{len(members)} systems: {names}")
+                _measure_pair(dataset, pair, _place(home, pair), directory.parent / NETWORKS)
                 trainings.update(trainings.done + 1)
-    return [_read(member, pairs[member.name], directory / member.name) for member in members]
+    for member in members:
+        _read(member, pairs[member.name], directory / member.name)
 
 
-def _pairs(member: Member, folds: Sequence[int]) -> dict[int, Pair]:
+def _pairs(member: System, folds: Sequence[int]) -> dict[int, Pair]:
     """Of each tested fold itself and its partner, in one order for both unless networks differ."""
     data = member.config.data
     both = {fold: (fold, partner(fold, data.folds)) for fold in folds}
@@ -197,62 +240,34 @@ def _predictions(place: Path, kind: str, fold: int, pair: Pair) -> Path:
     return place / "predictions" / (f"{kind}.csv" if fold == pair[0] else f"{kind}_partner.csv")
 
 
-def _measure_pair(workspace: Workspace, pair: Pair, directory: Path, networks_in: Path) -> None:
-    rows = workspace.recordings
+def _measure_pair(dataset: Dataset, pair: Pair, home: Path, networks_in: Path) -> None:
+    rows, config = dataset.recordings, dataset.config
     apart = Recordings(tuple(row for row in rows if row.fold == pair[1]))
-    kept = rows.without(apart)
-    on_fold = replace(workspace, recordings=kept).on_fold(pair[0], directory)
-    networks = fit_fold(on_fold, test_parts=False, networks_in=networks_in)
-    entry = networks[workspace.kind]
-    config = workspace.config
+    on_fold = replace(dataset, recordings=rows.without(apart)).on_fold(pair[0])
+    networks = fit_fold(on_fold, home, test_parts=False, networks_in=networks_in)
+    entry = networks[config.model.kind]
     samples = make_samples(apart, config.model.modalities)
     trained = load_classifier(entry["checkpoint"])
     classifier = make_inference_model(trained, config.engine, config.decision)
-    outcomes = run_test(classifier, samples, workspace.store)
-    write_outcomes(outcomes, _predictions(directory, workspace.kind, pair[1], pair))
+    outcomes = run_test(classifier, samples, dataset.store)
+    write_outcomes(outcomes, _predictions(home, config.model.kind, pair[1], pair))
     seconds = sum(network["fit_seconds"] for network in networks.values())
-    skipped = skipped_entry(workspace.skipped)
-    write_results(directory / DONE, {**entry, "fit_seconds": seconds, "skipped": skipped})
+    skipped = skipped_entry(dataset.skipped)
+    write_results(home / DONE, {**entry, "fit_seconds": seconds, "skipped": skipped})
 
 
-def _read(member: Member, pairs: Mapping[int, Pair], directory: Path) -> Measured:
+def _read(member: System, pairs: Mapping[int, Pair], directory: Path) -> None:
     kind = member.config.model.kind
-    places = [_place(directory, pair) for pair in dict.fromkeys(pairs.values())]
-    entries = [read_record(place / DONE) for place in places]
-    tests, partners = {}, {}
+    entries = [
+        read_record(_place(directory, pair) / DONE) for pair in dict.fromkeys(pairs.values())
+    ]
+    member.entry = entries[0]
+    member.fit_seconds = fmean(entry["fit_seconds"] for entry in entries)
     for fold, pair in pairs.items():
         other = pair[1] if fold == pair[0] else pair[0]
         place = _place(directory, pair)
-        tests[fold] = read_outcomes(_predictions(place, kind, fold, pair))
-        partners[fold] = read_outcomes(_predictions(place, kind, other, pair))
-    seconds = fmean(entry["fit_seconds"] for entry in entries)
-    return Measured(member, entries[0], seconds, tests, partners)
-
-
-def with_system(job: Job, given: Sequence[str], system: Sequence[str]) -> list[str]:
-    """The overrides that train a system, the user's others included.
-
-    A single source of weights is meant for published trunks: a system without such a trunk gets
-    neither it nor the weights of a preset.
-    """
-    without = [item for item in given if not item.startswith("weights=")]
-    preset = [item for item in given if item.startswith("experiment=")]
-    if preset or len(without) < len(given):
-        composed = job.compose([*given, *system])
-        published = any("trunk" in composed.model[sense] for sense in composed.model.senses)
-        if not published and isinstance(composed.weights, str):
-            return [*without, *system, *(["weights=null"] if preset else [])]
-    return [*given, *system]
-
-
-def given_overrides(job: Job) -> list[str]:
-    """The user's overrides beside the family."""
-    return [item for item in job.overrides if not item.startswith(OWN_KEYS)]
-
-
-log = logging.getLogger(__name__)
-WARM_UP = 3
-TIMED = 15  # tested samples, at most, that every system is timed on
+        member.tests[fold] = read_outcomes(_predictions(place, kind, fold, pair))
+        member.partners[fold] = read_outcomes(_predictions(place, kind, other, pair))
 
 
 class Latency(NamedTuple):
@@ -272,35 +287,30 @@ class Latency(NamedTuple):
 Timings = dict[str, Latency]
 
 
-def measure_latencies(measured: Sequence[Measured], rounds: int, opening: Opening) -> Timings:
+def measure_latencies(members: Sequence[System], rounds: int) -> Timings:
     """Times of one sample, all systems interleaved in one run.
 
     The samples are of the first tested fold: of those that a network was trained on it is surer,
     and a sequential decision quicker, than it will be.
 
     Args:
-        measured: The systems.
+        members: The systems, measured.
         rounds: In each every system classifies one sample.
-        opening: Says what was found.
     """
     functions: dict[str, Callable[[], object]] = {}
     counts: dict[str, int] = {}
     recordings: dict[tuple[tuple[str, Decoder], ...], list[dict[str, Tensor]]] = {}
-    for system in measured:
-        member, config = system.member, system.member.config
+    for member in members:
+        config = member.config
         device = pick_device(config.trainer.accelerator)
-        trained = load_classifier(system.entry["checkpoint"]).to(device)
+        trained = load_classifier(member.entry["checkpoint"]).to(device)
         classifier = make_inference_model(trained, config.engine, config.decision)
         decoded = tuple((each.modality, each.decoder) for each in trained.senses.values())
         if decoded not in recordings:  # such systems classify the same samples
-            home = Path(system.entry["checkpoint"]).parent
-            workspace = open_workspace(config, home, opening)
-            samples = make_samples(_tested(system, workspace), config.model.modalities)
-            timed = samples[:: ceil(len(samples) / TIMED)]
-            recordings[decoded] = [load_sample(sample, workspace.store) for sample in timed]
+            recordings[decoded] = _timed_samples(member)
         counts[member.name] = len(recordings[decoded])
         call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
-        functions[system.member.name] = waiting(call, device)
+        functions[member.name] = waiting(call, device)
     log.info("Timing %d systems on the same samples.", len(functions))
     timings = interleaved(functions, rounds, WARM_UP)
     return {
@@ -309,13 +319,15 @@ def measure_latencies(measured: Sequence[Measured], rounds: int, opening: Openin
     }
 
 
-def _tested(system: Measured, workspace: Workspace) -> Recordings:
-    """Recordings of the first tested fold, which the first network has not seen."""
-    outcomes = next(iter(system.tests.values()))
+def _timed_samples(member: System) -> list[dict[str, Tensor]]:
+    """Samples of the first tested fold, which the first network has not seen."""
+    dataset = open_dataset(member.config, Path(member.entry["checkpoint"]).parent)
+    outcomes = next(iter(member.tests.values()))
     files = {path for outcome in outcomes for path in outcome.files.values()}
-    return workspace.recordings.without(
-        row for row in workspace.recordings if row.source not in files
-    )
+    strange = (row for row in dataset.recordings if row.source not in files)
+    samples = make_samples(dataset.recordings.without(strange), member.config.model.modalities)
+    timed = samples[:: ceil(len(samples) / TIMED)]
+    return [load_sample(sample, dataset.store) for sample in timed]
 
 
 def _mean_of_samples(calls: Sequence[float], count: int) -> float:

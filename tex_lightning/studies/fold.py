@@ -3,19 +3,13 @@
 import inspect
 import logging
 import time
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tex_lightning.baselines.classifier import (
-    BaselineClassifier,
-    Loaded,
-    as_part,
-    load_trained,
-)
+from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part, load_trained
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config, plain_values
@@ -29,42 +23,43 @@ from tex_lightning.core.progress import steps
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
-from tex_lightning.data.store import skipped_entry
+from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
-from tex_lightning.evaluation.outcomes import RANDOM, environment
+from tex_lightning.evaluation.outcomes import RANDOM
 from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.start import name_source
 from tex_lightning.learning.train import checkpoint_of, input_data, train_network, train_once
 from tex_lightning.learning.trial import try_baseline
-from tex_lightning.studies.console_summary import Opening, trained_networks
 from tex_lightning.studies.dataset import (
-    Workspace,
+    Dataset,
     configured_card,
     given_start,
     make_card,
-    open_workspace,
+    open_dataset,
+    show_opening,
 )
-from tex_lightning.studies.evaluate_checkpoint import draw_figures, report_network
+from tex_lightning.studies.evaluate_checkpoint import draw_figures, report_network, results_frame
 from tex_lightning.studies.sample_maps import draw_telling
 
 log = logging.getLogger(__name__)
 
 
-def fit_baseline(workspace: Workspace, card: Card, parts: Split) -> Trained:
+def fit_baseline(dataset: Dataset, card: Card, parts: Split, directory: Path) -> Trained:
     """Fit, calibrate and write the checkpoint, unless it is there already.
 
     Args:
-        workspace: Opened, on its fold.
+        dataset: On its fold.
         card: Card of the baseline.
         parts: Recordings by part.
+        directory: The run folder.
 
     Raises:
         UserError: If a recording is too short, weights do not fit, or a user's class does not
             keep its contract.
     """
-    config, store = workspace.config, workspace.store
-    final, weights = checkpoint_of(workspace.directory, card.kind), config.baseline_weights
+    config, store = dataset.config, dataset.store
+    final, weights = checkpoint_of(directory, card.kind), config.baseline_weights
     if final.is_file():
         log.info("%s is fitted already.", final)
         return load_trained(final)
@@ -89,36 +84,46 @@ def fit_baseline(workspace: Workspace, card: Card, parts: Split) -> Trained:
     return Trained(classifier, final, seconds)
 
 
-def results_frame(
-    task: str, workspace: Workspace, networks: dict[str, Any], seconds: float
-) -> dict[str, Any]:
-    """The entries of every training task's ``results.json`` around its networks."""
-    config = workspace.config
-    return {
-        "task": task,
-        "model": config.model.name,
-        "data": workspace.data.name,
-        "classes": workspace.classes,
-        "weights": weights(config),
-        "seed": config.seed,
-        "wall_seconds": seconds,
-        "skipped": skipped_entry(workspace.skipped),
-        "environment": environment(pick_device(config.trainer.accelerator)),
-        "networks": networks,
-    }
+def open_announced(config: Config, directory: Path) -> Dataset:
+    """Open the data set of a training, and show it."""
+    dataset, model = open_dataset(config, directory), config.model
+    parts = "" if model.baseline or model.kind != FUSION else f": {', '.join(model.trained)}"
+    show_opening(config, dataset, f"{model.name}{parts}")
+    return dataset
 
 
-def weights(config: Config) -> dict[str, str]:
-    """Source of the weights of its network, or of its trunk, by sense."""
+def chosen_folds(config: Config) -> list[int]:
+    """The folds that ``crossval.only`` asks for, or all.
+
+    Raises:
+        UserError: If one does not exist.
+    """
+    every = range(config.data.folds)
+    chosen = list(every) if config.crossval.only is None else config.crossval.only
+    if not chosen or any(fold not in every for fold in chosen):
+        raise UserError(
+            f"crossval.only={chosen} must name folds from 0 to {config.data.folds - 1}."
+        )
+    return sorted(set(chosen))
+
+
+def training_results(dataset: Dataset, networks: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """``results.json`` of a training, with the source of each network's or trunk's weights."""
+    config = dataset.config
     given = {
         name: config.model.checkpoints.get(name) or config.weights_of(name)
         for name in config.model.senses
     }
-    return {name: RANDOM if path is None else name_source(path) for name, path in given.items()}
+    weights = {name: RANDOM if path is None else name_source(path) for name, path in given.items()}
+    frame = results_frame(
+        config, config.model.name, dataset.classes, dataset.skipped, networks, seconds
+    )
+    return {**frame, "weights": weights}
 
 
 def fit_fold(
-    workspace: Workspace,
+    dataset: Dataset,
+    directory: Path,
     *,
     draw: bool = False,
     test_parts: bool = True,
@@ -127,7 +132,8 @@ def fit_fold(
     """Train and test all networks that the model consists of on one fold.
 
     Args:
-        workspace: Opened, on its fold.
+        dataset: On its fold.
+        directory: Holds checkpoints and predictions.
         draw: Whether figures are drawn; of several folds they are drawn of all together.
         test_parts: Whether the networks that a FusionNet consists of are tested, too.
         networks_in: Folder in which systems of a family find networks that they have in common.
@@ -135,87 +141,63 @@ def fit_fold(
     Returns:
         By network its entry of ``results.json``.
     """
-    parts, model = workspace.parts(), workspace.config.model
+    parts, model = dataset.parts(), dataset.config.model
     unimodal: dict[str, Trained] = {}
     networks: dict[str, Any] = {}
-    if workspace.kind == FUSION:
-        # before time is spent on the other networks
+    if model.kind == FUSION:  # before time is spent on the other networks
         given = model.checkpoints.items()
-        unimodal = {name: given_start(workspace, name, Path(path)) for name, path in given}
-    fit = partial(_fit_network, workspace, parts, networks_in, draw=draw)
+        unimodal = {name: given_start(dataset, name, Path(path)) for name, path in given}
+    test = partial(_test_network, dataset, parts, directory, draw=draw)
     for name in steps(model.trained, str):
-        if name != workspace.kind:
-            unimodal[name], networks[name] = fit([name], {}, test=test_parts)
+        whole = name == model.kind
+        senses = model.senses if whole else [name]
+        starts = {sense: unimodal[sense] for sense in senses if whole and sense in unimodal}
+        card = make_card(dataset, senses, starts)
+        given = dataset.config, card, parts, dataset.store, directory, starts
+        if card.baseline:
+            trained = fit_baseline(dataset, card, parts, directory)
+        elif networks_in is not None:
+            trained = train_once(*given, networks_in)
         else:
-            ordered = {sense: unimodal[sense] for sense in model.senses if sense in unimodal}
-            _, networks[name] = fit(model.senses, ordered)
+            trained = train_network(*given)
+        if not whole:
+            unimodal[name] = trained
+        networks[name] = {
+            "checkpoint": str(trained.checkpoint),
+            "fit_seconds": trained.fit_seconds,
+        }
+        if is_rank_zero() and (whole or test_parts):  # it alone tests and writes
+            networks[name] = test(trained)
     return networks
-
-
-def _fit_network(
-    workspace: Workspace,
-    parts: Split,
-    networks_in: Path | None,
-    senses: Sequence[str],
-    unimodal: dict[str, Trained],
-    *,
-    draw: bool,
-    test: bool = True,
-) -> tuple[Trained, dict[str, Any]]:
-    card = make_card(workspace, senses, unimodal)
-    given = workspace.config, card, parts, workspace.store, workspace.directory, unimodal
-    if card.baseline:
-        trained = fit_baseline(workspace, card, parts)
-    elif networks_in is not None:
-        trained = train_once(*given, networks_in)
-    else:
-        trained = train_network(*given)
-    if not is_rank_zero():  # it alone tests and writes
-        return trained, {"checkpoint": str(trained.checkpoint)}
-    if not test:
-        entry = {"checkpoint": str(trained.checkpoint), "fit_seconds": trained.fit_seconds}
-        return trained, entry
-    return trained, _tested_network(workspace, trained, parts, draw=draw)
 
 
 def fold_data(config: Config, directory: Path) -> InputData:
     """Read the data of a configuration as inputs of its network, for any Lightning Trainer."""
-    model = config.model
-    trust(*config.trusted, *named_classes(model.nodes))
+    trust(*config.trusted, *named_classes(config.model.nodes))
     with suppress_thread_errors():
-        opening = Opening(config.data, trained_networks(model), [config.data.test_fold])
-        workspace = open_workspace(config, directory, opening)
-        card = configured_card(config, model.senses, workspace.classes)
-        return input_data(config, card, workspace.parts(), workspace.store)
+        dataset = open_announced(config, directory)
+        card = configured_card(config, config.model.senses, dataset.classes)
+        return input_data(config, card, dataset.parts(), dataset.store)
 
 
-def _tested_network(
-    workspace: Workspace, trained: Trained, parts: Split, *, draw: bool
+def _test_network(
+    dataset: Dataset, parts: Split, directory: Path, trained: Trained, *, draw: bool
 ) -> dict[str, Any]:
     """Test a trained network; its entry of ``results.json``."""
-    config, store, directory = workspace.config, workspace.store, workspace.directory
-    classifier = trained.classifier
+    config, classifier = dataset.config, trained.classifier
     classifier.to(pick_device(config.trainer.accelerator))
     kind, modalities = classifier.card.kind, classifier.card.modalities
-    samples = make_samples(parts.test, modalities)
-    unknown = workspace.unknown_samples(modalities)
-    result, outcomes = report_network(trained, samples, store, directory, config, unknown)
+    samples, unknown = make_samples(parts.test, modalities), dataset.unknown_samples(modalities)
+    result, outcomes = report_network(trained, samples, dataset.store, directory, config, unknown)
     figures = {}
     if draw:
-        figures = draw_figures(outcomes, workspace.classes, kind, directory)
-    if draw and kind == workspace.kind:
-        figures |= draw_telling(
-            classifier,
-            samples,
-            outcomes,
-            store,
-            config,
-            directory,
-        )
+        figures = draw_figures(outcomes, dataset.classes, kind, directory)
+    if draw and kind == config.model.kind:
+        figures |= draw_telling(classifier, samples, outcomes, dataset.store, config, directory)
     log_test(config.logger, directory, kind, plain_values(config), result, figures)
     log.info(
         "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",
-        workspace.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],
+        config.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],
         result["fit_seconds"],
     )  # fmt: skip
     return result

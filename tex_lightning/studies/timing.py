@@ -5,22 +5,18 @@ Matrix products beside a network tell how near it comes to what the machine can 
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from math import prod
+from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor, nn
 
-from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.progress import track
-from tex_lightning.senses.base import Sense
 
 
-@dataclass(frozen=True)
-class Timing:
+class Timing(NamedTuple):
     """How long a function took, in ms.
 
     Attributes:
@@ -108,40 +104,6 @@ def _summary(seconds: list[float]) -> Timing:
     calls = np.array(seconds) * 1000
     median, p95 = np.percentile(calls, (50, 95))
     return Timing(float(median), float(p95), tuple(calls.tolist()))
-
-
-@dataclass(frozen=True)
-class Subject:
-    """A unimodal classifier and what it is to classify.
-
-    Attributes:
-        classifier: In evaluation mode, as trained.
-        recording: Decoded, as its branch takes it.
-    """
-
-    classifier: SurfaceClassifier
-    recording: Tensor
-
-    @property
-    def sense(self) -> Sense:
-        """The only branch of the classifier."""
-        return only_branch(self.classifier)
-
-    def features(self, classifier: SurfaceClassifier) -> Tensor:
-        """Network input (1, C, H, W) of the recording, as this or an equal classifier has it."""
-        sense = only_branch(classifier)
-        return like_weights(sense.network, sense(self.recording))
-
-
-def only_branch(classifier: SurfaceClassifier) -> Sense:
-    """The sense of a unimodal classifier."""
-    (sense,) = classifier.senses.values()
-    return sense
-
-
-def like_weights(network: nn.Module, x: Tensor) -> Tensor:
-    """An input in the precision and on the device of a network's first weights."""
-    return x.to(next(network.parameters(), x))
 
 
 # Rows, inner size and columns of products of which one or another is this machine's fastest:
