@@ -74,6 +74,13 @@ def read_csv(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
+def correct(run: Path, system: str, kind: str) -> dict[str, bool]:
+    """By the trace of the sample, on both folds."""
+    folder = run / "systems" / system / "folds/0-5/predictions"
+    rows = [row for name in (kind, f"{kind}_partner") for row in read_csv(folder / f"{name}.csv")]
+    return {row.get("haptic", row.get("force")): row["label"] == row["predicted"] for row in rows}
+
+
 def test_every_subset_of_the_senses_in_the_data_is_a_system(measured):
     results = json.loads((measured / "results.json").read_text())
     assert results["senses"] == ["haptic", "force"]

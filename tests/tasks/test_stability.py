@@ -24,11 +24,6 @@ def data(surfaces: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def fused(run_once, surfaces) -> Path:
-    return run_once("model=fusion", "debug=tiny", *data(surfaces))
-
-
-@pytest.fixture(scope="module")
 def folds(run_once, surfaces) -> Path:
     only = "crossval.only=[0,2]"
     return run_once("model=minirocket", "debug=tiny", "task=crossval", only, *data(surfaces))
@@ -52,7 +47,7 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def test_the_table_has_every_trial_with_its_interval(tested):
+def test_the_table_has_every_trial_with_its_interval(tested, fused):
     lines = table(tested / "stability.csv")
     assert list(lines[0]) == COLUMNS.split()
     systems = {line["system"] for line in lines}
@@ -168,8 +163,8 @@ def test_mistakes_end_in_one_sentence(cli, surfaces, fused, folds, tmp_path):
         assert message in outcome.err
         assert "Traceback" not in outcome.err
 
-    refuse("stability.systems names nothing")
-    refuse("stability.systems names nothing", "stability.systems=[]")
+    refuse("task=stability needs one")
+    refuse("task=stability needs one", "stability.systems=[]")
     refuse("does not exist; give a run folder", "stability.systems=[/nowhere]")
     refuse("holds no finished checkpoint", f"stability.systems=[{tmp_path}]")
     refuse("has trained on 6 of the 6 test", f"stability.systems=[{fused}]", "data.test_fold=4")
