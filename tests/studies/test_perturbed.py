@@ -52,7 +52,7 @@ def make(tmp_path):
         torch.manual_seed(0)
         card = make_card(*senses, level=level, pairs=200, width=0.1, trunk=trunk_node("tcnn"))
         classifier = SurfaceClassifier(replace(card, calibration={"temperature": 2.0})).eval()
-        if classifier.fusion is not None:
+        if len(senses) > 1:
             torch.nn.init.normal_(classifier.fusion.head.weight)
             torch.nn.init.normal_(classifier.fusion.head.bias)
         samples = [Sample(label, rows(label, n, senses)) for label in LABELS for n in (0, 1)]

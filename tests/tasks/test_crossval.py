@@ -53,7 +53,7 @@ def test_a_stopped_and_moved_run_repeats_no_finished_fold(cli, tiny, directory, 
     original = train.train_network
     monkeypatch.setattr(
         "tex_lightning.studies.fold.train_network",
-        lambda training: trained.append(training.parts.test.rows[0].group) or original(training),
+        lambda *given: trained.append(given[2].test.rows[0].group) or original(*given),
     )
     arguments = ["task=crossval", "model=haptic", *tiny, f"hydra.run.dir={directory}", "logger=csv"]
     assert cli(*arguments, "explained_samples=1", "crossval.only=[0,2,3]").status == 0

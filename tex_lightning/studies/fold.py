@@ -153,13 +153,13 @@ def fit_fold(
         senses = model.senses if whole else [name]
         starts = {sense: unimodal[sense] for sense in senses if whole and sense in unimodal}
         card = make_card(dataset, senses, starts)
-        given = dataset.config, card, parts, dataset.store, directory, starts
+        inputs = dataset.config, card, parts, dataset.store, directory, starts
         if card.baseline:
             trained = fit_baseline(dataset, card, parts, directory)
         elif networks_in is not None:
-            trained = train_once(*given, networks_in)
+            trained = train_once(*inputs, networks_in)
         else:
-            trained = train_network(*given)
+            trained = train_network(*inputs)
         if not whole:
             unimodal[name] = trained
         networks[name] = {

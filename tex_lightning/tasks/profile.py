@@ -190,7 +190,8 @@ def compare(
 def _input(sense: Sense, recording: Tensor) -> Tensor:
     """Network input (1, C, H, W), in the precision and on the device of the first weights."""
     x = sense(recording)
-    return x.to(next(sense.network.parameters(), x))
+    found: Tensor = x.to(next(sense.network.parameters(), x))
+    return found
 
 
 def agreement(network: nn.Module, twin: WindowNet, grid: Tensor) -> float:
