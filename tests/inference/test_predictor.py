@@ -106,7 +106,7 @@ def test_a_chunk_with_other_axes_is_refused(haptic):
         ({"haptic": np.ones(9, complex)}, "complex128; give numbers"),
         ({"haptic": ["a.wav", "b.wav"]}, "give numbers"),
         ({"haptic": [[1, 2], [3]]}, "cannot be read as an array"),
-        ({"haptic": TRACE[:100]}, r"0\.00 s of movement, and HapticNet needs 1\.81 s"),
+        ({"haptic": TRACE[:10_000]}, r"1\.00 s of movement, and HapticNet needs 1\.81 s"),
         ({"haptic": TRACE, "rate": 0}, "rate is 0; give the sampling rate in Hz"),
         ({"haptic": "gone.wav"}, "gone.wav does not exist"),
         ({"image": PHOTO / 255.0}, "float64 of the shape .* give uint8"),
