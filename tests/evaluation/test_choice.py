@@ -14,7 +14,6 @@ from tex_lightning.evaluation.comparison import (
     one_standard_error,
     pareto,
     partner,
-    within_budget,
 )
 
 
@@ -133,17 +132,3 @@ def test_pareto_line_is_what_nobody_beats(points):
             (c <= cost and a > accuracy) or (c < cost and a >= accuracy) for c, a in points.values()
         )
         assert (name in line) == (not beaten)
-
-
-@pytest.mark.parametrize(
-    ("cost", "accuracy", "expected"),
-    [(5, None, "middle"), (None, 0.6, "middle"), (None, 0.5, "small"), (0.5, None, None)],
-)
-def test_budgets(cost, accuracy, expected):
-    family = [
-        candidate("small", 1, "++--"),
-        candidate("middle", 4, "+++-"),
-        candidate("large", 9, "++++"),
-    ]
-    found = within_budget(family, cost, accuracy)
-    assert (found.name if found else None) == expected

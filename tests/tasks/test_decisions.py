@@ -111,8 +111,8 @@ def test_held_out_classes_are_tested_and_never_trained_on(cli, surfaces, tmp_pat
     [
         ("decision.alpha=1.5", "decision.alpha is 1.5"),
         ("data.hold_out=[granite]", "data.hold_out names granite, and the data has no such"),
-        ("data.hold_out=[alpha beta]", "commas between names: data.hold_out=[alpha,beta]."),
-        ("model=minirocket", "a baseline looks at the whole recording"),
+        ("data.hold_out=[alpha beta]", "with commas between names"),
+        ("model=minirocket", "decision=sequential needs a network"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(cli, surfaces, argument, said):

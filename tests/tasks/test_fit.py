@@ -86,11 +86,8 @@ def test_tensorboard_shows_curves_figures_and_hyper_parameters(fused):
 
 def test_the_fusion_checkpoint_started_from_the_unimodal_ones(fused):
     haptic, fusion = weights(fused), weights(fused, "fusion")
-    name = "network.trunk.0.weight"
-    start, end = (
-        haptic[f"classifier.{name}"],
-        fusion[f"classifier.{name.replace('k.', 'k.networks.0.', 1)}"],
-    )
+    name = "classifier.senses.haptic.network.trunk.0.weight"
+    start, end = haptic[name], fusion[name]
     assert (end - start).abs().max() < 0.01 * start.abs().max()
     for buffer in ("level", "channel_mean", "channel_std"):
         key = f"classifier.senses.haptic.features.{buffer}"

@@ -110,26 +110,6 @@ def pareto(points: Mapping[str, tuple[float, float]]) -> set[str]:
     }
 
 
-def within_budget(
-    candidates: Sequence[Candidate], most_cost: float | None, least_accuracy: float | None
-) -> Candidate | None:
-    """The candidate to use under a limit of cost, of accuracy on all its votes, or of both.
-
-    With a limit of cost alone the most accurate one, else the cheapest one; None if there is none.
-    """
-    left = [
-        item
-        for item in candidates
-        if (most_cost is None or item.cost <= most_cost)
-        and (least_accuracy is None or item.accuracy >= least_accuracy)
-    ]
-    if not left:
-        return None
-    if least_accuracy is None:
-        return min(left, key=lambda item: (-item.accuracy, item.cost))
-    return min(left, key=lambda item: (item.cost, -item.accuracy))
-
-
 def scarcest(files: Sequence[Mapping[str, str]]) -> list[str]:
     """Return, of each sample's files by modality, that of the modality with the fewest files."""
     recorded = [[each[modality] for each in files] for modality in files[0]]
