@@ -24,7 +24,7 @@ def run(config: Config, job: Job) -> None:
             "generate.sound=true needs generate.layout=folder: layout tum has no place for sounds."
         )
     out = _new_folder(config.generate.out)
-    spec = spec_of(config.data.classes, config.data.synthetic)
+    spec = spec_of(config.data.classes, vars(config.data.synthetic))
     if tum:
         write_tum(spec, out)
         recordings = read_tum(out)

@@ -3,11 +3,12 @@
 import hashlib
 import json
 import logging
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from tex_lightning import __version__
-from tex_lightning.config.data import SyntheticConfig
 from tex_lightning.core.files import partial_path, unwritable
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.recordings import Recordings, plural
@@ -29,14 +30,14 @@ class SyntheticReader:
 
     Attributes:
         classes: How many; None takes the usual number.
-        surfaces: What is rendered of each.
+        surfaces: What is rendered of each, the section ``data.synthetic``.
         cache_dir: Folder of the cache; None takes the user's.
         senses: Senses in use, or their modalities: sounds are rendered if ``sound`` is one of them,
             and nothing else if it is the only one.
     """
 
     classes: int | None
-    surfaces: SyntheticConfig
+    surfaces: dict[str, Any]
     cache_dir: str | None
     senses: list[str]
 
@@ -62,9 +63,9 @@ class SyntheticReader:
         return target
 
 
-def spec_of(classes: int | None, surfaces: SyntheticConfig) -> SyntheticSpec:
+def spec_of(classes: int | None, surfaces: Mapping[str, Any]) -> SyntheticSpec:
     """The synthetic data set of so many classes; None takes the usual number."""
-    return SyntheticSpec(classes or SyntheticSpec.classes, **asdict(surfaces))
+    return SyntheticSpec(classes or SyntheticSpec.classes, **surfaces)
 
 
 def with_conditions(spec: SyntheticSpec, recordings: Recordings) -> Recordings:
