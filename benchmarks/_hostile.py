@@ -22,9 +22,6 @@ SPARSE = 1 << 30  # bytes that need no disk
 TEXT = 200 << 20  # bytes of one line
 SIDE = 40_000  # pixels
 LAUGHS = "".join(f'<!ENTITY l{n} "{f"&l{n - 1};" * 10}">' for n in range(1, 10))
-ALIASES = "a0: &a0 [x, x]\n" + "".join(
-    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 10)
-)
 
 
 class Harm:
@@ -163,16 +160,11 @@ WEIGHTS: dict[str, Write] = {
     "bomb.pth": zip_bomb("archive/data.pkl"),
     "pipe.caffemodel": os.mkfifo,
 }
-OBJECT = "!!python/object/apply:os.mkdir [harmed]\n"
-SEVERITIES: dict[str, Write] = {
-    "object.yaml": text(f"image: {OBJECT}"),
-    "aliases.yaml": text(ALIASES),
-}
 
 
 def commands(folder: Path) -> Iterator[tuple[str, list[str]]]:
     """Write the files and give each command by name; all have to end with status 2."""
-    for files in (TRACES, PHOTOS, CHECKPOINTS, WEIGHTS, SEVERITIES):
+    for files in (TRACES, PHOTOS, CHECKPOINTS, WEIGHTS):
         for name, write in files.items():
             write(folder / name)
     for kind, more in (("haptic", SMALL), ("visual", ())):
@@ -198,11 +190,8 @@ def _predictions(folder: Path) -> Iterator[tuple[str, list[str]]]:
 
 
 def _trainings(folder: Path) -> Iterator[tuple[str, list[str]]]:
-    """Weights and tables of severities."""
+    """Weights of trunks."""
     for name in WEIGHTS:
         trunk = "efficientnet_lite0" if name.endswith(".pth") else "alexnet"
         plain = ["model.visual.width=1", "model.visual.norm=none", "data=synthetic"]
         yield name, ["model=visual", f"trunk={trunk}", f"weights={folder / name}", *plain]
-    for name in SEVERITIES:
-        yield name, ["task=stability", f"stability.systems=[{folder}/haptic.ckpt]",
-                     f"stability.severities=[{folder / name}]", "data=synthetic"]  # fmt: skip

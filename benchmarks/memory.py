@@ -21,7 +21,7 @@ from PIL import Image
 
 from benchmarks._classifiers import make_classifier
 from benchmarks.engine import DEFAULT
-from tex_lightning.core.devices import kept_memory
+from tex_lightning.core.devices import keep_memory
 from tex_lightning.data.decode import PhotoDecoder, decode_image
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.networks.trunks import TRUNKS
@@ -103,5 +103,5 @@ def peak() -> float:
 
 if __name__ == "__main__":
     path, name, most = sys.argv[1:]
-    with kept_memory():  # as every task does
-        print(json.dumps(classify(Path(path), name, json.loads(most))))
+    keep_memory()  # as every task does
+    print(json.dumps(classify(Path(path), name, json.loads(most))))

@@ -26,7 +26,6 @@ from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.recordings import read_manifest
 from tex_lightning.networks.trunks import published
 from tex_lightning.networks.weights import load_trunk_weights
-from tex_lightning.perturbations.table import read_severities
 
 Array = np.ndarray[Any, Any]
 
@@ -80,13 +79,6 @@ def _manifest(path: Path) -> None:
     path.write_text("\n".join(["label,modality,path,group,rate,part,speed", *lines]))
 
 
-def _severities(path: Path) -> None:
-    path.write_text(
-        "haptic:\n  hum:\n    function: tex_lightning.perturbations.traces.mains_hum\n"
-        "    unit: dB\n    levels: [0, 1, 2, 3, 4, 5]\n"
-    )
-
-
 def save_network(path: Path) -> None:
     """A checkpoint of a small HapticNet of random weights."""
     classifier = make_classifier("model=haptic", *SMALL, classes=3)
@@ -125,10 +117,6 @@ def read_weights(path: Path) -> list[Array]:
     return [tensor.numpy() for tensor in trunk.state_dict().values()]
 
 
-def severities(path: Path) -> list[Array]:
-    return [np.array(each.levels, np.float64) for each in read_severities(str(path)).values()]
-
-
 FORMATS: dict[str, Format] = {
     "wav": Format("a.wav", _sound, read_signal),
     "flac": Format("a.flac", _sound, read_signal),
@@ -144,7 +132,6 @@ FORMATS: dict[str, Format] = {
     "manifest": Format("m.csv", _manifest, read_rows, text=True),
     "checkpoint": Format("a.ckpt", save_network, classify),
     "npz": Format("a.npz", _weights, read_weights),
-    "severities": Format("s.yaml", _severities, severities, text=True),
 }  # fmt: skip
 
 

@@ -33,7 +33,7 @@ from benchmarks._classifiers import configured
 from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.devices import kept_memory
+from tex_lightning.core.devices import keep_memory
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
 from tex_lightning.learning.base import SurfaceModule
@@ -216,7 +216,8 @@ def measure(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
     """
     networks: dict[str, Any] = {}
     unimodal: dict[str, Trained] = {}
-    with tempfile.TemporaryDirectory() as folder, kept_memory():
+    keep_memory()
+    with tempfile.TemporaryDirectory() as folder:
         config = _config(overrides)
         dataset, model = open_dataset(config, Path(folder)), config.model
         for kind in dict.fromkeys([*model.senses, model.kind]):

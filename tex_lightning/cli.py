@@ -36,7 +36,7 @@ from tex_lightning.config.tasks import AUTO, TRAINING
 from tex_lightning.config.usage import answer, asks
 from tex_lightning.core.console import Screen, fresh_screen, say, verbosity
 from tex_lightning.core.contract import fault_of
-from tex_lightning.core.files import UNWRITABLE, suppress_thread_errors, unwritable
+from tex_lightning.core.files import UNWRITABLE, unwritable
 from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import is_rank_zero, started_processes, suppress_output
 from tex_lightning.core.run_folder import claim_folder, find_checkpoint, holds_work, locked_folder
@@ -312,7 +312,6 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     Raises:
         UserError: If the configuration or what it names cannot be used.
     """
-    from tex_lightning.core.devices import kept_memory
     from tex_lightning.report.sweep import runs_side_by_side
 
     Screen.sweep = job.origin == "sweep"
@@ -327,8 +326,6 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     with (
         verbosity(config.verbose),
         finishing(),
-        kept_memory(),
-        suppress_thread_errors(),
         locked_folder(job.directory) if own else nullcontext(),
     ):
         if is_rank_zero():
@@ -381,7 +378,7 @@ def _set_devices(config: Config, job: Job) -> None:
     """
     import torch
 
-    from tex_lightning.core.devices import check_precision, count_processes, use_tf32
+    from tex_lightning.core.devices import count_processes, keep_memory, use_tf32
 
     threads = config.trainer.threads
     if threads is None and config.task in ("stream", "record"):
@@ -389,9 +386,9 @@ def _set_devices(config: Config, job: Job) -> None:
     if threads is not None:
         torch.set_num_threads(threads)
     use_tf32(config.trainer.tf32)
+    keep_memory()
     processes = 1
     if config.task in TRAINING:
-        check_precision(config.trainer)
         processes = count_processes(config.trainer)
     if processes > 1:
         _check_origin(job)

@@ -3,6 +3,7 @@
 import io
 import json
 import logging
+import re
 import warnings
 
 import pytest
@@ -38,7 +39,7 @@ def test_verbose_says_how_much_is_printed(quick, tmp_path):
     assert "This run is finished already." in quick("verbose=1")  # another verbose goes on
     (tmp_path / "run" / "results.json").unlink()
     verbose = quick("verbose=2")
-    assert "Folds     24 recordings train" in verbose
+    assert re.search("Trains +mfcc_nb", verbose)
     assert "] Fold 0, mfcc_nb: 3 of 3 votes correct, trained in " in verbose
     assert "INFO" not in verbose
     assert "] Testing: 0." in verbose

@@ -1,26 +1,19 @@
 """Files that are whole or not there: full disks and exceptions."""
 
-import errno
 import logging
 import os
 import resource
 import signal
-import threading
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import torch
 
-from tex_lightning.config import CONF
-from tex_lightning.config.search import use_config_dir
 from tex_lightning.core.console import LogFile
 from tex_lightning.core.files import (
-    LARGEST,
-    check_yaml,
     partial_path,
     read_record,
-    suppress_thread_errors,
     write_atomically,
     write_rows,
     write_text,
@@ -28,7 +21,7 @@ from tex_lightning.core.files import (
 from tex_lightning.data.store import fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.perturbations.table import SCALES, read_severities
+from tex_lightning.perturbations.table import read_severities
 from tex_lightning.tasks.frontier import _read_choice
 
 
@@ -108,22 +101,6 @@ def test_a_log_on_a_full_disk_ends_without_a_word(tmp_path, capsys):
     handler.close()
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
-    said = []
-    monkeypatch.setattr(threading, "excepthook", lambda given: said.append(given.exc_value))
-
-    def fail(error: Exception) -> None:
-        raise error
-
-    with suppress_thread_errors():
-        for error in (OSError(errno.ENOSPC, "full"), OSError(errno.EIO, "broken"), ValueError()):
-            thread = threading.Thread(target=fail, args=(error,))
-            thread.start()
-            thread.join()
-    assert [type(error) for error in said] == [OSError, ValueError]
-
-
 @pytest.mark.parametrize(
     ("name", "read"),
     [
@@ -131,6 +108,7 @@ def test_a_thread_is_silent_of_a_full_disk_alone(monkeypatch):
         ("results.json", lambda path: _read_choice(path.parent)),
         ("haptic.csv", read_outcomes),
         ("a.wav", fingerprint),
+        ("a.yaml", read_severities),
     ],
 )
 def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path, name, read):
@@ -147,38 +125,3 @@ def test_a_damaged_record_is_one_sentence(tmp_path, content):
         UserError, match=rf"^Record {path} is [^\n]*; delete it and run its command again\.$"
     ):
         read_record(path)
-
-
-ALIASES = "a0: &a0 [x, x]\n" + "".join(
-    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 10)
-)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (ALIASES.encode(), "its aliases stand for too much"),
-        (b"a: &a [*a]", "its aliases stand for too much"),
-        (b"[" * 50_000, "too many brackets"),
-        (b"[" * 2000, "recursion"),
-        (b"a: \xff", "can't decode"),
-        (b"#" * (LARGEST + 1), "larger than 1 MiB"),
-    ],
-    ids=["aliases", "itself", "brackets", "depth", "bytes", "size"],
-)
-def test_it_is_refused_before_it_is_read(tmp_path, content, message):
-    (tmp_path / "data").mkdir()
-    path = tmp_path / "data" / "own.yaml"
-    path.write_bytes(content)
-    said = rf"{path} cannot be read as YAML \(.*{message}"
-    with pytest.raises(UserError, match=said):
-        use_config_dir([f"--config-dir={tmp_path}"])
-    with pytest.raises(UserError, match=r"own\.yaml cannot be"):
-        read_severities(path)
-
-
-def test_our_own_files_and_mistakes_of_other_kinds_pass(tmp_path):
-    for path in [SCALES, *CONF.rglob("*.yaml")]:
-        check_yaml(path)
-    (tmp_path / "a.yaml").write_text("a: [")
-    check_yaml(tmp_path / "a.yaml")

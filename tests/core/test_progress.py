@@ -18,7 +18,6 @@ def use(monkeypatch, file: io.StringIO, **options: object) -> None:
     console = Console(file=file, width=80, color_system=None, **options)
     for module in (progress, screen):
         monkeypatch.setattr(module, "console", console)
-    monkeypatch.setattr(progress, "REDRAWN", 0.0)
 
 
 @pytest.fixture
@@ -66,8 +65,9 @@ def run_folds(log: logging.Logger) -> None:
             with stage("epoch", 2) as epochs:
                 for epoch in range(2):
                     epochs.update(epoch + 1, notes=["loss 1.23", "votes 40%"])
+                    Stage.bars.refresh()
             for _ in track(range(3), "Testing"):
-                pass
+                Stage.bars.refresh()
             log.info("Fold %d, %s: %d of 5 votes correct. %s", fold, name, fold, "words " * 12)
 
 
@@ -140,11 +140,13 @@ def test_another_progress_bar_has_the_terminal_for_itself(terminal):
             folds.update(1)
             assert terminal.text == ""
         folds.update(2)
+        Stage.bars.refresh()
         assert "fold 3/3" in terminal.text
 
 
 def test_names_cannot_steer_the_terminal(terminal):
     with stage("[red]\x1b[31m", 2):
+        Stage.bars.refresh()
         assert terminal.text.endswith("[red]\\x1b[31m 1/2")
 
 

@@ -1,4 +1,4 @@
-"""Which checkpoint a run folder stands for."""
+"""Which checkpoint a run folder stands for, and that one process has it at a time."""
 
 import json
 import os
@@ -11,42 +11,41 @@ from tex_lightning.core.run_folder import find_checkpoint, locked_folder
 from tex_lightning.errors import UserError
 
 
-def make(folder, *kinds, senses=None):
+def make(folder, *kinds, **settings):
     (folder / "checkpoints").mkdir(parents=True)
     for kind in kinds:
         (folder / "checkpoints" / f"{kind}.ckpt").touch()
-    if senses is not None:
-        (folder / "settings.json").write_text(json.dumps({"model.senses": senses}))
+    if settings:
+        (folder / "settings.json").write_text(json.dumps(settings))
     return folder
 
 
-def test_a_run_folder_stands_for_its_models_own_network(tmp_path):
-    fusion = make(tmp_path / "a", "haptic", "visual", "fusion", senses=["haptic", "visual"])
-    assert find_checkpoint(fusion) == fusion / "checkpoints" / "fusion.ckpt"
-    sound = make(tmp_path / "d", "haptic", "sound", senses=["sound"])
-    assert find_checkpoint(sound) == sound / "checkpoints" / "sound.ckpt"
-    alone = make(tmp_path / "b", "visual")
-    assert find_checkpoint(str(alone)) == alone / "checkpoints" / "visual.ckpt"
+@pytest.mark.parametrize(
+    ("kinds", "settings", "kind"),
+    [
+        (["haptic", "visual", "fusion"], {"model.senses": ["haptic", "visual"]}, "fusion"),
+        (["haptic", "sound"], {"model.senses": ["sound"]}, "sound"),
+        (["visual"], {}, "visual"),
+        (["visual"], {"task": "enroll", "model.senses": ["haptic"]}, "visual"),
+    ],
+)
+def test_a_run_folder_stands_for_its_models_own_network(tmp_path, kinds, settings, kind):
+    folder = make(tmp_path / "run", *kinds, **settings)
+    assert find_checkpoint(str(folder)) == folder / "checkpoints" / f"{kind}.ckpt"
     assert find_checkpoint(tmp_path / "none.ckpt") == tmp_path / "none.ckpt"
 
 
-@pytest.mark.parametrize("content", ["[" * 50_000, "[1]", "{", "\xff"])
-def test_a_damaged_record_of_settings_is_said(tmp_path, content):
-    folder = make(tmp_path, "haptic", "fusion")
-    (folder / "settings.json").write_text(content, encoding="latin-1")
-    with pytest.raises(UserError, match=r"Record .*settings.json is (no JSON|damaged).*\.$"):
-        find_checkpoint(folder)
-
-
-def test_an_ambiguous_or_empty_folder_is_said(tmp_path):
+def test_an_ambiguous_damaged_or_empty_folder_is_said(tmp_path):
     with pytest.raises(UserError, match="no finished checkpoint"):
         find_checkpoint(tmp_path)
-    with pytest.raises(UserError, match="several checkpoints and no settings"):
-        find_checkpoint(make(tmp_path / "a", "haptic", "visual"))
-    with pytest.raises(UserError, match=r"no finished fusion.ckpt; give .*haptic.ckpt"):
-        find_checkpoint(make(tmp_path / "b", "haptic", "visual", senses=["haptic", "visual"]))
+    folder = make(tmp_path / "a", "haptic", "visual")
+    with pytest.raises(UserError, match=r"no finished fusion.ckpt; give .*haptic.ckpt or .*visual"):
+        find_checkpoint(folder)
+    (folder / "settings.json").write_text("[1]")
+    with pytest.raises(UserError, match=r"Record .*settings.json is damaged"):
+        find_checkpoint(folder)
     make(tmp_path / "c" / "folds" / "0", "haptic")
-    with pytest.raises(UserError, match=r"one for each fold; .*folds/0/checkpoints/haptic.ckpt"):
+    with pytest.raises(UserError, match=r"file of a fold, .*folds/0/checkpoints/haptic.ckpt"):
         find_checkpoint(tmp_path / "c")
 
 

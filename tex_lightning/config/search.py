@@ -18,7 +18,6 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from tex_lightning.config.model import PACKAGE_SENSES
-from tex_lightning.core.files import check_yaml
 from tex_lightning.errors import UserError
 
 ENTRY_POINTS = "tex_lightning.plugins"
@@ -137,7 +136,7 @@ def use_config_dir(arguments: Sequence[str]) -> None:
     command does not, and so does the folder around it: classes beside the files are found.
 
     Raises:
-        UserError: If there is no such folder, or a file in it cannot be read.
+        UserError: If there is no such folder.
     """
     _GIVEN.clear()
     named, _ = split_config_dir(arguments)
@@ -149,9 +148,6 @@ def use_config_dir(arguments: Sequence[str]) -> None:
             f"--config-dir={named} is no folder; give the one with your data/NAME.yaml, "
             "model/NAME.yaml and so on."
         )
-    for pattern in ("*.yaml", "*/*.yaml", "*/*/*.yaml"):
-        for file in folder.glob(pattern):
-            check_yaml(file)
     _GIVEN.append(folder)
     for home in dict.fromkeys((Path.cwd(), folder.parent)):
         if str(home) not in sys.path and not (home == Path.cwd() and "" in sys.path):

@@ -56,15 +56,13 @@ class Screen:
         verbose: ``QUIET``, ``NORMAL`` or ``DEBUG``.
         job: Such as ``Job 3: ``, of a sweep whose jobs run side by side: no line can be redrawn.
         sweep: Whether a table of all jobs follows.
-        told: The block that was printed last.
-        warned: What is not logged again: of warnings of libraries what does not vary.
+        logged: What is not logged again: of warnings of libraries what does not vary.
     """
 
     verbose: ClassVar[int] = NORMAL
     job: ClassVar[str] = ""
     sweep: ClassVar[bool] = False
-    told: ClassVar[str] = ""
-    warned: ClassVar[set[str]] = set()
+    logged: ClassVar[set[str]] = set()
 
 
 @contextmanager
@@ -80,8 +78,7 @@ def fresh_screen() -> Iterator[None]:
 
 
 def _reset() -> None:
-    Screen.verbose, Screen.job, Screen.sweep, Screen.told = NORMAL, "", False, ""
-    Screen.warned = set()
+    Screen.verbose, Screen.job, Screen.sweep, Screen.logged = NORMAL, "", False, set()
 
 
 @contextmanager
@@ -103,20 +100,13 @@ def verbosity(verbose: int) -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _warn(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    *_: object,
-    **__: object,
-) -> None:
+def _warn(message: Warning | str, _: type[Warning], file: str, line: int, *__: object) -> None:
     """Log what libraries warn of in one line, and of warnings that are alike the first."""
-    said = " ".join(str(message).split())
-    kind = VARYING.sub("", said)
-    if kind not in Screen.warned:
-        Screen.warned.add(kind)
-        log.warning("%s (%s:%d)", said, Path(filename).name, lineno)
+    text = " ".join(str(message).split())
+    kind = VARYING.sub("", text)
+    if kind not in Screen.logged:
+        Screen.logged.add(kind)
+        log.warning("%s (%s:%d)", text, Path(file).name, line)
 
 
 def is_interactive() -> bool:
@@ -135,17 +125,10 @@ def tell(text: str) -> None:
         _write(text, wraps=False)
 
 
-def tell_once(text: str) -> None:
-    """Print a block unless it is the one that was printed last, as by every job of a sweep."""
-    if text != Screen.told:
-        Screen.told = text
-        tell(text)
-
-
 def log_once(logger: logging.Logger, text: str) -> None:
     """Log what is the same for every fold, such as where weights are from, at the first of them."""
-    if text not in Screen.warned:
-        Screen.warned.add(text)
+    if text not in Screen.logged:
+        Screen.logged.add(text)
         logger.info("%s", text)
 
 
@@ -154,12 +137,9 @@ def say(text: str, *, wraps: bool = True) -> None:
     _write(text, wraps=wraps)
 
 
-def _write(text: str, style: str = "", *, wraps: bool, crops: bool = False) -> None:
-    text = printable_lines(text)
-    if crops and console.is_terminal:
-        console.print(Text(text, style), no_wrap=True, overflow="ellipsis")
-        return
-    console.print(Text(text, style), soft_wrap=not (wraps and console.is_terminal))
+def _write(text: str, style: str = "", *, wraps: bool) -> None:
+    wraps = wraps and console.is_terminal
+    console.print(Text(printable_lines(text), style), soft_wrap=not wraps)
 
 
 class ConsoleHandler(logging.Handler):
@@ -171,30 +151,18 @@ class ConsoleHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one message."""
-        if record.levelno < _least(record):
+        own = record.name.partition(".")[0] in OWN
+        normal = logging.INFO if own else logging.WARNING
+        least = {QUIET: logging.ERROR, NORMAL: normal}.get(Screen.verbose, logging.DEBUG)
+        if record.levelno < least:
             return
         grave = record.levelno >= logging.WARNING
         severity = f"{record.levelname.capitalize()}: " if grave else ""
         record.severity = Screen.job + severity
-        text, own = self.format(record), _is_own(record)
-        if not own:
-            text = f"{text} ({record.name})"
+        text = self.format(record) + ("" if own else f" ({record.name})")
         # several lines of others are a table, as Lightning's of the layers
-        crops = not (own or grave) and "\n" in text
-        _write(text, STYLES.get(record.levelno, ""), wraps=not record.exc_info, crops=crops)
-
-
-def _is_own(record: logging.LogRecord) -> bool:
-    return record.name.partition(".")[0] in OWN
-
-
-def _least(record: logging.LogRecord) -> int:
-    """The least level of a message that is shown."""
-    if Screen.verbose == QUIET:
-        return logging.ERROR
-    if Screen.verbose == NORMAL:
-        return logging.INFO if _is_own(record) else logging.WARNING
-    return logging.DEBUG
+        wraps = not record.exc_info and (own or "\n" not in text)
+        _write(text, STYLES.get(record.levelno, ""), wraps=wraps)
 
 
 CLOSED_PIPE = 141  # what a shell reports of a program that SIGPIPE ended

@@ -41,19 +41,6 @@ def use_tf32(allowed: bool) -> None:
     torch.backends.cuda.matmul.allow_tf32 = allowed
 
 
-def check_precision(trainer: "TrainerConfig") -> None:
-    """Refuse to train in a precision that the device does not have.
-
-    Raises:
-        UserError: If float64 is asked of Apple's GPU.
-    """
-    if trainer.precision == "64-true" and pick_device(trainer.accelerator).type == "mps":
-        raise UserError(
-            "trainer.precision is 64-true, and Apple's GPUs have no float64; set "
-            "trainer.accelerator=cpu or trainer.precision=32-true."
-        )
-
-
 def count_processes(trainer: "TrainerConfig") -> int:
     """How many processes train one network together, on all nodes.
 
@@ -76,27 +63,25 @@ def count_processes(trainer: "TrainerConfig") -> int:
     return wanted
 
 
-def _count_devices(accelerator: str, wanted: object) -> int:
+def _count_devices(accelerator: str, asked: object) -> int:
     """How many devices of this machine are used; on the CPU a device is a process."""
     kind = pick_device(accelerator).type
-    found = torch.cuda.device_count() if kind == "cuda" else 1
-    if wanted in ("auto", -1, "-1"):
+    there = torch.cuda.device_count() if kind == "cuda" else 1
+    if asked in ("auto", -1, "-1"):
         if kind == "cpu":
             raise UserError(
                 "trainer.devices is auto, which takes every GPU, but this run has none; give "
                 "trainer.devices=2 to train in two processes on the CPU."
             )
-        return found
-    given = wanted if isinstance(wanted, list) else [wanted]
-    if not given or not all(str(each).isdecimal() for each in given):
+        return there
+    numbers = asked if isinstance(asked, list) else [asked]
+    if not numbers or not all(str(number).isdecimal() for number in numbers):
         raise UserError(
-            f"trainer.devices is {shorten(repr(wanted))}; give a number, a list or auto."
+            f"trainer.devices is {shorten(repr(asked))}; give a number, a list or auto."
         )
-    if isinstance(wanted, list):
-        return len(wanted)
-    count = int(str(wanted))
-    if kind != "cpu" and count > found:
-        raise UserError(f"trainer.devices is {count}, but there are {found}; choose fewer.")
+    count = len(asked) if isinstance(asked, list) else int(str(asked))
+    if kind != "cpu" and count > there:
+        raise UserError(f"trainer.devices is {count}, but there are {there}; choose fewer.")
     return count
 
 
@@ -118,27 +103,16 @@ def is_out_of_memory(error: Exception) -> bool:
     return isinstance(error, MemoryError) or "allocate" in str(error)
 
 
-@contextmanager
-def kept_memory() -> Iterator[None]:
-    """Keep the freed memory of CPU tensors for the next ones, inside the context.
+def keep_memory() -> None:
+    """Keep the freed memory of CPU tensors for the next ones, in this process from now on.
 
     The allocator of glibc returns large pieces to the system, which has to clear every page when
-    it is asked for again: a few percent of a training step.
-    Other systems are left as they are.
-    Afterwards all is returned, and the thresholds are the largest that glibc chooses by itself.
+    it is asked for again: up to a tenth of a step. Other systems are left as they are.
     """
-    if platform.libc_ver()[0] != "glibc":
-        yield
-        return
-    libc = ctypes.CDLL(None)
-    libc.mallopt(MMAP_THRESHOLD, LARGE) or libc.mallopt(MMAP_THRESHOLD, GROWN)
-    libc.mallopt(TRIM_THRESHOLD, LARGE)
-    try:
-        yield
-    finally:
-        libc.mallopt(MMAP_THRESHOLD, GROWN)
-        libc.mallopt(TRIM_THRESHOLD, 2 * GROWN)
-        libc.malloc_trim(0)
+    if platform.libc_ver()[0] == "glibc":
+        libc = ctypes.CDLL(None)
+        libc.mallopt(MMAP_THRESHOLD, LARGE) or libc.mallopt(MMAP_THRESHOLD, GROWN)
+        libc.mallopt(TRIM_THRESHOLD, LARGE)
 
 
 @contextmanager

@@ -5,21 +5,15 @@ import errno
 import json
 import os
 import shutil
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, fields
 from glob import glob
 from pathlib import Path
 from secrets import token_hex
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tex_lightning.errors import UserError, reason
 from tex_lightning.text import from_cell, to_cell
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-import yaml
 
 # A folder or disk that cannot be written; anything else is a fault of the program.
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
@@ -110,12 +104,6 @@ def matches(pattern: str) -> list[Path]:
     return [Path(name) for name in glob(pattern, recursive=True)]  # noqa: PTH207  (may be absolute)
 
 
-def write_lines(target: Path, kind: "type[DataclassInstance]", lines: Iterable[Any]) -> None:
-    """Write a CSV that is whole or not there: a line for each dataclass of ``kind``."""
-    names = [entry.name for entry in fields(kind)]
-    write_rows(target, names, (asdict(line).values() for line in lines))
-
-
 def write_rows(target: Path, columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     """Write a CSV that is whole or not there."""
 
@@ -140,20 +128,12 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 def write_text(target: Path, text: str) -> None:
     """Write a text file that is whole or not there."""
-    write_atomically(target, lambda path: _write(path, text))
+    write_bytes(target, text.encode())
 
 
 def write_bytes(target: Path, content: bytes) -> None:
     """Write a file that is whole or not there."""
-    write_atomically(target, lambda path: _write_bytes(path, content))
-
-
-def _write_bytes(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
+    write_atomically(target, lambda path: path.write_bytes(content))
 
 
 def write_atomically(target: Path, write: Callable[[Path], object]) -> None:
@@ -198,64 +178,3 @@ def partial_path(target: Path, *, folder: bool = False) -> Iterator[Path]:
             shutil.rmtree(partial, ignore_errors=True)
         else:
             partial.unlink(missing_ok=True)
-
-
-@contextmanager
-def suppress_thread_errors() -> Iterator[None]:
-    """Keep threads from printing that the disk is full, which the main one says.
-
-    TensorBoard writes in a thread of its own and raises what happened there when it is used next.
-    """
-    before = threading.excepthook
-
-    def report(arguments: threading.ExceptHookArgs) -> None:
-        error = arguments.exc_value
-        if not isinstance(error, OSError) or error.errno not in UNWRITABLE:
-            before(arguments)
-
-    threading.excepthook = report
-    try:
-        yield
-    finally:
-        threading.excepthook = before
-
-
-MOST_NODES = 100_000  # that a file may stand for with its aliases; ours have some hundreds
-MOST_BRACKETS = 5000
-LARGEST = 1 << 20  # bytes
-
-
-def check_yaml(path: Path) -> None:
-    """Refuse a file that would take up all memory; other mistakes are told when it is read.
-
-    Raises:
-        UserError: If it is too large or stands for too much, or is no text.
-    """
-    try:
-        if not is_file(path):
-            raise ValueError("it is no file")
-        if path.stat().st_size > LARGEST:
-            raise ValueError("it is larger than 1 MiB")
-        text = path.read_text(encoding="utf-8")
-        if text.count("[") + text.count("{") > MOST_BRACKETS:  # within each other they take hours
-            raise ValueError("it has too many brackets")
-        # nodes are shared where aliases are, so that this stays as small as the file
-        if _size(yaml.compose(text, yaml.SafeLoader), {}) > MOST_NODES:
-            raise ValueError("its aliases stand for too much")
-    except (OSError, ValueError, RecursionError) as error:
-        raise UserError(f"File {path} cannot be read as YAML ({reason(error)}).") from error
-    except yaml.YAMLError:
-        return
-
-
-def _size(node: yaml.Node | None, known: dict[int, int]) -> int:
-    """How many nodes there are with every alias written out."""
-    if not isinstance(node, yaml.CollectionNode):
-        return 1
-    if id(node) not in known:
-        known[id(node)] = MOST_NODES  # as long as it is counted: it holds itself
-        inner = [
-            part for item in node.value for part in (item if isinstance(item, tuple) else [item])
-        ]
-        known[id(node)] = 1 + sum(_size(part, known) for part in inner)
-    return known[id(node)]

@@ -17,7 +17,6 @@ from tex_lightning.text import printable
 
 Item = TypeVar("Item")
 BAR = 16  # columns
-REDRAWN = 0.1  # seconds between two drawings
 TOLD = 60.0  # seconds between two lines where nothing can be redrawn
 DAY = 24 * 3600.0  # seconds that a pace is taken from, at most
 log = logging.getLogger(__name__)
@@ -33,47 +32,40 @@ class Stage:
     """
 
     levels: ClassVar[list["Stage"]] = []
-    bars: ClassVar[Progress] = Progress(auto_refresh=False)
-    hidden: ClassVar[bool] = False
-    drawn: ClassVar[float] = 0.0
+    bars: ClassVar[Progress] = Progress(disable=True)
     told: ClassVar[float] = 0.0
 
     def __init__(self, title: str, total: int | None, done: float = 0) -> None:
         if not Stage.levels:
             Stage.bars, Stage.told = _bars(), time.monotonic()
-        self.title, self.total, self.done, self.note = title, total, done, ""
+            Stage.bars.start()
+        self.title, self.total, self.note = title, total, ""
         self.began = time.monotonic()
         self._task = Stage.bars.add_task("", total=total, completed=done)  # type: ignore[arg-type]
         Stage.levels.append(self)
         self.update(done)
 
-    @property
-    def label(self) -> str:
-        """Such as ``fold 3/10, loss 0.12``."""
-        counted = self.total is not None and self.total > 1
-        count = f" {min(int(self.done) + 1, self.total or 0)}/{self.total}" if counted else ""
-        return printable(f"{self.title}{count}{self.note and f', {self.note}'}")
-
     def update(self, done: float, *, title: str | None = None, notes: Sequence[str] = ()) -> None:
-        """Say how many are done, and what is to be read beside it."""
-        self.done, self.title = done, title or self.title
-        self.note = ", ".join(notes) or self.note
+        """Show how many are done, and notes beside that."""
+        self.title, self.note = title or self.title, ", ".join(notes) or self.note
+        counted = self.total is not None and self.total > 1
+        count = f" {min(int(done) + 1, self.total or 0)}/{self.total}" if counted else ""
+        self.label = printable(f"{self.title}{count}{self.note and f', {self.note}'}")
         Stage.bars.update(self._task, completed=done, description=self.label)
-        _show()
+        _log_progress()
 
     def end(self) -> None:
         """Take this level away, and what is left of those inside."""
-        if self not in Stage.levels:
-            return
-        log.debug("%s: %.2f s.", self.title, time.monotonic() - self.began)
-        _cut(Stage.levels.index(self))
+        if self in Stage.levels:
+            log.debug("%s: %.2f s.", self.title, time.monotonic() - self.began)
+            _cut(Stage.levels.index(self))
 
 
 def _bars() -> Progress:
     text = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True))
     return Progress(
         BarColumn(BAR), TimeRemainingColumn(compact=True), text,
-        console=console, transient=True, auto_refresh=False, redirect_stdout=False,
+        console=console, transient=True, redirect_stdout=False, disable=not is_interactive(),
         speed_estimate_period=DAY,
     )  # fmt: skip
 
@@ -83,34 +75,28 @@ def _cut(depth: int) -> None:
     for level in Stage.levels[depth:]:
         Stage.bars.remove_task(level._task)
     del Stage.levels[depth:]
-    _show(now=True)
+    if not Stage.levels:
+        Stage.bars.stop()
 
 
-def _show(*, now: bool = False) -> None:
-    """Draw the bars, or log a line, if it is time to."""
-    moment, drawable = time.monotonic(), is_interactive() and not Stage.hidden
-    if not Stage.levels or not drawable:
-        Stage.bars.live.stop()
-    elif now or moment - Stage.drawn >= REDRAWN:
-        Stage.drawn = moment
-        Stage.bars.start()
-        Stage.bars.refresh()
-    due = moment - Stage.told >= TOLD and Screen.verbose > QUIET
-    if Stage.levels and due and not is_interactive():
-        Stage.told = moment
-        said = f"{'; '.join(level.label for level in Stage.levels)}."
+def _log_progress() -> None:
+    """Log all levels in one line where nothing is drawn, if a minute is over."""
+    due = time.monotonic() - Stage.told >= TOLD and Screen.verbose > QUIET
+    if due and Stage.bars.disable:
+        Stage.told = time.monotonic()
+        line = f"{'; '.join(level.label for level in Stage.levels)}."
         # a notebook seldom configures logging
-        log.info("%s", said) if log.hasHandlers() else tell(said)
+        log.info("%s", line) if log.hasHandlers() else tell(line)
 
 
 @contextmanager
-def stage(title: str, total: int, done: float = 0) -> Iterator[Stage]:
+def stage(title: str, total: int | None, done: float = 0) -> Iterator[Stage]:
     """A level of the work, as a ``with`` block."""
-    entered = Stage(title, total, done)
+    level = Stage(title, total, done)
     try:
-        yield entered
+        yield level
     finally:
-        entered.end()
+        level.end()
 
 
 def steps(items: Sequence[Item], title: str | Callable[[Item], str]) -> Iterator[Item]:
@@ -123,24 +109,21 @@ def steps(items: Sequence[Item], title: str | Callable[[Item], str]) -> Iterator
 
 def track(items: Iterable[Item], title: str) -> Iterator[Item]:
     """Yield items behind a bar."""
-    entered = Stage(title, len(items) if isinstance(items, Sized) else None)
-    try:
+    with stage(title, len(items) if isinstance(items, Sized) else None) as level:
         for number, item in enumerate(items):
-            entered.update(number)
+            level.update(number)
             yield item
-    finally:
-        entered.end()
 
 
 @contextmanager
 def hidden() -> Iterator[None]:
-    """Draw nothing as long as another one draws."""
-    Stage.hidden = True
-    _show()
+    """Draw nothing while another progress bar has the terminal."""
+    Stage.bars.stop()
     try:
         yield
     finally:
-        Stage.hidden = False
+        if Stage.levels:
+            Stage.bars.start()
 
 
 @contextmanager

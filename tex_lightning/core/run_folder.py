@@ -107,26 +107,20 @@ def find_checkpoint(given: str | Path) -> Path:
     path = Path(given).expanduser()
     if not path.is_dir():
         return path
-    found = {file.stem: file for file in sorted(path.glob("checkpoints/*.ckpt"))}
-    if len(folds := sorted(path.glob("folds/*/checkpoints/*.ckpt"))) and not found:
+    files = {file.stem: file for file in sorted(path.glob("checkpoints/*.ckpt"))}
+    if not files:
+        folds = sorted(path.glob("folds/*/checkpoints/*.ckpt"))
+        example = f"the file of a fold, such as {folds[0]}" if folds else "that of a finished run"
         raise UserError(
-            f"{path} holds the networks of a cross-validation, one for each fold; give the file of "
-            f"one, such as {folds[0]}."
-        )
-    if not found:
-        raise UserError(
-            f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt); give a checkpoint or "
-            "the folder of a finished run."
+            f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt); give {example}."
         )
     note = path / SETTINGS
     settings = read_record(note) if note.is_file() else {}
-    # task=enroll has another model's senses among its settings, and a single network
-    senses = None if settings.get("task") == "enroll" else settings.get("model.senses")
-    own = None if not senses else senses[0] if len(senses) == 1 else "fusion"
-    if own is None and len(found) == 1:
-        own = next(iter(found))
-    if own not in found:
-        files = " or ".join(map(str, found.values()))
-        why = f"no finished {own}.ckpt" if own else "several checkpoints and no settings.json"
-        raise UserError(f"{path} holds {why}; give {files}.")
-    return found[own]
+    senses = settings.get("model.senses") or list(files)
+    kind = senses[0] if len(senses) == 1 else "fusion"
+    if settings.get("task") == "enroll":  # which has the senses of another model
+        kind = next(iter(files))
+    if kind not in files:
+        choices = " or ".join(map(str, files.values()))
+        raise UserError(f"{path} holds no finished {kind}.ckpt; give {choices}.")
+    return files[kind]

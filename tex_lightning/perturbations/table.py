@@ -11,7 +11,7 @@ import numpy as np
 from omegaconf import OmegaConf
 
 from tex_lightning.core.contract import breach, calling, describe, fault_of, resolve
-from tex_lightning.core.files import check_yaml
+from tex_lightning.core.files import require_file
 from tex_lightning.errors import UserError
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Array, Scene
@@ -154,7 +154,7 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
 
 
 def _read(path: Path) -> dict[str, Perturbation]:
-    check_yaml(path)
+    require_file(path)
     table: Any = OmegaConf.to_object(OmegaConf.load(path))
     found: dict[str, Perturbation] = {}
     for modality, entries in table.items():

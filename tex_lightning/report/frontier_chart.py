@@ -1,7 +1,7 @@
 """Table and chart of ``task=frontier``: ``frontier.csv`` and ``frontier.png``."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, PercentFormatter
 
 from tex_lightning.core.console import say
-from tex_lightning.core.files import write_lines
+from tex_lightning.core.files import write_rows
 from tex_lightning.report.style import Look, brief, looks, styled
 from tex_lightning.report.table import make_table, print_table, print_tables
 
@@ -58,7 +58,8 @@ class Point:
 
 def write_frontier(points: Sequence[Point], path: Path) -> None:
     """Write the procedure and then one line per system, quickest first."""
-    write_lines(path, Point, _by_latency(points))
+    columns = [column.name for column in fields(Point)]
+    write_rows(path, columns, (astuple(point) for point in _by_latency(points)))
 
 
 def _by_latency(points: Sequence[Point]) -> list[Point]:

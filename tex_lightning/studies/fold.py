@@ -18,7 +18,6 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import suppress_thread_errors
 from tex_lightning.core.progress import steps
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
@@ -174,10 +173,9 @@ def fit_fold(
 def fold_data(config: Config, directory: Path) -> InputData:
     """Read the data of a configuration as inputs of its network, for any Lightning Trainer."""
     trust(*config.trusted, *named_classes(config.model.nodes))
-    with suppress_thread_errors():
-        dataset = open_announced(config, directory)
-        card = configured_card(config, config.model.senses, dataset.classes)
-        return input_data(config, card, dataset.parts(), dataset.store)
+    dataset = open_announced(config, directory)
+    card = configured_card(config, config.model.senses, dataset.classes)
+    return input_data(config, card, dataset.parts(), dataset.store)
 
 
 def _test_network(
