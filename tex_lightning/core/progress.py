@@ -39,7 +39,7 @@ class Stage:
         if not Stage.levels:
             Stage.bars, Stage.told = _bars(), time.monotonic()
             Stage.bars.start()
-        self.title, self.total, self.note = title, total, ""
+        self.title, self.total, self.done, self.note = title, total, done, ""
         self.began = time.monotonic()
         self._task = Stage.bars.add_task("", total=total, completed=done)  # type: ignore[arg-type]
         Stage.levels.append(self)
@@ -47,7 +47,8 @@ class Stage:
 
     def update(self, done: float, *, title: str | None = None, notes: Sequence[str] = ()) -> None:
         """Show how many are done, and notes beside that."""
-        self.title, self.note = title or self.title, ", ".join(notes) or self.note
+        self.done, self.title = done, title or self.title
+        self.note = ", ".join(notes) or self.note
         counted = self.total is not None and self.total > 1
         count = f" {min(int(done) + 1, self.total or 0)}/{self.total}" if counted else ""
         self.label = printable(f"{self.title}{count}{self.note and f', {self.note}'}")
