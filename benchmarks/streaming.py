@@ -15,7 +15,7 @@ from benchmarks.engine import DEFAULT
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.stream_classifier import StreamingClassifier
+from tex_lightning.inference.sense_stream import SenseStream
 
 RATE = 10_000
 SECONDS = 60
@@ -40,10 +40,10 @@ def _classifier(norm: str) -> SurfaceClassifier:
 def _replay(classifier: SurfaceClassifier, seconds: float) -> dict[str, float]:
     trace = torch.randn(1, SECONDS * RATE, generator=torch.Generator().manual_seed(0))
     size = round(seconds * RATE)
-    warm = StreamingClassifier(classifier)
+    warm = SenseStream(classifier, "haptic")
     for chunk in trace[:, : 5 * RATE].split(size, dim=1):
         warm.push(chunk)
-    stream, spent = StreamingClassifier(classifier), []
+    stream, spent = SenseStream(classifier, "haptic"), []
     for chunk in trace.split(size, dim=1):
         begin = time.perf_counter()
         stream.push(chunk)

@@ -91,33 +91,24 @@ def test_costs_known_in_advance_are_those_of_the_pass(level):
     assert total == spent(lambda: model.logits(**inputs))
 
 
-def test_the_rest_of_a_trace_is_neither_transformed_nor_run(monkeypatch):
+@pytest.mark.parametrize("threshold", [0.0, NEVER])
+def test_a_trace_costs_its_beginnings_and_the_whole_where_they_do_not_decide(threshold):
     model = classifier("haptic")
-    sequential = SequentialClassifier(model, replace(CONFIG, confidence_threshold=0.0))
-    seen = []
-    features = sequential.stream.features
-    original = features.spectra
-    monkeypatch.setattr(features, "spectra", lambda x: seen.append(x.shape[1]) or original(x))
-    vote = sequential.classify(haptic=trace(0, 12.0))  # which also counts what it will cost
-    counted = spent(lambda: sequential.classify(haptic=trace(0, 12.0)))
-    assert len(vote.fragments) == 1
-    overlap = 500 - 100  # samples that two pieces share
-    assert sum(seen) == 2 * (176 * 100 + 500 + overlap)
-    full = spent(lambda: model.classify(haptic=trace(0, 12.0)))
-    assert vote.relative_macs * full == pytest.approx(counted)
-    assert vote.relative_macs < 0.25
-
-
-def test_an_undecided_trace_costs_few_pushes_and_one_pass(monkeypatch):
-    model = classifier("haptic")
-    sequential = SequentialClassifier(model, CONFIG)
-    stream = sequential.stream
-    pushes, push = [], stream.push
-    monkeypatch.setattr(stream, "push", lambda x: pushes.append(x.shape[1]) or push(x))
-    vote = sequential.classify(haptic=trace(0, 20.0))
-    assert len(vote.fragments) == len(model.classify(haptic=trace(0, 20.0)).fragments) == 114
-    assert 1 <= len(pushes) <= 6
-    assert 1 < vote.relative_macs < 1.5
+    sequential = SequentialClassifier(model, replace(CONFIG, confidence_threshold=threshold))
+    long = trace(0, 20.0)
+    vote, whole = (each.classify(haptic=long) for each in (sequential, model))  # counts costs
+    counted, full = (
+        spent(lambda each=each: each.classify(haptic=long)) for each in (sequential, model)
+    )
+    assert vote.relative_macs == pytest.approx(counted / full)
+    if threshold == NEVER:
+        assert torch.equal(vote.fragments, whole.fragments)
+        assert 1 < vote.relative_macs < 1.5
+    else:
+        beginning = model.classify(haptic=long[:, : 176 * 100 + 500])
+        assert torch.equal(vote.fragments, beginning.fragments)
+        assert len(vote.fragments) == 1
+        assert vote.relative_macs < 0.15
 
 
 def count_positions(monkeypatch, network: nn.Module) -> list[int]:

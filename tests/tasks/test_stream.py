@@ -12,7 +12,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 from scipy.signal import resample_poly
 
-from tex_lightning.inference.stream_classifier import StreamingClassifier
+from tex_lightning.inference.sense_stream import SenseStream
 
 
 @pytest.fixture
@@ -123,14 +123,14 @@ def test_a_photo_and_two_files_are_joined_with_the_live_trace(cli, untrained, tm
 
 
 def test_ctrl_c_ends_it_as_elsewhere(cli, checkpoint, surfaces, tmp_path, monkeypatch):
-    push = StreamingClassifier.push
+    push = SenseStream.push
 
     def interrupted(self, chunk):
         if self.frames > 100:
             raise KeyboardInterrupt
         return push(self, chunk)
 
-    monkeypatch.setattr(StreamingClassifier, "push", interrupted)
+    monkeypatch.setattr(SenseStream, "push", interrupted)
     wav, run = surfaces / "alpha" / "haptic" / "alpha_0.wav", f"hydra.run.dir={tmp_path / 'run'}"
     outcome = cli("task=stream", f"checkpoint={checkpoint}", f"haptic={wav}", run)
     assert outcome.status == 130

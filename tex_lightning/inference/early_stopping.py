@@ -1,8 +1,8 @@
 """Sequential decisions: they compute no more fragments than the label needs.
 
-- A long trace is taken from its beginning, each time twice as many fragments, until the rest
-  cannot change the vote or the mean probability is enough. Where beginnings would take longer than
-  the full pass, that is done instead: on traces of a few seconds at once.
+- A long trace is classified by its beginning, first a single fragment and then each time twice as
+  long, until the mean probability is enough. Where beginnings would cost more than half of the full
+  pass, that is done instead: on traces of a few seconds immediately.
 - A large photo is taken window by window in random order (:class:`StoppingRule`). A single window
   sees zeros beyond its edge where the dense pass sees the photo, so its score is not exactly the
   dense one; it is what the network was trained on. Where the windows would cost more than the dense
@@ -17,6 +17,7 @@ whole, and of the rest as much as a confident probability needs; mean scores tak
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -27,12 +28,12 @@ from tex_lightning.classifier.vote import Vote, max_vote, random_tuples
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import Costs, accelerate, count_macs
-from tex_lightning.inference.stream_classifier import StreamingClassifier
+from tex_lightning.inference.sense_stream import is_local
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import movement_start
 
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
-STREAMED = 3.0  # time of a multiply-accumulate in a stream over that in a full pass: 2.3 to 3
+MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may cost
 BATCH = 16  # windows computed at once
 
 
@@ -80,8 +81,6 @@ class SequentialClassifier(SurfaceClassifier):
 
     Attributes:
         threshold: Mean probability at which some senses, or the beginning of a trace, decide.
-        counts: Whether fragments are counted, so that the rest of a vote may not matter.
-        stream: Takes a trace from its beginning; None where it has to be taken whole.
     """
 
     def __init__(self, classifier: SurfaceClassifier, config: DecisionConfig) -> None:
@@ -90,16 +89,9 @@ class SequentialClassifier(SurfaceClassifier):
         self.full = classifier
         self.costs = Costs(classifier.card)
         self.rule = StoppingRule(config.alpha, len(classifier.card.classes))
-        self.counts = classifier.card.rule == "vote"
         self.densities: dict[str, float] = {}  # multiply-accumulates for each number of an input
         chosen = self.card.calibration if config.calibrated else {}
         self.threshold = chosen.get("confidence_threshold", config.confidence_threshold)
-        self.stream: StreamingClassifier | None = None
-        if classifier.card.rule != "score":  # a stream keeps votes and probabilities
-            try:
-                self.stream = StreamingClassifier(classifier)
-            except UserError:  # several senses, or one that needs the whole recording
-                self.stream = None
 
     @property
     def device(self) -> torch.device:
@@ -118,33 +110,31 @@ class SequentialClassifier(SurfaceClassifier):
         if len(senses) > 1:
             return self._several(senses, recordings)
         (sense,) = senses.values()
-        if self.stream is not None:
-            return self._trace(sense, self.stream, recordings[sense.modality])
-        if sense.windowed and self.counts:
+        if is_local(sense) and self.card.rule != "score":
+            return self._trace(sense, recordings[sense.modality])
+        if sense.windowed and self.card.rule == "vote":
             return self._photo(sense, recordings[sense.modality])
         return self.full.classify(**recordings)
 
-    def _trace(self, sense: Sense, stream: StreamingClassifier, trace: Tensor) -> Vote:
-        """Take more and more of a trace, nothing twice, as long as that costs less than all."""
-        features, (bands, frames) = stream.features, sense.input_size(trace)
-        stream.sense.check_input(1, frames)
-        full = self.costs.of(sense.name, bands, frames)
+    def _trace(self, sense: Sense, trace: Tensor) -> Vote:
+        """Classify longer and longer beginnings of a trace as long as they cost little."""
+        features: Any = sense.features
+        bands, frames = sense.input_size(trace)
+        sense.check_input(bands, frames)
         start = movement_start(trace, features.sampling_rate) if features.skip_impact else 0
-        movement, begin, before, fragments = trace[:, start:], 0, 0, 1
-        stream.restart(start_known=True)
-        while True:
-            seen = min(frames, sense.min_size[1] + (fragments - 1) * sense.stride)
+        full, spent, seen = self.costs.of(sense.name, bands, frames), 0, sense.min_size[1]
+        while seen < frames:
             cost = self.costs.of(sense.name, bands, seen)
-            if stream.macs + cost - before > full / STREAMED:
-                whole = self.full.classify(**{sense.modality: trace})
-                return replace(whole, relative_macs=(stream.macs + full) / full)
-            end, before = features.samples(seen), cost
-            vote = stream.push(movement[:, begin:end])
-            assert vote is not None  # every beginning has a fragment
-            certain = self.counts and stream.certain(frames)
-            if certain or is_confident(vote.probability, self.threshold):
-                return replace(vote, relative_macs=stream.macs / full)
-            begin, fragments = end, 2 * fragments
+            if spent + cost > MAX_WASTE * full:
+                break
+            spent += cost
+            beginning = trace[:, : start + features.samples(seen)]
+            vote = self.full.classify(**{sense.modality: beginning})
+            if is_confident(vote.probability, self.threshold):
+                return replace(vote, relative_macs=spent / full)
+            seen *= 2
+        vote = self.full.classify(**{sense.modality: trace})
+        return replace(vote, relative_macs=(spent + full) / full)
 
     def _photo(self, sense: Sense, photo: Tensor) -> Vote:
         """Vote over windows in random order; over the dense pass where that costs less."""

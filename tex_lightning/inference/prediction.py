@@ -37,8 +37,6 @@ class Prediction:
         latency_ms: Time from file or array to label in milliseconds.
         contact: Whether the tool touches a surface at the end of a stream with
             ``stream.window``; None without a window.
-        changed_at: Time in seconds, in such a stream, of the last touch after a pause or of the
-            last change to another surface.
         novelty: How unlike every class of the training the sample is, from 0 to 2 for each sense;
             None without ``decision.unknown``.
 
@@ -60,15 +58,12 @@ class Prediction:
     modalities: tuple[str, ...]
     latency_ms: float
     contact: bool | None = None
-    changed_at: float | None = None
     novelty: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; leave out those that say nothing about this sample."""
         values, empty = asdict(self), {"rejected", "modalities", "novelty", "contact"}
         left_out = {name for name in empty if values[name] in (None, ())}
-        if self.contact is None:
-            left_out.add("changed_at")
         return {name: value for name, value in values.items() if name not in left_out}
 
 

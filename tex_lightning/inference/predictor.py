@@ -26,7 +26,7 @@ from tex_lightning.inference.early_stopping import SequentialClassifier, make_in
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.evidence import Evidence, classify_with_maps
 from tex_lightning.inference.prediction import Prediction, check_unknown, describe
-from tex_lightning.inference.stream_live import LiveStream
+from tex_lightning.inference.stream import LiveStream
 
 if TYPE_CHECKING:
     from tex_lightning.report.explanation import Explanation

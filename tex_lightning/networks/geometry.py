@@ -187,19 +187,25 @@ def split_axis(windows: Sequence[Window], size: int, pieces: int) -> list[Span]:
     """
     count = side_after(windows, size)
     stride = prod(window.stride for window in windows)
-    margin = 0  # positions from the left edge that padding reaches
-    for window in windows:
-        margin = -(-(margin + window.padding) // window.stride)
+    margin = padded_positions(windows)
     spans = []
     for piece in range(pieces):
         first, last = count * piece // pieces, count * (piece + 1) // pieces
         skip = min(first, margin)
-        read = slice((first - skip) * stride, min(size, _reach(windows, last)))
+        read = slice((first - skip) * stride, min(size, reach(windows, last)))
         spans.append((read, slice(first, last), slice(skip, skip + last - first)))
     return spans
 
 
-def _reach(windows: Sequence[Window], last: int) -> int:
+def padded_positions(windows: Sequence[Window]) -> int:
+    """Return how many positions the padding at the left edge reaches."""
+    margin = 0
+    for window in windows:
+        margin = -(-(margin + window.padding) // window.stride)
+    return margin
+
+
+def reach(windows: Sequence[Window], last: int) -> int:
     """One past the last input that the first ``last`` positions depend on, were there no end."""
     for window in reversed(windows):
         last = (last - 1) * window.stride - window.padding + window.kernel

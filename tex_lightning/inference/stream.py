@@ -1,10 +1,10 @@
 """A live recording: samples in, predictions out.
 
-Samples are resampled to the rate of the training. The vote is over everything so far, no sample
-computed twice, or over the last seconds (``stream.window``). A fragment of HapticNet sees 2 s, so
-that its scores cannot follow within one; the samples of the window are therefore classified afresh
-with every vote, and a spectrogram that is shorter than a fragment is repeated until it fills one: a
-texture goes on as it began.
+Samples are resampled to the rate of the training. The vote is over everything so far
+(:mod:`.sense_stream`) or over the last seconds (``stream.window``). A fragment of HapticNet sees
+2 s, so that its scores cannot follow within one; the samples of the window are therefore classified
+again with every vote, and a spectrogram that is shorter than a fragment is repeated until it fills
+one: a texture goes on as it began.
 """
 
 import time
@@ -25,13 +25,13 @@ from tex_lightning.data.decode import Resampler, as_trace
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, level, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, describe
-from tex_lightning.inference.stream_classifier import StreamingClassifier
+from tex_lightning.inference.sense_stream import SenseStream
 from tex_lightning.senses.features.spectrogram import SETTLING_SECONDS
 from tex_lightning.senses.signal import SignalSense
 
 STEP_SECONDS = 0.1  # in which a window moves on
-LEAST = 3  # steps that vote
-SILENT = 3  # steps below the least level that are a pause; a stroke turns round more quickly
+MIN_STEPS = 3  # that vote
+MAX_SILENT = 3  # steps below the least level are a pause; a stroke turns round more quickly
 SETTLING = round(SETTLING_SECONDS / STEP_SECONDS)  # steps to steady movement, after that of a touch
 
 
@@ -46,6 +46,7 @@ class LiveSignal:
     Attributes:
         rate: Rate in Hz that samples must have.
         samples: How many came.
+        monitor: Measures faults of the samples; a new one forgets them.
 
     Raises:
         UserError: If there is no such rate, or it is too far from the checkpoint's.
@@ -64,14 +65,10 @@ class LiveSignal:
             self.measures["rate"] = min(self.rate, target)
         self.axes: int | None = None  # not known yet
         self.samples = 0
-        self.forget()
-
-    def forget(self) -> None:
-        """Forget the quality of the samples so far."""
         self.monitor = TraceMonitor(self.what)
 
-    def take(self, samples: Any) -> Tensor:  # noqa: ANN401  (what NumPy can read)
-        """Samples (axes, samples) float32 at the checkpoint's rate.
+    def push(self, samples: Any) -> Tensor:  # noqa: ANN401  (what NumPy can read)
+        """Return samples (axes, samples) float32 at the checkpoint's rate.
 
         Args:
             samples: (samples,) or (axes, samples), as many axes as before.
@@ -89,19 +86,16 @@ class LiveSignal:
         self.axes = axes
         self.samples += chunk.shape[1]
         self.monitor.update(chunk)  # resampling would blur what is constant or clipped
-        found = chunk if self.resampler is None else self.resampler.push(chunk)
-        return torch.from_numpy(found).float()
+        resampled = chunk if self.resampler is None else self.resampler.push(chunk)
+        return torch.from_numpy(resampled).float()
 
-    def rest(self) -> Tensor | None:
-        """The last samples, which the filter of the resampling holds back; None if there are none.
-
-        They end the stream.
-        """
-        found = None if self.resampler is None else self.resampler.finish()
-        return None if found is None else torch.from_numpy(found)
+    def rest(self) -> dict[str, Tensor]:
+        """Return by modality the last samples, which the filter of the resampling holds back."""
+        samples = None if self.resampler is None else self.resampler.finish()
+        return {} if samples is None else {self.modality: torch.from_numpy(samples)}
 
     def quality(self, *, compared: bool) -> Quality:
-        """Faults of the signal; whether its level is compared with the training's."""
+        """Return faults of the signal; ``compared`` checks its level against the training's."""
         if not self.monitor.count:
             return Quality()
         level = {"level": self.monitor.level} if compared else {}
@@ -109,70 +103,76 @@ class LiveSignal:
 
 
 class Window:
-    """The samples of the last seconds, taken in whole steps, since something is touched.
+    """The samples of the last seconds, in whole steps, since a surface is touched.
 
     Args:
         seconds: Length.
         rates: Sampling rate in Hz by modality.
-        least: Level by modality that is no touch.
+        min_levels: Level by modality that is no touch.
         settling: Steps that are left out after that of a touch.
 
     Attributes:
-        contact: Whether something is touched.
-        changed_at: Where in the signal, in seconds, the last touch after a pause was; None if
-            there was none.
+        contact: Whether a surface is touched.
         samples: (axes, samples) that vote, by modality.
-        count: Steps that they consist of.
+        steps: Steps so far.
+        count: Steps of the samples that vote.
     """
 
     def __init__(
-        self, seconds: float, rates: Mapping[str, float], least: Mapping[str, float], settling: int
+        self,
+        seconds: float,
+        rates: Mapping[str, float],
+        min_levels: Mapping[str, float],
+        settling: int,
     ) -> None:
-        self.rates, self.least, self.settling = rates, least, settling
-        self.room = round(seconds / STEP_SECONDS)
+        self.rates, self.min_levels, self.settling = rates, min_levels, settling
+        self.max_steps = round(seconds / STEP_SECONDS)
         self.pending: dict[str, Tensor] = {}  # samples that are no whole step yet
         self.steps = self.silent = self.unsettled = self.count = 0
         self.samples: dict[str, Tensor] = {}
         self.contact = False
-        self.changed_at: float | None = None
 
     def push(self, chunks: Mapping[str, Tensor]) -> None:
         """Take samples (axes, samples) by modality."""
-        waiting = _joined(self.pending, chunks)
-        while all(waiting[name].shape[1] >= self._length(name) for name in waiting):
-            sizes = {name: self._length(name) for name in waiting}
-            self._step({name: each[:, : sizes[name]] for name, each in waiting.items()})
-            waiting = {name: each[:, sizes[name] :] for name, each in waiting.items()}
-        self.pending = {name: each.clone() for name, each in waiting.items()}
+        pending = _joined(self.pending, chunks)
+        while True:
+            sizes = {name: self._step_length(rate) for name, rate in self.rates.items()}
+            if any(pending[name].shape[1] < size for name, size in sizes.items()):
+                break
+            self._step({name: pending[name][:, :size] for name, size in sizes.items()})
+            pending = {name: pending[name][:, size:] for name, size in sizes.items()}
+        self.pending = {name: samples.clone() for name, samples in pending.items()}
 
-    def _length(self, modality: str) -> int:
-        """Samples of the next step."""
-        size = STEP_SECONDS * self.rates[modality]
+    def _step_length(self, rate: float) -> int:
+        """Return the samples of the next step."""
+        size = STEP_SECONDS * rate
         return round((self.steps + 1) * size) - round(self.steps * size)
 
     def _step(self, samples: Mapping[str, Tensor]) -> None:
-        """Look for contact: a pause is several steps, a touch is one."""
+        """Detect contact, and keep samples of movement; a pause is several steps, a touch is one.
+
+        A recording whose first step is loud began during the movement.
+        """
         self.steps += 1
-        loud = all(
-            level(each.numpy(force=True)) > self.least[name] for name, each in samples.items()
-        )
+        levels = {name: level(chunk.numpy(force=True)) for name, chunk in samples.items()}
+        loud = all(levels[name] > self.min_levels[name] for name in levels)
         self.silent = 0 if loud else self.silent + 1
-        if self.contact and self.silent >= SILENT:
+        if self.contact and self.silent >= MAX_SILENT:
             self.contact, self.samples, self.count = False, {}, 0
-        elif not self.contact and loud:
+        elif loud and not self.contact:
             self.contact = True
-            if self.steps > 1:  # else it moved already
-                self.changed_at = round((self.steps - 1) * STEP_SECONDS, 6)
-                self.unsettled = self.settling + 1 if self.settling else 0
-        if not self.contact or self.silent:
-            return
+            self.unsettled = self.settling + 1 if self.settling and self.steps > 1 else 0
+        if self.contact and loud:
+            self._keep(samples)
+
+    def _keep(self, samples: Mapping[str, Tensor]) -> None:
         if self.unsettled:
             self.unsettled -= 1
             return
-        self.count = min(self.count + 1, self.room)
+        self.count = min(self.count + 1, self.max_steps)
         self.samples = {
-            name: each[:, -round(self.room * STEP_SECONDS * self.rates[name]) :].clone()
-            for name, each in _joined(self.samples, samples).items()
+            name: whole[:, -round(self.max_steps * STEP_SECONDS * self.rates[name]) :].clone()
+            for name, whole in _joined(self.samples, samples).items()
         }
 
 
@@ -218,29 +218,25 @@ class LiveStream:
                 for name, sense in senses.items()
                 if name not in self.live
             }
-        # scores of fragments are kept where they are joined or averaged, else votes alone
-        self.counted = len(senses) == 1 and self.card.rule != "score"
-        self.streams: dict[str, StreamingClassifier] = {}
+        self.streams: dict[str, SenseStream] = {}
         self.window: Window | None = None
         if config.window is None:
-            for name in self.live:
-                part = classifier.with_senses([name])
-                self.streams[name] = StreamingClassifier(part, keep_scores=not self.counted)
+            self.streams = {name: SenseStream(classifier, name) for name in self.live}
         else:
             self.window = self._make_window(config.window, config.contact)
         self.voted = False
         self.failure: UserError | None = None  # why there was no vote of a window yet
 
     def _make_window(self, seconds: float, contact: float) -> Window:
-        """A window whose touches leave out what the features skipped before."""
+        """Make a window whose touches leave out what the features skipped before."""
         features: list[Any] = [sense.features for sense in self.live.values()]
         skipping = [each for each in features if getattr(each, "skip_impact", False)]
         for each in skipping:
             each.skip_impact = False
         rates = {each.modality: each.decoder.sampling_rate for each in self.live.values()}
         ranges = self.card.input_ranges
-        least = {name: contact * ranges.get(name, {}).get("level", [0.0])[0] for name in rates}
-        return Window(seconds, rates, least, SETTLING if skipping else 0)
+        levels = {name: contact * ranges.get(name, {}).get("level", [0.0])[0] for name in rates}
+        return Window(seconds, rates, levels, SETTLING if skipping else 0)
 
     @property
     def rate(self) -> float:
@@ -274,16 +270,14 @@ class LiveStream:
                 f"This stream takes {' and '.join(self.signals)} with every push; give "
                 f"{', '.join(f'{name}=SAMPLES' for name in self.signals)}."
             )
-        taken = {name: self.signals[name].take(chunk) for name, chunk in chunks.items()}
-        return self._predict(taken, begin)
+        resampled = {name: self.signals[name].push(chunk) for name, chunk in chunks.items()}
+        return self._predict(resampled, begin)
 
     def finish(self) -> Prediction:
         """Compute what waits, so that the prediction is that of all samples; the stream ends."""
         begin = time.perf_counter()
-        rests = {name: signal.rest() for name, signal in self.signals.items()}
-        return self._predict(
-            {name: rest for name, rest in rests.items() if rest is not None}, begin
-        )
+        rests = [signal.rest() for signal in self.signals.values()]
+        return self._predict({name: rest for each in rests for name, rest in each.items()}, begin)
 
     def check(self) -> None:
         """Make sure that there was a vote, if anything was touched.
@@ -297,73 +291,64 @@ class LiveStream:
             return
         if self.failure is not None:
             raise self.failure
-        if self.window.steps < LEAST:
+        if self.window.steps < MIN_STEPS:
             raise UserError(
-                f"The stream ended within {LEAST * STEP_SECONDS:g} s, too soon for a vote; send "
-                "more signal."
+                f"The stream ended within {MIN_STEPS * STEP_SECONDS:g} s, too soon for a vote; "
+                "send more signal."
             )
 
-    def _predict(self, taken: Mapping[str, Tensor], begin: float) -> Prediction:
-        vote = self._vote_so_far(taken) if self.window is None else self._vote_window(taken)
+    @torch.inference_mode()
+    def _predict(self, chunks: Mapping[str, Tensor], begin: float) -> Prediction:
+        outputs = self._outputs_so_far(chunks) if self.window is None else self._of_window(chunks)
+        vote: Vote | None = None
+        if outputs is not None:  # random tuples have the same seed every time
+            seed = self.card.decision["seed"]
+            vote = self.classifier.vote({**self.fixed, **outputs}, seed)
         synchronise(self.device)
         contact = None if self.window is None else self.window.contact
         signals = self.signals.values()
-        found = [signal.quality(compared=contact is not False) for signal in signals]
-        quality = together([*found, *self.photo_quality])
+        quality = [signal.quality(compared=contact is not False) for signal in signals]
         latency = time.perf_counter() - begin
-        said = self.card.modalities if len(self.card.sense_names) > 1 else ()
-        prediction = describe(vote, self.card, quality, self.top_k, latency, said)
-        changed_at = None if self.window is None else self.window.changed_at
-        return replace(prediction, contact=contact, changed_at=changed_at)
+        used = self.card.modalities if len(self.card.sense_names) > 1 else ()
+        quality_of_all = together([*quality, *self.photo_quality])
+        prediction = describe(vote, self.card, quality_of_all, self.top_k, latency, used)
+        return replace(prediction, contact=contact)
 
-    @torch.inference_mode()
-    def _vote_so_far(self, taken: Mapping[str, Tensor]) -> Vote | None:
-        """Vote over everything; of several senses over random tuples of the same seed every time.
-
-        What a sense that is fused on FC2 says alone is its partial logits.
-        """
-        for stream in self.streams.values():
-            if stream.sense.modality in taken:
-                stream.push(taken[stream.sense.modality])
-        if any(stream.vote is None for stream in self.streams.values()):
-            return None
-        if self.counted:
-            (stream,) = self.streams.values()
-            novelty = None if stream.novelty is None else float(stream.novelty)
-            return stream.vote and replace(stream.vote, novelty=novelty)
-        whole, live = self.classifier, {}
+    def _outputs_so_far(self, chunks: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
+        """Return what the live senses give for everything; None while one gives no fragment."""
+        outputs = {}
         for name, stream in self.streams.items():
-            own = whole.level(name) == "fc2"
-            scores = stream.scores if own else whole.project(name, stream.scores)
-            live[name] = SenseOutput(scores, stream.novelty)
-        return whole.vote({**self.fixed, **live}, self.card.decision["seed"])
+            if stream.sense.modality in chunks:
+                stream.push(chunks[stream.sense.modality])
+            if stream.output is not None:
+                outputs[name] = stream.output
+        return outputs if len(outputs) == len(self.streams) else None
 
-    @torch.inference_mode()
-    def _vote_window(self, taken: Mapping[str, Tensor]) -> Vote | None:
-        """Vote over the last seconds; None if they are too little for these features."""
+    def _of_window(self, chunks: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
+        """Return the same of the last seconds; None if they are too few for these features."""
         window = self.window
         assert window is not None
-        before = window.contact, window.changed_at
-        if taken:
-            window.push(taken)
-        if before != (window.contact, window.changed_at):
+        before = window.contact
+        if chunks:
+            window.push(chunks)
+        if before != window.contact:  # faults of the pause are none of the movement
             for signal in self.signals.values():
-                signal.forget()
-        if window.count < LEAST:
+                signal.monitor = TraceMonitor(signal.what)
+        if window.count < MIN_STEPS:
             return None
         try:
-            live = {
-                name: self._output(name, sense, window.samples[sense.modality])
+            outputs = {
+                name: self._repeated(name, sense, window.samples[sense.modality])
                 for name, sense in self.live.items()
             }
         except UserError as error:
             self.failure = error
             return None
         self.voted = True
-        return self.classifier.vote({**self.fixed, **live}, self.card.decision["seed"])
+        return outputs
 
-    def _output(self, name: str, sense: SignalSense, recording: Tensor) -> SenseOutput:
-        """What a live sense says of an input that is repeated to the size of a fragment."""
+    def _repeated(self, name: str, sense: SignalSense, recording: Tensor) -> SenseOutput:
+        """Return what a live sense gives for an input that is repeated to a fragment's size."""
         if sense.geometry is None:
             return self.classifier.sense_output(name, recording)
         x, level = sense.dense_input(recording), self.classifier.embedding_layer(name)
