@@ -100,13 +100,20 @@ def verbosity(verbose: int) -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _warn(message: Warning | str, _: type[Warning], file: str, line: int, *__: object) -> None:
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    *_: object,
+    **__: object,
+) -> None:
     """Log what libraries warn of in one line, and of warnings that are alike the first."""
     text = " ".join(str(message).split())
     kind = VARYING.sub("", text)
     if kind not in Screen.logged:
         Screen.logged.add(kind)
-        log.warning("%s (%s:%d)", text, Path(file).name, line)
+        log.warning("%s (%s:%d)", text, Path(filename).name, lineno)
 
 
 def is_interactive() -> bool:
