@@ -55,7 +55,7 @@ def write(folder: Path, changes: dict[str, object], **more: object) -> Path:
     [
         ("senses.haptic.anything", True),
         ("senses.haptic.modality", False),
-        ("senses.haptic.decode.channel", False),
+        ("senses.haptic.decode.channels", False),
         ("senses.haptic.features.skip_impact", False),
         ("senses.haptic.network.dropout", True),
     ],

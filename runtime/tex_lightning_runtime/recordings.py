@@ -20,7 +20,7 @@ ROW = re.compile(r"([;,\s]*[-+]?(\.?\d[\d._]*(e[-+]?\d+)?|nan|inf(inity)?)(?=[;,
 TIME = re.compile(r"(^|[,;#%\s])(time\w*|t|zeit|m?secs?|m?seconds?)([\W_]|$)", re.IGNORECASE)
 CUT = re.compile(r"data : (\d+) \(should be (\d+)\)")  # libsndfile's note of a truncated file
 REACH, BETA = 10, 5.0  # of SciPy's filter: samples of the lower rate on each side; Kaiser's window
-FLAT_SHARE, FINE_VALUES = 0.01, 32  # from which on a trace is clipped; fewer are coarse steps
+FLAT_SHARE, MIN_FLAT, FINE_VALUES = 0.01, 10, 32  # clipped from both on; fewer are coarse steps
 UNIFORM, PHOTO_SIDE = 0.5, 256  # grey levels of deviation; pixels that are looked at
 
 
@@ -47,7 +47,11 @@ def decode(given: Any, sense: dict[str, Any], rate: float | None = None) -> Deco
     """Bring a file, samples (axes, samples) or pixels to what a sense of the card takes."""
     if sense["medium"] == "photo":
         return _photo(given, sense)
-    raw, rate = read_trace(given, sense, rate)
+    return assess(*read_trace(given, sense, rate), sense)
+
+
+def assess(raw: Array, rate: float, sense: dict[str, Any]) -> Decoded:
+    """Bring samples (axes, samples) to what a sense of the card takes, and judge them."""
     require(len(raw) in sense["axes"], f"Give a trace of {sense['axes']} axes, not {len(raw)}.")
     trace, what, x = resample(raw, rate, sense["rate"]), sense["what"], raw.astype(np.float64)
     low, high = x.min(axis=1, keepdims=True), x.max(axis=1, keepdims=True)
@@ -58,7 +62,8 @@ def decode(given: Any, sense: dict[str, Any], rate: float | None = None) -> Deco
     found = [f"Axis {n + 1} of the {what} is constant; check the sensor." for n in dead]
     flat = (((x == low) | (x == high))[:, 1:] & (x[:, 1:] == x[:, :-1])).sum(axis=1)
     flat[[len(np.unique(values)) < FINE_VALUES for values in x]] = 0
-    if (clipped := flat.max() / x.shape[1]) >= FLAT_SHARE:
+    clipped = flat.max() / x.shape[1]
+    if flat.max() >= MIN_FLAT and clipped >= FLAT_SHARE:
         told = f"The {what} is clipped, {clipped:.0%} of it at its largest or smallest value; "
         found.append(f"{told}lower the sensor's gain.")
     level = np.sqrt(trace.astype(np.float64).var(axis=1).sum())
@@ -132,18 +137,24 @@ def resample(x: Array, source: float, target: float) -> Array:
     return found.swapaxes(1, 2).reshape(len(x), -1)[:, :count].astype(np.float32)
 
 
-def read_trace(given: Any, sense: dict[str, Any], rate: float | None) -> tuple[Array, float]:
-    """Samples (axes, samples) and their rate in Hz: that of the file, ``rate``, or the card's."""
+def read_trace(
+    given: Any, sense: dict[str, Any], rate: float | None, *, is_chunk: bool = False
+) -> tuple[Array, float]:
+    """Samples (axes, samples) and their rate in Hz: that of the file, ``rate``, or the card's.
+
+    The longer dimension is time, unless they are a chunk of a stream.
+    """
     name, own, usual = f"The {sense['what']}", None, sense["rate"]
     table = _read(_read_table, given, sense)
     if isinstance(table, tuple):
         (table, own), name, usual = table, given, sense["file_rate"]
-        if (channel := sense["channel"]) is not None and table.ndim == 2:  # or nothing
-            table = (table.T if len(table) < table.shape[1] else table)[:, channel : channel + 1]
     trace = np.atleast_2d(table)
-    trace = trace if len(trace) in (1, 3) else trace.T
-    fits = table.dtype.kind in "fiu" and table.ndim in (1, 2) and len(trace) in (1, 3)
-    require(fits and trace.size, f"{name} is {table.dtype} {table.shape}; give one axis or three.")
+    trace = trace if is_chunk or len(trace) <= trace.shape[-1] else trace.T
+    fits = table.dtype.kind in "fiu" and table.ndim in (1, 2) and trace.size
+    require(fits, f"{name} is {table.dtype} {table.shape}; give samples (axes, samples).")
+    if (channels := sense["channels"]) is not None:
+        require(max(channels) < len(trace), f"{name} has {len(trace)} channels; give all of them.")
+        trace = trace[channels]
     usable = (np.abs(trace) < LARGEST).all(axis=0)  # false for NaN
     said = f"{name} holds NaN, infinity or a number beyond {LARGEST:g}"
     require(usable.all(), f"{said} at sample {usable.argmin()}; repair the recording.")
@@ -197,7 +208,7 @@ def _read_text(text: str) -> Array:
     rising = len(table) > 7 and (np.diff(table[:, 0]) > 0).all()  # fewer may rise by chance
     timed = rising or any(map(TIME.search, lines[: lines.index(data[0])]))
     require(not timed or table.shape[1] == 1, "it has a column of time, delete it and give rate=HZ")
-    return table[:, 0] if table.shape[1] == 1 else table
+    return table
 
 
 def _read_pixels(path: Path) -> Array:

@@ -9,7 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from tex_lightning_runtime.recordings import Array, Decoded, UserError, decode, read_trace, require
+from tex_lightning_runtime.recordings import (
+    Array,
+    Decoded,
+    UserError,
+    assess,
+    decode,
+    read_trace,
+    require,
+)
 
 FORMAT, FATAL = 2, 4  # of the file's metadata; severity of what ONNX Runtime logs
 MAX_PAIRS = 1_000_000  # of fragments that several senses vote over
@@ -137,10 +145,10 @@ class Stream:
             chunks[next(name for name, each in senses.items() if "rate" in each)] = samples
         for name, chunk in chunks.items():
             sense = self._runtime.sense(name)
-            new, rate = read_trace(chunk, sense, self._rate)
+            new, rate = read_trace(chunk, sense, self._rate, is_chunk=True)
             raw = self._raw.get(name, new[:, :0])
             require(len(raw) == len(new), f"{name} had {len(raw)} axes before; give as many.")
             kept = 0 if self._window is None else -max(1, round(self._window * rate))
             self._raw[name] = np.concatenate((raw, new), axis=1)[:, kept:]
-            self._decoded[name] = decode(self._raw[name], sense, rate)
+            self._decoded[name] = assess(self._raw[name], rate, sense)
         return self._runtime.decide(self._decoded, begin)

@@ -47,7 +47,7 @@ def test_a_key_that_nothing_reads_is_refused(override, said):
 
 def test_keys_that_a_class_takes_are_offered_to_it_and_others_may_be_interpolated():
     check("~model.force.network.channels", "+model.force.channels=4")
-    check("+model.force.decode.channel=0")
+    check("+model.force.decode.other=0")
     check("+model.force.other=1", "model.force.network.channels=${..other}")
 
 

@@ -12,6 +12,7 @@ from tex_lightning.data.decode import (
     PhotoDecoder,
     SignalDecoder,
     as_photo,
+    as_trace,
     decode_image,
     halve,
 )
@@ -27,7 +28,7 @@ def write_csv(path, array, header=""):
     np.savetxt(path, array, delimiter=",", header=header, comments="", fmt="%.9g")
 
 
-@pytest.mark.parametrize("axes", [1, 3])
+@pytest.mark.parametrize("axes", [1, 2, 3])
 @pytest.mark.parametrize("suffix", ["wav", "npy", "txt", "csv"])
 def test_every_format_gives_the_same_trace(tmp_path, axes, suffix):
     path, trace = tmp_path / f"t.{suffix}", AXES[:axes]
@@ -45,23 +46,31 @@ def test_every_format_gives_the_same_trace(tmp_path, axes, suffix):
     np.testing.assert_allclose(decoded, trace, rtol=1e-6)
 
 
-def test_one_channel_of_several_is_chosen(tmp_path):
-    pair = AXES[:2]
-    soundfile.write(tmp_path / "t.wav", pair.T, 10_000, subtype="FLOAT")
-    np.save(tmp_path / "t.npy", pair)
-    timed = np.vstack([np.arange(700) / 10_000, pair])
-    write_csv(tmp_path / "t.csv", timed.T, header="time,x,y")
+def test_channels_are_chosen_by_number(tmp_path):
+    timed = np.vstack([np.arange(700) / 10_000, AXES])
+    soundfile.write(tmp_path / "t.wav", AXES.T, 10_000, subtype="FLOAT")
+    np.save(tmp_path / "t.npy", AXES)
+    write_csv(tmp_path / "t.csv", timed.T, header="time,x,y,z")
     for path in sorted(tmp_path.iterdir()):
-        with pytest.raises(UserError, match=r"one or three axes|model.SENSE.decode.channel=0"):
-            SIGNAL.decode(path)
-        for channel in (0, 1):
-            (chosen,), _ = SignalDecoder(channel=channel).decode(path)
-            np.testing.assert_allclose(chosen, pair[channel], rtol=1e-5)
-        with pytest.raises(UserError, match=r"has 2 channels, and model.SENSE.decode.channel is 2"):
-            SignalDecoder(channel=2).decode(path)
-    for wrong in (-1, 0.5, "first"):
-        with pytest.raises(UserError, match="give a number from 0, or null"):
-            SignalDecoder(channel=wrong)
+        for channels in ((2,), (2, 0)):
+            chosen, _ = SignalDecoder(channels=channels).decode(path)
+            np.testing.assert_allclose(chosen, AXES[list(channels)], rtol=1e-5)
+        with pytest.raises(UserError, match=r"has 3 channels, and data.channels names 3, counted"):
+            SignalDecoder(channels=(0, 3)).decode(path)
+    np.testing.assert_array_equal(as_trace(AXES.T, channels=(1, 2)), AXES[1:])
+    for wrong in ((), (-1,), (0.5,), "first", (1, 1), (64,)):
+        with pytest.raises(UserError, match="give different numbers from 0 to 63, or null"):
+            SignalDecoder(channels=wrong)
+
+
+@pytest.mark.parametrize(("axes", "rate"), [(6, 100.0), (16, 35.606), (64, 200_000.0)])
+def test_slow_and_many_channels_keep_number_and_level(tmp_path, axes, rate):
+    counts = np.random.default_rng(0).integers(4000, 60_000, (axes, 142)).astype(np.uint16)
+    np.save(tmp_path / "t.npy", counts.T)
+    trace, source = SignalDecoder(rate).decode(tmp_path / "t.npy", rate)
+    assert (trace.dtype, source.hz) == (np.float32, rate)
+    np.testing.assert_array_equal(trace, counts)
+    np.testing.assert_array_equal(as_trace(counts), counts)
 
 
 def test_a_sound_without_loss_is_that_of_the_wav(tmp_path):
@@ -134,9 +143,9 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
     refuse("words.npy", npy(np.array(["a", "b"])), "instead of numbers")
     refuse("pickle.npy", npy(np.array([{}])), "cannot be read")
     refuse("nan.txt", b"1\nnan\n3\n", "NaN, infinity or a number beyond 1e.09 at sample 1")
-    refuse("two.wav", wav(AXES[:2].T), "one or three axes")
-    refuse("cube.npy", npy(np.zeros((2, 3, 4))), "one or three axes")
-    refuse("none.npy", npy(np.zeros((3, 0))), "one or three axes")
+    refuse("many.npy", npy(AXES[0, :650].reshape(65, 10).repeat(9, axis=1)), "1 to 64 channels")
+    refuse("cube.npy", npy(np.zeros((2, 3, 4))), "1 to 64 channels")
+    refuse("none.npy", npy(np.zeros((3, 0))), "1 to 64 channels")
     refuse("trace.mp3", b"x", "unknown type; use .wav, .flac, .npy, .txt, .csv")
     with pytest.raises(UserError, match="does not exist"):
         SIGNAL.decode(tmp_path / "nowhere.wav")

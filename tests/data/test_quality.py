@@ -38,6 +38,14 @@ def test_dead_and_clipped_sensors_are_told_from_live_ones(pieces):
     assert "clipped, 12%" in quality(NOISE.clip(-0.7, 0.7), pieces).warnings[0]
 
 
+def test_a_slow_trace_that_stays_at_its_top_for_some_samples_is_not_clipped():
+    slow = 1000 * np.sin(np.arange(143)[None] / 20)
+    slow[:, 30:34] = slow.max() + 1
+    assert quality(slow).warnings == ()
+    slow[:, 60:72] = slow.max()
+    assert "clipped, 10%" in quality(slow).warnings[0]
+
+
 def test_level_is_the_deviation_whatever_the_offset_and_the_pieces():
     three = np.concatenate([NOISE, NOISE[:, ::-1] * 2])
     expected = float(np.sqrt(three.astype(np.float64).var(axis=1).sum()))

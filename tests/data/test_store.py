@@ -65,7 +65,7 @@ def test_a_changed_file_or_setting_is_decoded_anew(store, tmp_path):
     assert store.load(row).max() == 2
     half_rate = Store(store.root.parent, {"haptic": SignalDecoder(sampling_rate=5000)})
     assert half_rate.load(row).shape == (1, 50)
-    chosen = Store(store.root.parent, {"haptic": SignalDecoder(channel=0)})
+    chosen = Store(store.root.parent, {"haptic": SignalDecoder(channels=(0,))})
     assert chosen._entry(row) != store._entry(row)
 
 

@@ -131,7 +131,7 @@ def test_a_person_at_the_keyboard_gets_a_label(runtime, chromium, tmp_path):
     onnx = pytest.importorskip("onnx")
     sense = {
         "name": "haptic", "modality": "haptic", "what": "trace", "medium": "signal", "axes": [1, 3],
-        "rate": 10_000, "file_rate": 10_000, "channel": None, "least": None, "stride": None,
+        "rate": 10_000, "file_rate": 10_000, "channels": None, "least": None, "stride": None,
     }  # fmt: skip
     card = {
         "kind": "haptic", "classes": ["soft", "plain", "<b>rough</b>"], "senses": [sense],

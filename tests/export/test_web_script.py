@@ -87,7 +87,7 @@ def test_arrays_are_those_of_numpy(node, tmp_path):
     found = node(
         {"decode": "readSignal"},
         BUFFER + "return given.paths.map((path) =>"
-        " readSignal(path, load(path), { channel: null }).axes.map((each) => [...each]));",
+        " readSignal(path, load(path), { channels: null }).axes.map((each) => [...each]));",
         paths=[str(tmp_path / f"{name}.npy") for name in arrays],
     )
     for name, axes in zip(arrays, found, strict=True):
@@ -101,7 +101,7 @@ def test_a_truncated_wav_file_is_refused_in_one_sentence(node, tmp_path):
     path.write_bytes(path.read_bytes()[:-50])
     said = node(
         {"decode": "readSignal"},
-        BUFFER + "try { readSignal('a.wav', load(given.path), { channel: null }) }"
+        BUFFER + "try { readSignal('a.wav', load(given.path), { channels: null }) }"
         "catch (error) { return error.message }",
         path=str(path),
     )

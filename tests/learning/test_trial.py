@@ -42,7 +42,7 @@ def card(features: dict | None = None, network: dict | None = None) -> Card:
     node = {
         "_target_": "tex_lightning.senses.signal.SignalSense",
         "modality": "force",
-        "decode": {"sampling_rate": RATE, "file_rate": None, "channel": None},
+        "decode": {"sampling_rate": RATE, "file_rate": None, "channels": None},
         "features": {"_target_": "own_parts.Frames", **(features or {})},
         "network": {"_target_": "own_parts.SpoiltNet", **(network or {})},
     }

@@ -18,7 +18,7 @@ LEVELS = {"level": [0.1, 0.3], "rate": [9e3, 1e4]}
 LIGHT = {"brightness": [100.0, 140.0], "contrast": [30.0, 60.0]}
 TRACE = {
     "modality": "haptic", "what": "trace", "medium": "signal", "rate": 10_000.0, "axes": [1, 3],
-    "limits": limits(LEVELS),
+    "channels": None, "limits": limits(LEVELS),
 }  # fmt: skip
 PHOTO = {"modality": "image", "what": "photo", "medium": "photo", "least": 1}
 RATES = st.sampled_from([1_000, 2_200, 8_000, 9_973.1, 10_000, 20_000, 44_100, 48_000])
@@ -30,6 +30,7 @@ TRACES = {
     "one axis constant": AXES * [[1], [0], [1]],
     "clipped": AXES.clip(-0.1, 0.1),
     "coarse": AXES.round(1),
+    "slow": np.sin(np.arange(143) / 20)[None].round(2),
     "loud": 100 * AXES,
     "faint, beside gravity": 1e-3 * AXES + 9.81,
 }

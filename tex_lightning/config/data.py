@@ -77,6 +77,10 @@ class DataConfig(Folding):
         "sampling_rate, or 10 kHz where that is null",
         unit="Hz", least=20, most=200_000, default=None,
     )  # fmt: skip
+    channels: list[int] | None = key(
+        "channels of traces that are kept, counted from 0, such as [3,4,5]; null keeps all",
+        least=0, most=63, default=None,
+    )  # fmt: skip
     half_scale: bool = key("halve photos; false for photos under a megapixel")
     resize: int | None = key(
         "side of the square that photos are resized to instead; null leaves them",
@@ -103,7 +107,7 @@ class SourceConfig:
         "rate of the samples; null takes that of the file or of the sound card",
         unit="Hz", least=20, most=200_000, default=None,
     )  # fmt: skip
-    axes: int = key("numbers of one sample, each a channel of the file", choices=(1, 3))
+    axes: int = key("numbers of one sample, each a channel of the file", least=1, most=64)
     format: str = key(
         "samples of pipes, TCP and serial ports: little-endian float32, or text, a sample a line",
         choices=("float32", "text"),

@@ -185,7 +185,7 @@ class StreamConfig:
         "training recordings",
         **SHARE,
     )
-    axes: int = key("axes of the samples on standard input (haptic=-)", choices=(1, 3))
+    axes: int = key("axes of the samples on standard input (haptic=-)", least=1, most=64)
 
 
 @dataclass

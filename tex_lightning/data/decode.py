@@ -6,6 +6,7 @@ as arrays are brought to the same form.
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -20,10 +21,12 @@ from torch import Tensor
 from tex_lightning.core.console import suppress_libtiff, suppress_warnings
 from tex_lightning.core.files import require_file
 from tex_lightning.data.traces import (
+    MAX_AXES,
     MAX_SAMPLES,
     TRACE_SUFFIXES,
     SourceRate,
     axes_first,
+    choose_channels,
     read_samples,
     same_rate,
 )
@@ -81,33 +84,35 @@ class SignalDecoder(Decoder):
     Attributes:
         sampling_rate: Rate in Hz that every signal is brought to.
         file_rate: Rate in Hz of signals whose file and reader give none.
-        channel: Which channel of a sound, or column of a table beside its time, is read, counted
-            from 0; None reads all, one or three.
+        channels: Channels of a sound, or columns of a table beside its time, that are kept, counted
+            from 0; None keeps all.
     """
 
     sampling_rate: float = 10_000.0
     file_rate: float = 10_000.0
-    channel: int | None = None
+    channels: tuple[int, ...] | None = None
 
     suffixes: ClassVar[tuple[str, ...]] = TRACE_SUFFIXES
     unit: ClassVar[str] = "s"
     precision: ClassVar[str] = ".3g"
 
     def __post_init__(self) -> None:
-        if self.channel is not None and (type(self.channel) is not int or self.channel < 0):
+        if self.channels is not None and not _are_channels(self.channels):
             raise UserError(
-                f"model.SENSE.decode.channel is {self.channel!r}; give a number from 0, or null."
+                f"data.channels is {self.channels!r}; give different numbers from 0 to "
+                f"{MAX_AXES - 1}, or null."
             )
 
     def decode(self, path: Path, rate: float | None = None) -> tuple[Trace, SourceRate]:
-        """Read a trace of one or three axes and bring it to the configured rate.
+        """Read a trace and bring it to the configured rate.
 
         Args:
             path: A file as :func:`.traces.read_samples` reads it.
             rate: Rate of this file in Hz if the manifest or the reader knows it.
 
         Returns:
-            float32 array of shape (axes, samples), axes 1 or 3, in the file's unit; its own rate.
+            float32 array of shape (axes, samples), in the file's unit and with its level; its own
+            rate.
 
         Raises:
             UserError: If the file is missing, empty, damaged, of another shape, or holds NaN, or if
@@ -150,6 +155,11 @@ class PhotoDecoder(Decoder):
         return float(array.shape[0] * array.shape[1] / 1e6)
 
 
+def _are_channels(channels: Sequence[Any]) -> bool:
+    numbers = {number for number in channels if type(number) is int and 0 <= number < MAX_AXES}
+    return 0 < len(numbers) == len(channels)
+
+
 def read_trace(
     path: Path, settings: SignalDecoder, rate: float | None = None
 ) -> tuple[npt.NDArray[np.floating], SourceRate]:
@@ -158,7 +168,7 @@ def read_trace(
     The rate is the file's own, else the stated one, else the assumed ``data.file_rate``. Arguments
     and errors are those of :meth:`SignalDecoder.decode`.
     """
-    samples, own = read_samples(path, settings.channel)
+    samples, own = read_samples(path, settings.channels)
     check_samples(samples, f"Trace {path}")
     if own is None:
         own = (
@@ -316,13 +326,22 @@ def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) ->
         )
 
 
-def as_trace(given: Any, key: str = "haptic") -> npt.NDArray[np.floating]:  # noqa: ANN401  (what NumPy can read)
+def as_trace(
+    given: Any,  # noqa: ANN401  (what NumPy can read)
+    key: str = "haptic",
+    channels: Sequence[int] | None = None,
+    *,
+    is_chunk: bool = False,
+) -> npt.NDArray[np.floating]:
     """Convert an array, tensor or list to samples (axes, samples), float64.
 
     Args:
-        given: (samples,), (axes, samples) or (samples, axes) with one or three axes; integers or
-            floating-point numbers, in the unit of the training recordings.
+        given: (samples,), (axes, samples) or (samples, axes) with 1 to 64 axes, the longer
+            dimension being time; integers or floating-point numbers, in the unit of the training
+            recordings.
         key: What they were given as.
+        channels: Which of the axes are kept; None keeps all.
+        is_chunk: Whether they are a piece of a stream, (samples,) or (axes, samples) of any length.
 
     Raises:
         UserError: If it has another shape or type, is empty, or holds NaN or infinity.
@@ -330,12 +349,15 @@ def as_trace(given: Any, key: str = "haptic") -> npt.NDArray[np.floating]:  # no
     array = _as_array(given, key)
     if array.dtype.kind not in "fiu":
         raise UserError(f"{key} is an array of {array.dtype}; give numbers.")
-    trace = axes_first(array.astype(np.float64))
-    if trace is None or not trace.size:
+    trace = axes_first(array)
+    if trace is not None and is_chunk:
+        trace = array if array.ndim == 2 else array[None]
+    if trace is None or len(trace) > MAX_AXES:
         raise UserError(
-            f"{key} has the shape {array.shape}; give (samples,), (axes, samples) or (samples, "
-            "axes) with one or three axes and at least one sample."
+            f"{key} has the shape {array.shape}; give (samples,) or (axes, samples) with 1 to "
+            f"{MAX_AXES} axes and at least one sample."
         )
+    trace = choose_channels(trace.astype(np.float64), channels, key)
     check_samples(trace, key)
     return trace
 

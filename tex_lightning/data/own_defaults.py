@@ -102,14 +102,14 @@ def weights_are_installed() -> bool:
 def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     """The highest rate in Hz of the traces that are brought to one, at most the paper's."""
     senses = [model.sense(sense) for sense in model.senses]
-    channels = {
-        each.modality: each.decode.get("channel") for each in senses if None in each.decode.values()
+    modalities = {
+        sense.modality for sense in senses if sense.decode.get("sampling_rate", "none") is None
     }
     recordings = read_recordings(data, model.modalities)
-    rows = [row for row in recordings if row.modality in channels]
+    rows = [row for row in recordings if row.modality in modalities]
     spread = rows[:: max(1, len(rows) // LOOKED_AT)]
     looked_at = {row.path: row for row in (*{row.label: row for row in rows}.values(), *spread)}
-    rates = (_rate(row, data.file_rate, channels[row.modality]) for row in looked_at.values())
+    rates = (_rate(row, data.file_rate) for row in looked_at.values())
     rate = max(rates, default=PAPERS_RATE)
     if not MIN_RATE <= rate < PAPERS_RATE:
         return PAPERS_RATE
@@ -120,9 +120,9 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
     return max(rate, 20.0)  # of a clock that is not exact
 
 
-def _rate(row: Recording, assumed: float | None, channel: int | None) -> float:
+def _rate(row: Recording, assumed: float | None) -> float:
     """Of one trace; 0 if it cannot be read, which is said later of all together."""
-    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE, channel)
+    decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE)
     try:
         _, source = read_trace(row.path, decoder, row.sampling_rate)
     except UserError:

@@ -28,6 +28,7 @@ MEASURES = {
     "contrast": (3.0, "check lens and light"),
 }
 FLAT_SHARE = 0.01  # of the samples, from which on a trace counts as clipped
+MIN_FLAT = 10  # samples; a few at the extremes of a slow trace are none
 FINE_VALUES = 32  # a coarsely digitised trace often stays at its extremes without being clipped
 UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo shows nothing
 PHOTO_SIDE = 256  # pixels of a photo that are looked at, along each side
@@ -109,8 +110,9 @@ class TraceMonitor:
             f"Axis {axis + 1} of the {self.what} is constant; check the sensor."
             for axis in np.flatnonzero(constant)
         ]
-        clipped = float(np.where(constant, 0, self.flat).max()) / self.count
-        if clipped >= FLAT_SHARE:
+        flat = float(np.where(constant, 0, self.flat).max())
+        clipped = flat / self.count
+        if flat >= MIN_FLAT and clipped >= FLAT_SHARE:
             found.append(
                 f"The {self.what} is clipped, {clipped:.0%} of it at its largest or smallest "
                 "value; lower the sensor's gain."

@@ -1,5 +1,7 @@
 """Signals out of files: samples (axes, samples) as they stand there, and their rate.
 
+A signal has 1 to 64 axes; whatever the file, the longer dimension of its samples is time.
+
 Sounds and NumPy arrays are read by their libraries. Text has one sample a line, in columns that
 stand apart by comma, semicolon, tab or space; understood are decimal commas, comment lines that
 begin with ``#`` or ``%``, lines of names and units above the numbers, byte order marks, UTF-16,
@@ -15,7 +17,7 @@ import codecs
 import logging
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NoReturn, get_args
@@ -33,6 +35,7 @@ Array = npt.NDArray[np.floating]
 RateSource = Literal["header", "time column", "stated", "assumed"]
 SOURCES: tuple[RateSource, ...] = get_args(RateSource)
 RATE_TOLERANCE = 0.01
+MAX_AXES = 64
 MAX_SAMPLES = 1 << 29  # of a file, 2 GiB of float32: 14 h of one axis at 10 kHz
 MAX_TEXT = 1 << 29  # bytes
 UNKNOWN_LENGTH = 0x7FFF0000  # programs that stream write such a length for want of a better one
@@ -63,24 +66,27 @@ class SourceRate:
 Table = tuple[Array, SourceRate | None]  # samples in the order of the file, and what it says
 
 
-def read_samples(path: Path, channel: int | None = None) -> Table:
+def read_samples(path: Path, channels: Sequence[int] | None = None) -> Table:
     """Read the samples (axes, samples) out of one file, or three with an axis each.
 
     Args:
         path: The file, or any of the three (:func:`axis_files`).
-        channel: The one channel of a sound, or column beside the time, that is read, from 0.
+        channels: Which of the axes are kept, as :func:`choose_channels` takes them.
 
     Returns:
-        One or three axes, and the rate if the file carries it.
+        Samples of 1 to 64 axes, and the rate if the file carries it.
 
     Raises:
         UserError: If a file is missing, empty, damaged or of another shape, or its column of time
             cannot be used.
     """
-    parts = [_read_file(file, channel) for file in axis_files(path)]
+    parts = [_read_file(file) for file in axis_files(path)]
+    samples, rate = parts[0] if len(parts) == 1 else _join_axes(path, parts)
+    return choose_channels(samples, channels, f"Trace {path}"), rate
+
+
+def _join_axes(path: Path, parts: list[Table]) -> Table:
     axes = [samples for samples, _ in parts]
-    if len(axes) == 1:
-        return parts[0]
     first = parts[0][1]
     hertz = [rate.hz if rate else 0.0 for _, rate in parts]
     single = {each.shape for each in axes} == {(1, axes[0].shape[1])}
@@ -121,18 +127,34 @@ def stands_for_all(path: Path) -> bool:
 
 
 def axes_first(samples: Array) -> Array | None:
-    """Bring (samples,), (axes, samples) or (samples, axes) to (axes, samples), one or three axes.
+    """Bring (samples,), (axes, samples) or (samples, axes) to (axes, samples), 1 to 64 axes.
 
     Returns:
-        None if the samples have another shape.
+        None if the samples have another shape or there are none.
     """
     trace = samples[None] if samples.ndim == 1 else samples
-    if trace.ndim == 2 and trace.shape[0] not in (1, 3):
-        trace = trace.T
-    return trace if trace.ndim == 2 and trace.shape[0] in (1, 3) else None
+    if trace.ndim != 2 or not trace.size or min(trace.shape) > MAX_AXES:
+        return None
+    return trace if trace.shape[0] <= trace.shape[1] else trace.T
 
 
-def _read_file(path: Path, channel: int | None) -> Table:
+def choose_channels(trace: Array, channels: Sequence[int] | None, name: str) -> Array:
+    """Keep the numbered axes of samples (axes, samples), counted from 0; None keeps all.
+
+    Raises:
+        UserError: If there are not so many, beginning with ``name``.
+    """
+    if channels is None:
+        return trace
+    if (last := max(channels)) >= len(trace):
+        raise UserError(
+            f"{name} has {len(trace)} channels, and data.channels names {last}, counted from 0; "
+            "choose others."
+        )
+    return trace[list(channels)]
+
+
+def _read_file(path: Path) -> Table:
     require_file(path)
     if (read := READERS.get(path.suffix.lower())) is None:
         raise UserError(f"Trace {path} has an unknown type; use {', '.join(TRACE_SUFFIXES)}.")
@@ -142,19 +164,10 @@ def _read_file(path: Path, channel: int | None) -> Table:
         raise UserError(
             f"Trace {path} cannot be read ({reason(error)}); correct or replace the file."
         ) from error
-    if channel is not None and table.ndim == 2:
-        columns = table.T if table.shape[0] > table.shape[1] else table
-        if channel >= len(columns):
-            raise UserError(
-                f"Trace {path} has {len(columns)} channels, and model.SENSE.decode.channel is "
-                f"{channel}, counted from 0; choose another."
-            )
-        table = columns[channel]
-    trace = axes_first(table)
-    if trace is None or not trace.size:
+    if (trace := axes_first(table)) is None:
         raise UserError(
-            f"Trace {path} has the shape {table.shape}; a trace has samples of one or three axes "
-            "(columns): choose one by +model.SENSE.decode.channel=0, or call a column of time time."
+            f"Trace {path} has the shape {table.shape}; a trace has samples of 1 to {MAX_AXES} "
+            "channels."
         )
     return trace, rate
 
@@ -234,9 +247,15 @@ def _read_text(path: Path) -> Table:
         data = [line.replace(",", ".") for line in data]
     table = np.loadtxt(data, delimiter=delimiter, ndmin=2)
     above = [_cells(line.lstrip(f"{MARKS} \t"), delimiter) for line in lines[:start]]
-    time = _find_time([cells for cells in above if len(cells) == table.shape[1]], table)
+    names = [cells for cells in above if len(cells) == table.shape[1]]
+    time = _find_time(names, table)
     if time is None:
-        return table[:, 0] if table.shape[1] == 1 else table, None
+        if delimiter == "," and table.shape[1] == 2 and not names and "." not in "".join(data):
+            raise ValueError(
+                "it has decimal commas or two columns of whole numbers: write decimal points, or a "
+                "line of names"
+            )
+        return table, None
     return _even_samples(path, table[:, time[0]], np.delete(table, time[0], axis=1), time[1])
 
 

@@ -67,7 +67,7 @@ def _sense(sense: Sense, card: Card) -> dict[str, Any]:
     return entry | {
         "rate": decoder.sampling_rate,
         "file_rate": decoder.file_rate,
-        "channel": decoder.channel,
+        "channels": None if decoder.channels is None else list(decoder.channels),
         "axes": AXES,
         "too_short": f"The {sense.what} has less movement than {needed}one fragment takes; record "
         "a longer stroke.",

@@ -111,7 +111,7 @@ class Predictor:
             colour: Order of the colours of an array, ``rgb`` or, as in OpenCV, ``bgr``.
             **recordings: Recordings by modality: ``haptic``, ``image``, ``sound`` or a user's own.
                 A signal is a file, or its samples: (samples,), (axes, samples) or (samples, axes)
-                with one or three axes, in the unit of the training recordings. A photo is a file,
+                with 1 to 64 axes, in the unit of the training recordings. A photo is a file,
                 or its pixels: (height, width, 3), or (height, width) in grey, uint8. They are
                 resampled and resized for the checkpoint. None counts as absent.
 

@@ -55,6 +55,7 @@ class LiveSignal:
     def __init__(self, sense: SignalSense, rate: float | None, ranges: Ranges) -> None:
         target = sense.decoder.sampling_rate
         self.modality, self.what, self.ranges = sense.modality, sense.what, ranges
+        self.channels = sense.decoder.channels
         self.rate = target if rate is None else rate
         if not self.rate > 0:
             raise UserError(f"rate is {self.rate:g}; give the sampling rate in Hz.")
@@ -76,14 +77,13 @@ class LiveSignal:
         Raises:
             UserError: If they are no such samples.
         """
-        chunk = as_trace(samples, self.modality)
-        axes, shape = self.axes or len(chunk), tuple(np.shape(samples))
-        if shape != (axes, chunk.size // axes) and not (axes == len(shape) == 1):
+        chunk = as_trace(samples, self.modality, self.channels, is_chunk=True)
+        self.axes = self.axes or len(chunk)
+        if len(chunk) != self.axes:
             raise UserError(
-                f"A chunk has the shape {shape}; give (axes, samples) with as many axes as before, "
-                f"{axes}."
+                f"A chunk has the shape {tuple(np.shape(samples))}; give (axes, samples) with as "
+                f"many axes as before, {self.axes}."
             )
-        self.axes = axes
         self.samples += chunk.shape[1]
         self.monitor.update(chunk)  # resampling would blur what is constant or clipped
         resampled = chunk if self.resampler is None else self.resampler.push(chunk)

@@ -37,8 +37,9 @@ class SignalSense(Sense):
     @classmethod
     def make_decoder(cls, decode: Mapping[str, Any]) -> SignalDecoder:
         """Make the decoder; files without a rate have the one that all are brought to."""
-        rate = decode["sampling_rate"]
-        return SignalDecoder(rate, decode.get("file_rate") or rate, decode.get("channel"))
+        rate, channels = decode["sampling_rate"], decode.get("channels")
+        chosen = None if channels is None else tuple(channels)
+        return SignalDecoder(rate, decode.get("file_rate") or rate, chosen)
 
     @property
     def spectrogram(self) -> SpectrogramFeatures | None:
@@ -184,7 +185,7 @@ class SignalSense(Sense):
             raw, found = read_trace(path, self.decoder.assuming(assumed))
             source, name = found.hz, f"Trace {path}"
         else:
-            raw, name = as_trace(given, self.modality), self.modality
+            raw, name = as_trace(given, self.modality, self.decoder.channels), self.modality
             source = target if rate is None else rate
         if not source > 0:
             raise UserError(f"rate is {source:g}; give the sampling rate in Hz.")

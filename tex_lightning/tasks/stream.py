@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -100,7 +100,7 @@ def _open(config: Config, sense: SignalSense, given: str) -> Signal:
     if given == PIPE:
         rate = config.data.file_rate
         return Signal(sense.decoder.sampling_rate if rate is None else rate, None)
-    decoder = sense.decoder.assuming(config.data.file_rate)
+    decoder = replace(sense.decoder.assuming(config.data.file_rate), channels=None)  # not yet
     trace, source = read_trace(Path(given).expanduser(), decoder)
     return Signal(source.hz, trace)
 

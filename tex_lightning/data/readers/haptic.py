@@ -5,8 +5,7 @@ with 2 forces, twice: 160 strokes of a surface. A stroke is
 ``sensor_data/{sensor}/{id}/{id}_{direction}_{speed}_{force}_{repetition}.csv`` (degrees, mm/s, mN).
 ``accel`` has the columns ``time,X,Y,Z`` (g), ``force`` ``time,force`` (N), at nominally 6 kHz with
 uneven time stamps, which give the rate and are interpolated. ``audio`` is 44.1 kHz WAV,
-``raw_audio`` of two channels, of which ``decode.channel=0`` is the surface's and 1 the machine's.
-``position`` (``time,X,Y``, mm) is refused by decoding: it has two axes.
+``raw_audio`` of two channels, of which 0 is the surface's and 1 the machine's.
 Class names are the surface ids, because the set's ``texture_list.xlsx`` calls some surfaces alike.
 
 There is one photo of a surface, ``images/images_scan_area/img{id}.jpg`` of 100 x 100 mm. It is

@@ -4,7 +4,6 @@ import { InputError } from "./errors.js";
 import { parseNpy } from "./npy.js";
 import { resample } from "./resample.js";
 import { parseTable } from "./table.js";
-import { chooseChannel } from "./time.js";
 import { parseWav } from "./wav.js";
 
 const LARGEST = 1e9; // no unit of acceleration comes near; squares still fit float32
@@ -24,33 +23,37 @@ export const SIGNAL_FILES = ".wav,.csv,.txt,.npy";
  */
 export function readSignal(name, buffer, sense) {
   try {
-    if (WAV.test(name)) return readWav(buffer, sense.channel);
-    if (NPY.test(name)) return readArray(buffer, sense.channel);
-    if (TEXT.test(name)) return readText(buffer, sense.channel);
+    const { channels, rate } = readChannels(name, buffer);
+    return { axes: checked(choose(channels, sense.channels)), rate };
   } catch (error) {
     if (error instanceof InputError) throw new InputError(`${name} cannot be read: ${error.message}.`);
     throw error;
   }
-  throw new InputError(`${name} is of an unknown type; give WAV, CSV, text or NPY.`);
 }
 
-function readWav(buffer, channel) {
-  const { channels, rate } = parseWav(buffer);
-  return { axes: checked(chooseChannel(channels, channel)), rate };
+function readChannels(name, buffer) {
+  if (WAV.test(name)) return parseWav(buffer);
+  if (NPY.test(name)) return { channels: parseNpy(buffer), rate: null };
+  if (TEXT.test(name)) return readText(buffer);
+  throw new InputError("its type is unknown; give WAV, CSV, text or NPY");
 }
 
-function readArray(buffer, channel) {
-  return { axes: checked(chooseChannel(parseNpy(buffer), channel)), rate: null };
-}
-
-function readText(buffer, channel) {
-  const { channels, rate } = parseTable(buffer, channel);
+function readText(buffer) {
+  const { channels, rate } = parseTable(buffer);
   const length = channels[0].length;
-  if ([1, 3].includes(length) && rate === null) { // one line, or three, with a sample a column
-    const rows = Array.from({ length }, (_, i) => Float64Array.from(channels, (each) => each[i]));
-    return { axes: checked(rows), rate };
-  }
-  return { axes: checked(channels), rate };
+  if (length > channels.length || rate !== null) return { channels, rate };
+  const rows = Array.from({ length }, (_, i) => Float64Array.from(channels, (column) => column[i]));
+  return { channels: rows, rate }; // few lines, with a sample a column
+}
+
+/** Keep the numbered channels, counted from 0; null keeps all. */
+function choose(channels, numbers) {
+  if (numbers === null) return channels;
+  const last = Math.max(...numbers);
+  if (last < channels.length) return numbers.map((number) => channels[number]);
+  throw new InputError(
+    `it has ${channels.length} channels, and the network reads channel ${last}, counted from 0`,
+  );
 }
 
 function checked(axes) {

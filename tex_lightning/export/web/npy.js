@@ -13,8 +13,7 @@ const TYPES = {
  * Read an array of one or two dimensions.
  *
  * @param {ArrayBuffer} buffer - The file.
- * @returns {Float64Array[]} Its channels: of a table the shorter side, or its rows if they are one
- *   or three.
+ * @returns {Float64Array[]} Its channels: of a table the shorter side.
  */
 export function parseNpy(buffer) {
   const { type, columnMajor, shape, start } = readHeader(buffer);
@@ -30,7 +29,7 @@ export function parseNpy(buffer) {
   const value = (r, c) => view[method](at(r, c) * width, little);
   const make = (count, length, cell) =>
     Array.from({ length: count }, (_, k) => Float64Array.from({ length }, (_, i) => cell(k, i)));
-  return rows === 1 || rows === 3 || rows < columns
+  return rows <= columns
     ? make(rows, columns, value)
     : make(columns, rows, (k, i) => value(i, k));
 }

@@ -2,6 +2,7 @@
 
 const TOLERANCES = { level: 3, rate: 1.5, brightness: 3, contrast: 3 }; // factors beyond training
 const FLAT_SHARE = 0.01; // of the samples, from which on a signal counts as clipped
+const MIN_FLAT = 10; // samples; a few at the extremes of a slow signal are none
 const FINE_VALUES = 32; // fewer values are coarse digits and not a limit
 const UNIFORM = 0.5; // standard deviation in grey levels, below which a photo shows nothing
 const PHOTO_SIDE = 256; // pixels of a photo that are looked at, along each side
@@ -32,9 +33,9 @@ export function signalQuality(axes, decoded, { rate, sense, ranges }) {
   const warnings = measured.flatMap((each, axis) =>
     each.low === each.high ? [`Axis ${axis + 1} of the ${what} is constant; check the sensor.`] : [],
   );
-  const flat = measured.map((each) => (each.low === each.high ? 0 : each.flat));
-  const clipped = Math.max(...flat) / axes[0].length;
-  if (clipped >= FLAT_SHARE) {
+  const flat = Math.max(...measured.map((each) => (each.low === each.high ? 0 : each.flat)));
+  const clipped = flat / axes[0].length;
+  if (flat >= MIN_FLAT && clipped >= FLAT_SHARE) {
     warnings.push(
       `The ${what} is clipped, ${Math.round(clipped * 100)}% of it at its largest or smallest ` +
         "value; lower the sensor's gain.",

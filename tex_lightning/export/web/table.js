@@ -7,11 +7,10 @@ import { separateTime } from "./time.js";
  * Read the columns of a text file.
  *
  * @param {ArrayBuffer} buffer - The file.
- * @param {number | null} channel - The column beside the time that is kept, from 0; null keeps all.
  * @returns {{channels: Float64Array[], rate: number | null}} rate in Hz where a column of time
  *   gives it.
  */
-export function parseTable(buffer, channel = null) {
+export function parseTable(buffer) {
   const { above, data } = divide(decodeText(buffer));
   if (data.length === 0) throw new InputError("it holds no numbers");
   const [delimiter, decimalComma] = dialect(data);
@@ -19,7 +18,7 @@ export function parseTable(buffer, channel = null) {
   const names = above
     .map((line) => cells(line, delimiter))
     .filter((each) => each.length === columns.length);
-  return separateTime(columns, names, channel);
+  return separateTime(columns, names);
 }
 
 function decodeText(buffer) {

@@ -19,30 +19,13 @@ const MAX_FILLED = 2; // times as many samples, beyond which most would be made 
  *
  * @param {Float64Array[]} columns
  * @param {string[][]} names - Rows of names and units of the columns.
- * @param {number | null} channel - The one column beside the time that is kept; null keeps all.
  * @returns {{channels: Float64Array[], rate: number | null}}
  */
-export function separateTime(columns, names, channel) {
+export function separateTime(columns, names) {
   const found = findTime(names, columns);
-  if (found === null) return { channels: chooseChannel(columns, channel), rate: null };
+  if (found === null) return { channels: columns, rate: null };
   const others = columns.filter((_, index) => index !== found.index);
-  return evenSamples(columns[found.index], chooseChannel(others, channel), found.unit);
-}
-
-/**
- * Keep one channel, or all of them if ``channel`` is null.
- *
- * @template T
- * @param {T[]} channels
- * @param {number | null} channel - Counted from 0.
- * @returns {T[]}
- */
-export function chooseChannel(channels, channel) {
-  if (channel === null) return channels;
-  if (channel < channels.length) return [channels[channel]];
-  throw new InputError(
-    `it has ${channels.length} channels, and the network reads channel ${channel}, counted from 0`,
-  );
+  return evenSamples(columns[found.index], others, found.unit);
 }
 
 /** Index and unit in seconds of the column of time; units may stand below the names. */
