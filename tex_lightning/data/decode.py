@@ -354,8 +354,8 @@ def as_trace(
         trace = array if array.ndim == 2 else array[None]
     if trace is None or len(trace) > MAX_AXES:
         raise UserError(
-            f"{key} has the shape {array.shape}; give (samples,) or (axes, samples) with 1 to "
-            f"{MAX_AXES} axes and at least one sample."
+            f"{key} has the shape {array.shape}; give (axes, samples) with 1 to {MAX_AXES} axes, "
+            "or (samples,), and at least one sample."
         )
     trace = choose_channels(trace.astype(np.float64), channels, key)
     check_samples(trace, key)
