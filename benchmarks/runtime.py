@@ -2,7 +2,7 @@
 
 ``python -m benchmarks runtime``
 
-``runtime/`` is installed into an empty virtual environment, as ``docs/runtime.md`` says. Programs
+``runtime/`` is installed into an empty virtual environment, as ``docs/deploy.md`` says. Programs
 that classify one sample and end run there and here, interleaved; the first one of each is not
 counted, as it compiles Python's files. Latencies from file to label are taken in this process, also
 interleaved, with as many threads on both sides. The networks have random weights.

@@ -1,9 +1,16 @@
 """Sphinx's settings: `sphinx-build -W docs OUT` makes the documentation, without a network."""
 
 import os
+import sys
 from datetime import date
+from pathlib import Path
+from typing import Any
 
 import tex_lightning as tl
+
+sys.path.insert(0, str(Path(__file__).parent))
+import house
+import key_reference
 
 project = "tex_lightning"
 author = "the developers of tex_lightning"
@@ -31,3 +38,18 @@ intersphinx_mapping = (
     if os.environ.get("DOCS_ONLINE")
     else {}
 )
+
+MADE = {"keys": key_reference.reference, "house": house.house}  # at build time, by marker
+
+
+def fill_markers(_app: object, _page: str, source: list[str]) -> None:
+    """Replace the markers of a page by what is made from the code."""
+    for name, make in MADE.items():
+        marker = f"<!-- made at build: {name} -->"
+        if marker in source[0]:
+            source[0] = source[0].replace(marker, make())
+
+
+def setup(app: Any) -> None:  # noqa: ANN401
+    """Register the markers with Sphinx."""
+    app.connect("source-read", fill_markers)

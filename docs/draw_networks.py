@@ -1,7 +1,7 @@
 """Tables and drawings of the networks' layers, made of the code: ``python docs/draw_networks.py``.
 
 Nothing is computed: tensors on PyTorch's device ``meta`` have sizes and no values. The tables go
-between two comments of a page, the drawings into ``docs/NAME.svg``.
+between two comments of ``docs/networks.md``, the drawings into ``docs/NAME.svg``.
 """
 
 import math
@@ -12,9 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from hydra.utils import get_class
 from torch import nn
 
 import tex_lightning as tl
+from tex_lightning.config import CONF
+from tex_lightning.config.composition import compose_config
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.networks.geometry import layer_windows, receptive_field
 from tex_lightning.networks.trunks import TRUNKS
@@ -22,6 +25,7 @@ from tex_lightning.report.table import markdown
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 DOCS = Path(__file__).parent
+PAGE = DOCS / "networks.md"
 CLASSES = 69  # the paper's
 LAYERS = (nn.Conv2d, nn.MaxPool2d, nn.LocalResponseNorm, nn.Dropout)
 NAMES = {nn.MaxPool2d: "max pooling", nn.LocalResponseNorm: "response norm.", nn.Dropout: "dropout"}
@@ -31,6 +35,10 @@ HEADINGS = (
 SIZE_HEADINGS = (
     "network", "input of one prediction", "stride", "receptive field", "features", "parameters",
     "multiply-accumulates",
+)  # fmt: skip
+TRUNK_HEADINGS = (
+    "`trunk=`", "fragment", "smallest input", "stride", "receptive field",
+    "fragments of 1632 x 1224", "parameters",
 )  # fmt: skip
 FUSION_HEADINGS = (
     "level", "features of both", "parameters of the joint layer", "additions for K = 1000",
@@ -82,17 +90,32 @@ def networks() -> dict[str, tuple[nn.Module, Size]]:
 
 
 def sizes() -> dict[str, list[list[str]]]:
-    """Rows of the smaller networks: their page, and what is told of each."""
-    textures = {
-        "efficientnet": ("efficientnet_lite0", "efficientnet_lite2"),
-    }
-    found = {
-        page: [_row(name, _texture_network(name), 3) for name in names]
-        for page, names in textures.items()
-    }
+    """Rows of the smaller networks, by the name of their table."""
+    names = ("efficientnet_lite0", "efficientnet_lite2")
     with torch.device("meta"):
         nets = {f"width {width:g}": tl.HapticNet(CLASSES, width=width) for width in (1, 0.5, 0.25)}
-    return found | {"sound": [_row(name, network, 1) for name, network in nets.items()]}
+    return {
+        "efficientnet": [_row(name, _texture_network(name), 3) for name in names],
+        "sound": [_row(name, network, 1) for name, network in nets.items()],
+    }
+
+
+def trunk_rows() -> list[list[str]]:
+    """Geometry of VisualNet on each option of ``trunk=``, at full width."""
+    rows = []
+    for path in sorted((CONF / "trunk").glob("*.yaml")):
+        visual = compose_config(CONF, ["model=visual", f"trunk={path.stem}"]).model.visual
+        with torch.device("meta"):
+            trunk = get_class(visual.trunk._target_)(width=1.0, norm=visual.norm)
+            network = tl.VisualNet(CLASSES, trunk, head=visual.head)
+        fragments = "{} x {}".format(*network.output_size(1224, 1632))
+        parameters = sum(weights.numel() for weights in network.parameters())
+        lengths = (network.window_size[0], network.min_size[0], network.stride)
+        reach = receptive_field(layer_windows(network, 1))
+        rows.append(
+            [f"`{path.stem}`", *map(str, lengths), f"{reach:,}", fragments, f"{parameters:,}"]
+        )
+    return rows
 
 
 def _texture_network(trunk: str) -> tl.VisualNet:
@@ -282,8 +305,8 @@ def _svg(width: int, height: int, parts: list[str]) -> str:
 
 
 def filled(page: str, name: str, made: str) -> str:
-    """A page with what was made between its comments ``NAME`` and ``end``."""
-    pattern = rf"(<!-- {name}[^>]* -->\n).*?(<!-- end -->)"
+    """A page with what was made between its comments ``made by …: NAME`` and ``end``."""
+    pattern = rf"(<!-- made by [^>]*: {name} -->\n).*?(<!-- end -->)"
     text, count = re.subn(
         pattern, lambda found: f"{found[1]}\n{made}\n\n{found[2]}", page, flags=re.DOTALL
     )
@@ -296,15 +319,16 @@ def made_files() -> dict[Path, str]:
     """Every file that is made here, with the content that it should have."""
     tables = {"fusionnet": "\n".join(markdown(FUSION_HEADINGS, fusion_rows()))}
     tables |= {name: "\n".join(markdown(SIZE_HEADINGS, rows)) for name, rows in sizes().items()}
+    tables["trunks"] = "\n".join(markdown(TRUNK_HEADINGS, trunk_rows()))
     made = {DOCS / "fusionnet.svg": fusion_drawing()}
     for name, (network, size) in networks().items():
         rows = layers(network, size)
         tables[name] = layer_table(rows)
         made[DOCS / f"{name}.svg"] = drawing(rows, size)
+    page = PAGE.read_text(encoding="utf-8")
     for name, lines in tables.items():
-        page = DOCS / f"{name}.md"
-        made[page] = filled(page.read_text(encoding="utf-8"), "made by", lines)
-    return made
+        page = filled(page, name, lines)
+    return made | {PAGE: page}
 
 
 def main() -> None:

@@ -11,7 +11,9 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from tex_lightning.config import CONF
 
 ROOT = CONF.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+USER_PAGES = sorted((ROOT / "docs").glob("*.md"))
+REPORTS = sorted((ROOT / "docs" / "reports").glob("*.md"))
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *USER_PAGES, *REPORTS]
 START = "python -m tex_lightning"
 MULTIRUN = ("-m", "--multirun")
 
@@ -57,6 +59,24 @@ def commands(page: Path) -> Iterator[tuple[Block, str]]:
             for name, value in variables.items():
                 line = line.replace(name, value)
             yield from ((block, part) for part in line.split(" && "))
+
+
+def links(page: Path) -> Iterator[str]:
+    """Targets of the links of a page, entries of its tables of contents included."""
+    text = page.read_text(encoding="utf-8")
+    yield from re.findall(r"\]\(([^)\s]+)\)", text)
+    for block in re.findall(r"^```\{toctree\}\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        for line in block.splitlines():
+            if line and not line.startswith(":"):
+                found = sorted(page.parent.glob(f"{line}.md"))
+                yield from (str(path.relative_to(page.parent)) for path in found)
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of the headings of a page, as GitHub and MyST make them."""
+    fences = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    titles = re.findall(r"^#+ (.+)$", fences, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
 def package_arguments(command: str) -> list[str] | None:

@@ -5,17 +5,27 @@ import runpy
 from typing import Any
 
 import pytest
-import torch
-from documentation import MULTIRUN, PAGES, ROOT, START, commands, package_arguments, sweep_jobs
-from hydra.utils import get_class
+from documentation import (
+    MULTIRUN,
+    PAGES,
+    REPORTS,
+    ROOT,
+    START,
+    USER_PAGES,
+    anchors,
+    commands,
+    links,
+    package_arguments,
+    sweep_jobs,
+)
 from scipy.stats import binomtest
 
 import tex_lightning as tl
-from tex_lightning.config import CONF
+from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_known
 from tex_lightning.config.composition import compose_config, quote_files
+from tex_lightning.config.keys import walk
 from tex_lightning.config.weights import read_config
-from tex_lightning.networks.geometry import layer_windows, receptive_field
 from tex_lightning.report.table import paper_table
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
@@ -43,51 +53,49 @@ def test_a_command_of_the_documentation_composes(page, command):
     read_config(composed)
 
 
-def test_the_geometry_of_the_networks_is_that_of_the_code():
-    page = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", page, re.MULTILINE)
-    assert {name for name, _ in rows} == {path.stem for path in (CONF / "trunk").glob("*.yaml")}
-    for name, cells in rows:
-        visual = compose_config(CONF, ["model=visual", f"trunk={name}"]).model.visual
-        with torch.device("meta"):  # nothing is computed
-            trunk = get_class(visual.trunk._target_)(width=1.0, norm=visual.norm)
-            network = tl.VisualNet(69, trunk, head=visual.head)
-        places = "{} x {}".format(*network.output_size(1224, 1632))
-        sizes = network.window_size[0], network.min_size[0], network.stride
-        parameters = sum(each.numel() for each in network.parameters())
-        facts = (*sizes, receptive_field(layer_windows(network, 1)), places, f"{parameters:,}")
-        assert cells == " | ".join(map(str, facts)), name
-
-
 def test_the_fragments_of_hapticnet_are_those_of_the_code():
-    page = (ROOT / "docs" / "how_it_works.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "networks.md").read_text(encoding="utf-8")
     network, features = tl.HapticNet(3, width=0.1), SpectrogramFeatures()
     seconds = [features.samples(frames) / 10_000 for frames in (192, 177)]
     assert (network.window_size[1], network.min_size[1]) == (192, 177)
     words = " ".join(page.split())
     assert f"192 frames ({seconds[0]:.2f} s, at least 177 frames or {seconds[1]:.2f} s)" in words
-    assert f"sees {network.receptive_field} in a longer" in words
-    found = network.output_size(50, features.frames(200_000))[1]
-    assert f"20 s give {found} fragments" in words
+    assert f"it depends on {network.receptive_field} frames" in words
+    count = network.output_size(50, features.frames(200_000))[1]
+    assert f"20 s give {count} fragments" in words
 
 
-def script(name: str) -> dict[str, Any]:
+def script(name: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What a script of the documentation defines."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
     return runpy.run_path(str(ROOT / "docs" / f"{name}.py"))
 
 
-def test_drawings_and_tables_of_layers_are_those_of_the_code():
-    made = script("draw_networks")["made_files"]()
-    assert {path.name for path in made} >= {"hapticnet.md", "hapticnet.svg", "fusionnet.svg"}
+def test_drawings_and_tables_of_layers_are_those_of_the_code(monkeypatch):
+    made = script("draw_networks", monkeypatch)["made_files"]()
+    assert {path.name for path in made} == {
+        "networks.md", "hapticnet.svg", "visualnet.svg", "fusionnet.svg"
+    }  # fmt: skip
     assert [path.name for path, text in made.items() if path.read_text("utf-8") != text] == []
-    pages = [path for path in made if path.suffix == ".md"]
-    pattern = r"<!-- made by .+? -->\n\n(\|.+\|\n){3,}\n<!-- end -->"
-    assert len(pages) >= 5
-    assert [page.name for page in pages if not re.search(pattern, page.read_text("utf-8"))] == []
 
 
-def test_layers_add_up_to_what_was_counted_by_hand():
-    made = script("draw_networks")
+def test_no_generated_table_is_empty(monkeypatch):
+    text = "".join(page.read_text("utf-8") for page in USER_PAGES)
+    filled = re.findall(r"<!-- made by .+? -->\n\n(?:\|.+\|\n){4,}\n<!-- end -->", text)
+    assert len(filled) == text.count("<!-- made by ") >= 6
+    made = script("conf", monkeypatch)["MADE"]
+    assert {f"<!-- made at build: {name} -->" for name in made} == {
+        *re.findall("<!-- made at build: .+? -->", text)
+    }
+    keys, house = made["keys"](), made["house"]()
+    assert [name for name, _ in walk(Config) if f"| `{name}` | " not in keys] == []
+    packages = {path.name for path in (ROOT / "tex_lightning").iterdir() if path.is_dir()}
+    packages -= {"__pycache__", "conf"}
+    assert packages <= {*re.findall(r"^\| `(\w+)` \| \w", house, re.MULTILINE)}
+
+
+def test_layers_add_up_to_what_was_counted_by_hand(monkeypatch):
+    made = script("draw_networks", monkeypatch)
     sums = {}
     for name, (network, size) in made["networks"]().items():
         rows = made["layers"](network, size)
@@ -102,8 +110,8 @@ def test_layers_add_up_to_what_was_counted_by_hand():
 
 
 COUNTED = re.compile(
-    r"([\d.]+) % \((\d+)/(\d+)\)(?:\*\*)? \| ([\d.]+) to ([\d.]+) %"
-)  # share, counts and interval of a row
+    r"([\d.]+) % \((\d+)/(\d+)\)(?:\*\*)?(?: \||,)\s([\d.]+) to ([\d.]+) %"
+)  # share, counts and interval
 
 
 def test_shares_and_intervals_are_those_of_their_counts():
@@ -117,13 +125,80 @@ def test_shares_and_intervals_are_those_of_their_counts():
         assert [f"{100 * each:.1f}" for each in figures] == [f"{float(w):.1f}" for w in written]
 
 
-def test_every_figure_of_the_readme_is_one_of_the_results():
-    readme, results = (
-        {row[1:3] for row in COUNTED.findall((ROOT / name).read_text("utf-8"))}
-        for name in ("README.md", "docs/results.md")
-    )
-    assert len(readme) >= 5
-    assert readme <= results
+def test_figures_of_the_pages_are_those_of_reports_with_a_commit():
+    texts = [page.read_text("utf-8") for page in REPORTS]
+    for page, text in zip(REPORTS, texts, strict=True):
+        assert re.match(r"\d{4}-\d\d-\d\d-", page.name)
+        assert {"Date", "Commit", "Machine", "Data"} <= {*re.findall(r"^- \*\*(\w+):", text, re.M)}
+        assert re.search(r"\b[0-9a-f]{7,8}\b", text), page.name
+        assert "```bash" in text
+    reported = {row[1:3] for text in texts for row in COUNTED.findall(text)}
+    for page in (ROOT / "README.md", *USER_PAGES):
+        quoted = {row[1:3] for row in COUNTED.findall(page.read_text("utf-8"))}
+        assert quoted <= reported, page.name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in links(page):
+        if target.startswith("http"):
+            continue
+        file, _, anchor = target.partition("#")
+        found = page.parent / file if file else page
+        assert found.exists(), target
+        assert not anchor or anchor in anchors(found), target
+
+
+# What a newcomer asks, and the page or section with the answer.
+QUESTIONS = {
+    "How do I install it, and what does the first run print?": "start.md",
+    "In which folders do my recordings belong?": "data.md#folder-layout",
+    "My sensor has another rate and three axes: what do I do?": "data.md#sampling-rate",
+    "How do I classify one file?": "predict.md#classify-files",
+    "How do I use it in a program?": "predict.md#from-python",
+    "Which model should I take for my data?": "choose.md",
+    "I have three recordings of each class: does it work?": "choose.md#few-recordings-of-a-class",
+    "How do I keep one person out of training and test it?": "evaluate.md#groups",
+    "How far can I trust a probability?": "calibration.md#probabilities",
+    "What happens with a material that it does not know?": "calibration.md#unknown-materials",
+    "How do I add a class later?": "add_class.md",
+    "How do I run it on a small computer or in a browser?": "deploy.md#without-pytorch",
+    "How do I use several GPUs or a cluster?": "scale.md#clusters-and-several-gpus",
+    "How do I add my own network?": "extend.md#classes",
+    "How do I repeat a row of the paper?": "paper.md#one-row",
+    "Where does a figure come from?": "benchmarks.md#reports",
+    "What does this key mean, and what is its default?": "keys.md",
+    "What can it not do?": "limitations.md",
+    "May I load a checkpoint of a stranger?": "limitations.md#security",
+    "What does this word mean?": "glossary.md",
+}
+
+
+def test_every_question_is_answered_within_two_clicks():
+    for start in ("README.md", "docs/index.md"):
+        reached = {ROOT / start}
+        for _ in range(2):
+            targets = {
+                (page.parent / target.partition("#")[0]).resolve()
+                for page in reached
+                for target in links(page)
+                if not target.startswith("http")
+            }
+            reached |= {path for path in targets if path.suffix == ".md"}
+        for question, answer in QUESTIONS.items():
+            file, _, anchor = answer.partition("#")
+            page = ROOT / "docs" / file
+            assert page in reached, question
+            assert not anchor or anchor in anchors(page), question
+
+
+def test_there_are_at_most_eighteen_pages_in_four_groups():
+    index = (ROOT / "docs" / "index.md").read_text("utf-8")
+    groups = re.findall(r":caption: (\w+)", index)
+    assert groups == ["Start", "Guides", "Reproduce", "Reference"]
+    pages = {page.name for page in USER_PAGES} - {"index.md"}
+    assert len(pages) <= 18
+    assert pages <= {*links(ROOT / "docs" / "index.md")}
 
 
 def test_the_rows_of_the_paper_are_its_figures_and_presets():

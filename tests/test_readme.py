@@ -1,58 +1,42 @@
-"""The README's commands are the ones that continuous integration runs; links lead somewhere."""
+"""The README's commands are the ones that continuous integration runs; it is short."""
 
 import re
-from pathlib import Path
 
-import pytest
+from documentation import ROOT
 
-from tex_lightning.config import CONF
+import tex_lightning as tl
 
-ROOT = CONF.parent
+LINT = "ruff check . && ruff format --check . && mypy && lint-imports"
 
 
-def commands() -> list[str]:
-    blocks = re.findall(r"```bash\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+def commands(name: str) -> list[str]:
+    blocks = re.findall(r"```bash\n(.*?)```", (ROOT / name).read_text(), re.DOTALL)
     return [line for block in blocks for line in block.splitlines() if line]
 
 
-def test_the_second_command_installs_and_tests_as_ci_does():
-    assert commands()[1] == 'pip install -c constraints.txt ".[dev]" && python -m pytest'
+def test_the_commands_are_those_of_ci():
     ci = (ROOT / ".ci" / "run").read_text().splitlines()
-    assert commands()[1] in ci
-    lint = "ruff check . && ruff format --check . && mypy && lint-imports"
-    assert lint in ci
-    assert lint in commands()
-
-
-def test_the_first_command_installs_and_runs_the_main_job():
-    first = commands()[0]
+    first, second, *_ = commands("README.md")
     assert "pip install -c constraints.txt ." in first
     assert first.endswith("python -m tex_lightning model=fusion")
+    assert second == 'pip install -c constraints.txt ".[dev]" && python -m pytest'
+    assert {second, LINT} <= {*ci} & {*commands("CONTRIBUTING.md"), second}
+    makefile = (ROOT / "Makefile").read_text()
+    assert LINT in makefile
+    rules = re.findall(r"^(\w+):$", makefile, re.MULTILINE)
+    assert rules == ["install", "run", "test", "lint", "docs"]
 
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+def test_the_readme_is_short_and_has_the_table_of_the_start_page():
+    readme = (ROOT / "README.md").read_text()
+    start = (ROOT / "docs" / "index.md").read_text()
+    assert len(readme.splitlines()) <= 120
+    table = re.search(r"\| you want to .*?\n\n", start, re.DOTALL)[0]
+    assert table.count("](") == 8
+    assert table.replace("](", "](docs/") in readme
 
 
-def anchors(page: Path) -> set[str]:
-    """Of the headings, as GitHub and MyST make them."""
-    fences = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
-    titles = re.findall(r"^#+ (.+)$", fences, re.MULTILINE)
-    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
-        if target.startswith("http"):
-            continue
-        file, _, anchor = target.partition("#")
-        found = page.parent / file if file else page
-        assert found.exists(), target
-        assert not anchor or anchor in anchors(found), target
-
-
-def test_the_readme_is_short_and_names_every_chapter():
-    text = PAGES[0].read_text()
-    assert len(text.splitlines()) <= 200
-    chapters = [page for page in PAGES[1:] if page.name != "index.md"]
-    assert [page.name for page in chapters if f"(docs/{page.name})" not in text] == []
+def test_versions_agree():
+    version = tl.__version__
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text()

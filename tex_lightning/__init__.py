@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tex_lightning.networks.hapticnet import HapticNet
     from tex_lightning.networks.visualnet import VisualNet
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Explanation",

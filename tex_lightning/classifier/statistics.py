@@ -142,7 +142,7 @@ class FeatureStatistics(nn.Module):
         It is one minus the cosine to the closest class, after whitening by the covariance and
         centring on the mean of all classes: 0 in the direction of a class, 1 at a right angle to
         it. It detects recordings of unknown classes better than the distance does, whose scale
-        varies between recordings (docs/unknown.md).
+        varies between recordings (docs/calibration.md).
         """
         centre = self.means.mean(dim=0)
         point, means = self.whiten(features - centre), self.whiten(self.means - centre)

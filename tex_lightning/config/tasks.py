@@ -164,7 +164,7 @@ class PredictConfig:
 
     fast_decode: bool = key("let the JPEG decoder halve photos: half the time, nearly the same")
     figure: str | None = key(
-        "PNG file for a drawing of why the label was chosen (docs/why.md); of several "
+        "PNG file for a drawing of why the label was chosen (docs/predict.md); of several "
         "samples each has its own, FILE_NAME.png; null draws nothing",
         default=None,
     )

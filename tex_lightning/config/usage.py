@@ -46,7 +46,7 @@ More to read:
   --cfg job          the configuration that a command line composes
   --hydra-help       flags of Hydra; --version is that of tex_lightning
 Results land in hydra.run.dir: results.json, checkpoints, figures, metrics.csv
-and TensorBoard events. README.md leads to the chapters in docs/."""
+and TensorBoard events. README.md leads to the pages in docs/."""
 
 
 def asks(arguments: Sequence[str]) -> bool:

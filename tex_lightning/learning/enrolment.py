@@ -4,7 +4,7 @@ What a network computes up to FC2 stays as it is; its score layer gets and loses
 classes are represented by features drawn from their statistics. The new rows are fitted by logistic
 regression while the old ones stay as they are: nothing changes among the old classes. Nearest
 means, linear discriminants and weights imprinted from the mean feature do worse
-(docs/enrolment.md).
+(docs/add_class.md).
 """
 
 from collections.abc import Mapping, Sequence

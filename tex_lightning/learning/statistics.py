@@ -99,7 +99,7 @@ def card_with_novelties(
     They are those of the validation fold, and where no layer before the scores was trained also
     those of training recordings that were left out of the statistics in turn. Trained features fit
     their training recordings too well: of new ones a third would lie above their 95 %
-    (docs/unknown.md).
+    (docs/calibration.md).
 
     Args:
         classifier: Trained, in evaluation mode.

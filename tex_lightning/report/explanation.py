@@ -105,7 +105,7 @@ class Explanation:
 
     @styled
     def figure(self, heading: str = "") -> Figure:
-        """Draw the recordings with the class of every position; see ``docs/why.md``.
+        """Draw the recordings with the class of every position; see ``docs/predict.md``.
 
         Args:
             heading: A line above the title, such as the names of the files.
