@@ -59,7 +59,9 @@ class Closed(nn.Module):
 
 def with_network(sense: str, network: nn.Module, **changes: object) -> SurfaceClassifier:
     classifier = SurfaceClassifier(make_card(sense, width=0.1, **changes))
-    classifier.senses[sense].network = network
+    old = classifier.senses[sense]
+    new = type(old)(sense, old.modality, old.decoder, old.features, network)
+    classifier.senses[sense], classifier.layers[sense] = new, ("fc3", "fc3")
     return classifier.eval()
 
 

@@ -91,15 +91,15 @@ def test_a_sense_of_other_windows_is_streamed_as_any_signal():
 
 
 def test_frames_are_computed_once_and_few_are_kept(monkeypatch):
-    frames, kept, spectra = [], [], SpectrogramFeatures.spectra
+    frames, kept, magnitudes = [], [], SpectrogramFeatures.magnitudes
 
-    def counted(self, movement):
-        magnitudes = spectra(self, movement)
-        frames.append(magnitudes.shape[1])
-        return magnitudes
+    def counted(self, movement, start):
+        found = magnitudes(self, movement, start)
+        frames.append(found.shape[1])
+        return found
 
     stream = SenseStream(make_classifier(skip_impact=False), "haptic")
-    monkeypatch.setattr(SpectrogramFeatures, "spectra", counted)
+    monkeypatch.setattr(SpectrogramFeatures, "magnitudes", counted)
     for chunk in recording(10.0, None, 1, 0).split(1600, dim=1):
         stream.push(chunk)
         kept.append(sum(each.untyped_storage().nbytes() for each in (stream.rest, stream.tail)))

@@ -15,6 +15,7 @@ from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import MEAN, STD
+from tex_lightning.senses.photo import PhotoSense
 
 FIT = {"perturb": [], "perturbed_share": 0.5, "rotation": 180.0}
 
@@ -141,7 +142,8 @@ class Stripes(nn.Module):
 
 @torch.no_grad()
 def test_the_geometry_of_a_users_network_is_found_by_trying(sense):
-    own = changed(sense, network=Stripes(3), tile=100)
+    own = PhotoSense("visual", "image", sense.decoder, sense.features, Stripes(3))
+    own.tile = 100
     assert own.positions(photo(80, 60), "fc3").shape == (3, 3 * 2)
     own.check(photo(40, 40))
     with pytest.raises(

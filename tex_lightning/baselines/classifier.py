@@ -156,16 +156,9 @@ class MovementSense(SignalSense):
     """Signals for baselines."""
 
     @property
-    def knows_min_size(self) -> bool:
-        """Yes: the movement itself is measured."""
+    def tells_input_size(self) -> bool:
+        """Return True: the movement itself is measured."""
         return True
-
-
-class PixelSense(PhotoSense):
-    """Photos for baselines, with pixels as they are."""
-
-    def _features(self, x: Tensor, level: Level) -> Tensor:
-        return self.score(x, level)
 
 
 class BaselineClassifier(SurfaceClassifier):
@@ -192,7 +185,7 @@ class BaselineClassifier(SurfaceClassifier):
         decoder = kind.make_decoder(make_value(f"model.{sense}.decode", values["decode"]))
         network = FittedBaseline(self.baseline)
         if medium == PhotoSense.medium:
-            return {sense: PixelSense(sense, values["modality"], decoder, Pixels(), network)}
+            return {sense: PhotoSense(sense, values["modality"], decoder, Pixels(), network)}
         self.baseline.sampling_rate = decoder.sampling_rate
         moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
         return {sense: MovementSense(sense, values["modality"], decoder, moving, network)}

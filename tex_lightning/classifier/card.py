@@ -137,7 +137,7 @@ class Card:
         calibration = {NOVELTIES: kept} if kept else {}
         return replace(self, senses=chosen, fusion=fusion, calibration=calibration)
 
-    @property
+    @cached_property
     def rule(self) -> str:
         """How fragments decide, a key of ``RULES``."""
         return str(self.decision["rule"])
@@ -169,7 +169,7 @@ class Card:
         known = self.known_novelties
         return novelty_threshold(known, self.unknown) if known and self.unknown else None
 
-    @property
+    @cached_property
     def temperature(self) -> float:
         """Divisor of the logits before the softmax."""
         found: float = self.calibration.get("temperature", 1.0)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,7 @@ PREFIX = "classifier."  # in the state of a LightningModule
 STATISTICS = "statistics."  # in its own
 
 
-@dataclass(frozen=True)
-class SenseOutput:
+class SenseOutput(NamedTuple):
     """Scores and novelty of one recording by one sense.
 
     Attributes:
@@ -83,6 +82,7 @@ class SurfaceClassifier(nn.Module):
             self.fusion = FusionLayer(*networks, classes=len(card.classes), **card.fusion)
             self.fusion.remove_scores(networks)
         self.statistics = nn.ModuleDict()
+        self.layers = {name: self._layers(name) for name in senses}
 
     def make_senses(self) -> dict[str, Sense]:
         """Make the senses of the card, with random weights."""
@@ -162,7 +162,16 @@ class SurfaceClassifier(nn.Module):
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; arguments are those of :meth:`logits`."""
-        return self.vote(self.sense_outputs(**recordings), self._tuple_seed(**recordings))
+        outputs: dict[str, SenseOutput] = {}
+        for name, sense in self.senses.items():
+            if sense.modality not in recordings:
+                self.require(recordings)
+            outputs[name] = self.sense_output(name, recordings[sense.modality])
+        if self.fusion is not None:
+            return self.vote(outputs, self.seed(**recordings))
+        logits, novelty = outputs[name]
+        vote = RULES[self.card.rule](logits, self.card.temperature)
+        return vote if novelty is None else replace(vote, novelty=float(novelty))
 
     @torch.inference_mode()
     def novelty(self, **recordings: Tensor) -> Tensor:
@@ -203,7 +212,7 @@ class SurfaceClassifier(nn.Module):
             self.partial_logits(name, recordings[sense.modality])
             for name, sense in self.senses.items()
         ]
-        return self.fuse(partials, self._tuple_seed(**recordings))
+        return self.fuse(partials, 0 if self.fusion is None else self.seed(**recordings))
 
     def sense_outputs(self, **recordings: Tensor) -> dict[str, SenseOutput]:
         """Compute scores and novelty by every sense; arguments are those of :meth:`logits`."""
@@ -213,13 +222,21 @@ class SurfaceClassifier(nn.Module):
 
     def sense_output(self, name: str, recording: Tensor) -> SenseOutput:
         """Compute scores and novelty of a decoded recording by one sense, in one pass."""
-        return self.output_of(name, self.embedding(name, recording))
+        sense = self.senses[name]
+        grid = sense.dense_grid(sense.dense_input(recording), self.layers[name][0])
+        return self.output_of(name, grid.flatten(1))
 
     def output_of(self, name: str, features: Tensor) -> SenseOutput:
         """Compute the same from features (D, positions), see :meth:`embedding`."""
-        statistics = self.statistics_of(name)
-        novelty = None if statistics is None else statistics.novelty(features.mean(dim=1))
-        return SenseOutput(self._partial_logits_of(name, features), novelty)
+        embedded, fused = self.layers[name]
+        novelty: Tensor | None = None
+        if name in self.statistics:
+            statistics: Any = self.statistics[name]
+            novelty = statistics.novelty(features.mean(dim=1))
+        if embedded != fused:
+            features = class_scores(self.senses[name].network, features)
+        partial_logits = features if self.fusion is None else self.project(name, features)
+        return SenseOutput(partial_logits, novelty)
 
     def statistics_of(self, name: str) -> FeatureStatistics | None:
         """Return the class statistics of one sense; None of a checkpoint without them."""
@@ -231,10 +248,6 @@ class SurfaceClassifier(nn.Module):
         vote, novelty = self.decide(logits, self.card.temperature), join_novelties(sensed.values())
         return vote if novelty is None else replace(vote, novelty=float(novelty))
 
-    def _tuple_seed(self, **recordings: Tensor) -> int:
-        # it is read out of every byte of the recordings, and a single sense draws nothing
-        return self.seed(**recordings) if self.fusion is not None else 0
-
     def seed(self, **recordings: Tensor) -> int:
         """Return the seed of the random choices for one sample of decoded recordings."""
         arrays = (content(recordings[modality]) for modality in self.card.modalities)
@@ -242,9 +255,7 @@ class SurfaceClassifier(nn.Module):
 
     def partial_logits(self, name: str, recording: Tensor) -> Tensor:
         """Compute what one sense adds to the class scores: (classes, positions)."""
-        return self._partial_logits_of(name, self.embedding(name, recording))
-
-    def _partial_logits_of(self, name: str, features: Tensor) -> Tensor:
+        features = self.embedding(name, recording)
         if self.embedding_layer(name) != self.level(name):
             features = class_scores(self.senses[name].network, features)
         return self.project(name, features)
@@ -267,14 +278,18 @@ class SurfaceClassifier(nn.Module):
 
     def embedding_layer(self, name: str) -> Level:
         """Return the layer of :meth:`embedding`."""
-        level = self.level(name)
-        if level == "fc3" and score_layer_of(self.senses[name].network) is not None:
-            return "fc2"  # fusion on FC2, which removes that layer, is there already
-        return level
+        return self.layers[name][0]
 
     def level(self, name: str) -> Level:
         """Return the layer of one sense that is fused; of a single one that of the scores."""
-        return "fc3" if self.fusion is None else self.fusion.levels[self._index(name)]
+        return self.layers[name][1]
+
+    def _layers(self, name: str) -> tuple[Level, Level]:
+        """Layers of the embedding and of the fusion; fusion on FC2 removes the score layer."""
+        level = "fc3" if self.fusion is None else self.fusion.levels[self._index(name)]
+        if level == "fc3" and score_layer_of(self.senses[name].network) is not None:
+            return "fc2", level
+        return level, level
 
     def _index(self, name: str) -> int:
         return self.card.sense_names.index(name)

@@ -7,6 +7,7 @@ has, and every device then decides alike on the same scores.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -66,28 +67,14 @@ def max_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     Raises:
         UserError: If a score is NaN or infinite, which would win or lose every vote.
     """
-    logits = logits.cpu()
+    logits = logits.detach().cpu()
     classes, count = logits.shape
     if count == 0:
         raise ValueError("a vote needs at least one fragment")
-    check_finite(logits)
-    fragments = logits.argmax(dim=0)
+    sums, fragments = probabilities(logits, temperature), logits.argmax(dim=0)
     votes = torch.bincount(fragments, minlength=classes)
-    sums = probabilities(logits, temperature)
-    return Vote(winner(votes, lambda: sums), votes / count, fragments, sums / count)
-
-
-def check_finite(scores: Tensor) -> None:
-    """Refuse class scores that would win or lose every vote.
-
-    Raises:
-        UserError: If one is NaN or infinite.
-    """
-    if not bool(scores.isfinite().all()):
-        raise UserError(
-            "The class scores of this sample are NaN or infinite, so there is no decision; leave "
-            "it out, or correct the network or baseline that gives them."
-        )
+    label = int(np.lexsort((-np.arange(classes), sums, votes))[-1])
+    return Vote(label, votes / count, fragments, sums / count)
 
 
 def mean_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
@@ -109,24 +96,17 @@ def score_vote(logits: Tensor, temperature: float = 1.0) -> Vote:
     return replace(vote, probabilities=(mean / temperature).softmax(dim=0)).by_mean()
 
 
-def winner(votes: Tensor, probability: Callable[[], Tensor]) -> int:
-    """The class with most votes, under the rule for ties of :func:`max_vote`.
-
-    Args:
-        votes: (classes,) number of fragments.
-        probability: Gives (classes,) the sums of probabilities; asked for ties only.
-    """
-    counts: list[int] = votes.tolist()
-    most = max(counts)
-    tied = [label for label, count in enumerate(counts) if count == most]
-    if len(tied) == 1:
-        return tied[0]
-    sums = probability().tolist()
-    return max(tied, key=lambda label: (sums[label], -label))
-
-
 def probabilities(logits: Tensor, temperature: float = 1.0) -> Tensor:
-    """Sums (classes,), in float64 on the CPU, of the class probabilities of all fragments."""
+    """Return the sums (classes,), in float64 on the CPU, of all fragments' class probabilities.
+
+    Raises:
+        UserError: If a score is NaN or infinite, which would win or lose every vote.
+    """
+    if not bool(logits.isfinite().all()):
+        raise UserError(
+            "The class scores of this sample are NaN or infinite, so there is no decision; leave "
+            "it out, or correct the network or baseline that gives them."
+        )
     return (logits.cpu().double() / temperature).softmax(dim=0).sum(dim=1)
 
 

@@ -8,15 +8,13 @@ import pkgutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tex_lightning.errors import UserError, reason
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
 LIBRARIES = ("tex_lightning.", "torch.", "torchvision.", "lightning.", "kornia.")
 FAULT = "tex_lightning_fault"  # attribute of an error
+Part = tuple[str, str, object]  # key in the configuration, kind of CONTRACTS and object
 
 CONTRACTS = {
     "features": "features map a signal (axes, samples) to network input (1, ..., frames), or photos"
@@ -47,10 +45,8 @@ def calling(key: str, kind: str, part: object) -> Iterator[None]:
     """
     try:
         yield
-    except UserError:
-        raise
     except Exception as error:
-        _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}.")
+        note(error, key, kind, part)
         raise
 
 
@@ -122,6 +118,12 @@ def _not_there(key: str, error: Exception) -> UserError:
     return UserError(f"{key} fails: {reason(error)}; correct its _target_ or arguments.")
 
 
+def note(error: Exception, key: str, kind: str, part: object) -> None:
+    """Note on what a class raised its key and contract; arguments as of :func:`calling`."""
+    if not isinstance(error, UserError):
+        _note(error, f"{key} ({_name(part)}) raised {type(error).__name__}: {CONTRACTS[kind]}.")
+
+
 def _note(error: Exception, said: str) -> None:
     if not hasattr(error, FAULT):
         error.add_note(said)
@@ -144,29 +146,6 @@ def breach(key: str, kind: str, part: object, why: str) -> UserError:
         why: What it did, such as "returned a list".
     """
     return UserError(f"{key} ({_name(part)}) {why}; {CONTRACTS[kind]}.")
-
-
-def check_batch(
-    found: object, key: str, kind: str, part: object, batch: int, least: int
-) -> "Tensor":
-    """Return what a class gave for a batch, if it is a tensor for as many.
-
-    Args:
-        found: What it gave.
-        key: Its key in the configuration.
-        kind: One of :data:`CONTRACTS`.
-        part: What gave it.
-        batch: How many inputs it was given.
-        least: Smallest number of dimensions.
-
-    Raises:
-        UserError: If it is not.
-    """
-    from torch import Tensor  # which the command line does without
-
-    if not isinstance(found, Tensor) or found.dim() < least or len(found) != batch:
-        raise breach(key, kind, part, f"returned {describe(found)} for a batch of {batch}")
-    return found
 
 
 def describe(found: Any) -> str:  # noqa: ANN401

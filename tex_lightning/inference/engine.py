@@ -202,5 +202,7 @@ class Costs:
         classifier, branch = self.classifier, self.classifier.senses[sense]
         x = branch.blank(height, width).to("meta")
         return count_macs(
-            lambda: classifier.project(sense, branch.dense(x, classifier.level(sense)))
+            lambda: classifier.project(
+                sense, branch.dense_grid(x, classifier.level(sense)).flatten(1)
+            )
         )

@@ -190,7 +190,7 @@ def classify_with_maps(
     partials, found = [], {}
     for name, sense in classifier.senses.items():
         recording = recordings[sense.modality]
-        grid = sense.position_grid(recording, classifier.level(name))
+        grid = sense.dense_grid(sense.dense_input(recording), classifier.level(name))
         partial_logits = classifier.project(name, grid.flatten(1))
         partials.append(partial_logits)
         scores = partial_logits.reshape(-1, *grid.shape[1:]).cpu().numpy()

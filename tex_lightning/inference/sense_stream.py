@@ -65,7 +65,7 @@ class SenseStream:
         self.rest = samples[:, count * self.features.hop_length :].clone()
         if count:
             self.frames += count
-            frames = self.features.normalise(self.features.spectra(samples))
+            frames = self.features.normalise(self.features.magnitudes(samples, 0))
             self.tail = _joined(self.tail, frames)
             self._score(self.tail)
 
@@ -86,7 +86,7 @@ class SenseStream:
             return
         before = min(self.settled, padded_positions(self.layers))  # that only lie in the padding
         level = self.classifier.embedding_layer(self.name)
-        embedding = self.sense.dense(tail[None, None], level)[:, before:]
+        embedding = self.sense.dense_grid(tail[None, None], level).flatten(1)[:, before:]
         logits = self.classifier.output_of(self.name, embedding).partial_logits
         all_logits = _joined(self.logits, logits)
         self.output = SenseOutput(all_logits, self._novelty(embedding, all_logits.shape[1]))

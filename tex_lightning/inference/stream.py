@@ -351,10 +351,11 @@ class LiveStream:
         """Return what a live sense gives for an input that is repeated to a fragment's size."""
         if sense.geometry is None:
             return self.classifier.sense_output(name, recording)
-        x, level = sense.dense_input(recording), self.classifier.embedding_layer(name)
+        x = sense.dense_input(recording)
         frames = max(x.shape[-1], sense.window_size[1])
         x = x[..., torch.arange(frames, device=x.device) % x.shape[-1]]
-        return self.classifier.output_of(name, sense.dense(x, level))
+        grid = sense.dense_grid(x, self.classifier.embedding_layer(name))
+        return self.classifier.output_of(name, grid.flatten(1))
 
 
 def _joined(old: Mapping[str, Tensor], new: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -15,14 +15,13 @@ from tex_lightning.classifier.classifier import SurfaceClassifier, own_state
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
-from tex_lightning.core.contract import calling, check_batch
+from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import log_figures
 from tex_lightning.learning.metrics import CONFUSION, accuracy, update_metrics, vote_metrics
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.report.confusion import confusion_figure
-from tex_lightning.senses.base import like_weights
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -101,7 +100,6 @@ class SurfaceModule(LightningModule):
         found = []
         for name, sense in self.classifier.senses.items():
             x = sense.training_input(batch[name], self.pieces[name], change)
-            x = like_weights(sense.network, x)
             found.append(x.contiguous() if self.layout is torch.contiguous_format else x)
         return found
 
@@ -109,8 +107,10 @@ class SurfaceModule(LightningModule):
         """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""
         part = f"model.{self.kind}.fit.augmentation", "augmentation", self.augmentation
         with calling(*part):
-            pixels = self.augmentation(patches)
-        return check_batch(pixels, *part, len(patches), 4)
+            pixels: object = self.augmentation(patches)
+        if not isinstance(pixels, Tensor) or pixels.dim() != 4 or len(pixels) != len(patches):
+            raise breach(*part, f"returned {describe(pixels)} for a batch of {len(patches)}")
+        return pixels
 
     @property
     def network(self) -> Any:  # noqa: ANN401

@@ -110,7 +110,7 @@ def _holds(network: Any, geometry: Geometry, example: Tensor, axis: int, more: i
 
     def run(x: Tensor, level: str = "fc3") -> Tensor:
         found: Tensor = network.features(x, level)
-        return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
+        return found[:, :, None] if found.dim() == 3 else found
 
     size, layers = list(geometry.min_size), geometry.layers
     size[axis] += 2 * receptive_field(layers[axis]) + 6 * geometry.stride + more
@@ -216,7 +216,7 @@ def in_tiles(function: Run, x: Tensor, windows: Layers, most: int | None) -> Ten
     """Apply a network to a large input piece by piece.
 
     Args:
-        function: Maps (1, C, H, W) to (1, D, M, N), however large H and W.
+        function: Maps (1, C, H, W) to (1, D, M, N) or (1, D, N), however large H and W.
         x: The whole input.
         windows: Its layers along H and along W.
         most: Largest H * W of a piece; None does not divide. A piece is larger where a single
@@ -232,6 +232,7 @@ def in_tiles(function: Run, x: Tensor, windows: Layers, most: int | None) -> Ten
     whole = x.new_empty(0)
     for (top, row, own_row), (left, column, own_column) in product(*spans):
         part = function(x[:, :, top, left])
+        part = part[:, :, None] if part.dim() == 3 else part
         if not whole.numel():
             whole = part.new_empty(*part.shape[:2], rows, columns)
         whole[:, :, row, column] = part[:, :, own_row, own_column]

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
 from itertools import chain
 from typing import Any, ClassVar
 
@@ -10,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from tex_lightning.config.instantiation import TARGET, make, make_value, trusted_class
-from tex_lightning.core.contract import calling, check_batch
+from tex_lightning.core.contract import breach, describe, note
 from tex_lightning.data.banks import Bank
 from tex_lightning.data.decode import Array, Decoder
 from tex_lightning.data.quality import Quality, Ranges
@@ -42,10 +43,12 @@ class Sense(nn.Module, ABC):
             field each way if that is more; None never divides. Inputs are divided where the
             geometry of the network is known.
         medium: What its recordings are: ``signal`` or ``photo``.
+        dimensions: Fewest dimensions of the network's input.
         windowed: Whether single windows of a recording can be classified.
     """
 
     medium: ClassVar[str]
+    dimensions: ClassVar[int]
     windowed: ClassVar[bool] = False
     features: nn.Module
     network: nn.Module
@@ -57,6 +60,8 @@ class Sense(nn.Module, ABC):
         self.name, self.modality, self.decoder = name, modality, decoder
         self.features, self.network = features, network
         self.tile: int | None = None
+        if is_builtin(network):  # its layers are counted once, and not for every recording
+            _ = self.knows_min_size
 
     @classmethod
     @abstractmethod
@@ -65,8 +70,8 @@ class Sense(nn.Module, ABC):
 
     @property
     @abstractmethod
-    def knows_min_size(self) -> bool:
-        """Whether it is known without computing if a recording is large enough."""
+    def tells_input_size(self) -> bool:
+        """Whether the size of an input is known before the features are computed."""
 
     @abstractmethod
     def check_input(self, height: int, width: int) -> None:
@@ -75,10 +80,6 @@ class Sense(nn.Module, ABC):
         Raises:
             UserError: Saying what it takes.
         """
-
-    @abstractmethod
-    def dense_input(self, recording: Tensor) -> Tensor:
-        """Return the input of :meth:`dense` for a decoded recording."""
 
     @abstractmethod
     def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
@@ -146,16 +147,52 @@ class Sense(nn.Module, ABC):
             UserError: If it cannot be used.
         """
 
+    @cached_property
+    def knows_min_size(self) -> bool:
+        """Whether it is known without computing if a recording is large enough."""
+        return self.tells_input_size and self.known_min_size is not None
+
     def forward(self, recording: Tensor) -> Tensor:
         """Return the network input of a decoded recording, on the device of the sense."""
-        return self.read(recording.to(self.device))
+        return self.read(recording)
 
     def read(self, x: Tensor) -> Tensor:
-        """Return what the features give for a recording, or a batch of photos."""
-        part, photos = (f"model.{self.name}.features", "features", self.features), x.dim() == 4
-        with calling(*part):
-            found = self.features(x)
-        return check_batch(found, *part, len(x) if photos else 1, 4 if photos else 2)
+        """Return the network input of a recording, or of a batch of photos.
+
+        Raises:
+            UserError: If that of a signal is not finite: NaN would win every vote.
+        """
+        x = x.to(next(chain(self.buffers(), self.parameters()), x).device)
+        part = f"model.{self.name}.features", "features", self.features
+        batch = len(x) if x.dim() == 4 else 1
+        try:
+            found: object = self.features(x)
+        except Exception as error:
+            note(error, *part)
+            raise
+        if not isinstance(found, Tensor) or found.dim() < self.dimensions or len(found) != batch:
+            raise breach(*part, f"returned {describe(found)} for a batch of {batch}")
+        if x.is_floating_point() and not bool(found.isfinite().all()):
+            own = "" if is_builtin(self.features) else type(self.features).__name__
+            raise UserError(
+                f"The {self.what} holds NaN, infinity or numbers too large to square"
+                f"{own and f', or {own} makes them'}; repair the recording"
+                f"{own and ' or that class'}."
+            )
+        return found
+
+    def dense_input(self, recording: Tensor) -> Tensor:
+        """Return the input of :meth:`dense_grid` for a decoded recording.
+
+        Raises:
+            UserError: If a user's features cannot take one as short.
+        """
+        try:
+            return self.read(recording)
+        except RuntimeError as error:
+            if self.tells_input_size:
+                raise
+            raise self._too_small(self.features, reason(error)) from error
 
     def check(self, recording: Tensor | Array) -> None:
         """Refuse a decoded recording that is too small for one fragment.
@@ -167,7 +204,7 @@ class Sense(nn.Module, ABC):
             self.check_input(*self.input_size(recording))
         else:
             with torch.inference_mode():
-                self.position_grid(as_tensor(recording), "fc3")
+                self.positions(as_tensor(recording), "fc3")
 
     def positions(self, recording: Tensor, level: Level) -> Tensor:
         """Return features (D, positions), float32, of a decoded recording; an image's row by row.
@@ -175,60 +212,54 @@ class Sense(nn.Module, ABC):
         Raises:
             UserError: If the recording is too small, or not finite.
         """
-        return self.position_grid(recording, level).flatten(1)
+        return self.dense_grid(self.dense_input(recording), level).flatten(1)
 
-    def position_grid(self, recording: Tensor, level: Level) -> Tensor:
-        """Return features on their grid (D, rows, columns); a signal's have one row.
+    def dense_grid(self, x: Tensor, level: Level) -> Tensor:
+        """Return features (D, rows, columns) of a network input; a signal's have one row.
+
+        A large input is divided into tiles. Features are float32, of float64 weights float64.
 
         Raises:
-            UserError: As :meth:`positions`.
+            UserError: If the input is too small.
         """
         if self.knows_min_size:
-            x = self.dense_input(recording)
             self.check_input(*x.shape[-2:])
-            return self._dense_grid(x, level)
-        try:
-            found = self._dense_grid(self.dense_input(recording), level)
-            why = "" if found[0].numel() else "it gives no position"
-        except RuntimeError as error:  # of a kernel that is larger than its input
-            why = reason(error)
-        if not why:
-            return found
-        extent = f"{self.decoder.extent(content(recording)):.3g} {self.decoder.unit}"
-        raise UserError(
-            f"{type(self.network).__name__} makes nothing of {extent} of a {self.what} "
-            f"({shorten(why)}); give a larger one, or correct the network."
-        )
-
-    def dense(self, x: Tensor, level: Level) -> Tensor:
-        """Return features (D, positions) of a network input, computed by tiles if it is large."""
-        return self._dense_grid(x, level).flatten(1)
-
-    def _dense_grid(self, x: Tensor, level: Level) -> Tensor:
-        """Return the same (D, rows, columns)."""
-
-        def features(part: Tensor) -> Tensor:
-            found = self._features(part, level)
-            return found[:, :, None] if found.dim() == 3 else found.flatten(2, -2)
-
         large = self.tile is not None and x.dim() == 4 and x.shape[2] * x.shape[3] > self.tile
-        geometry = self.geometry if large else None
-        if geometry is None:
-            return features(x)[0]
-        return in_tiles(features, x, geometry.layers, affordable(geometry.layers, self.tile))[0]
+        try:
+            if large and self.geometry is not None:
+                layers = self.geometry.layers
+                run = partial(self.score, level=level)
+                found = in_tiles(run, x, layers, affordable(layers, self.tile))
+            else:
+                found = self.score(x, level)
+        except RuntimeError as error:  # of a kernel that is larger than its input
+            if self.knows_min_size:
+                raise
+            raise self._too_small(self.network, reason(error)) from error
+        if not found.numel():
+            raise self._too_small(self.network, "it gives no position")
+        found = found if found.dtype == torch.float64 else found.float()
+        return found[0].unsqueeze(1) if found.dim() == 3 else found[0].flatten(1, -2)
 
-    def _features(self, x: Tensor, level: Level) -> Tensor:
-        """Return features (batch, D, *positions): float32, of float64 weights float64."""
-        found = self.score(like_weights(self.network, x), level)
-        return found if found.dtype == torch.float64 else found.float()
+    def _too_small(self, part: nn.Module, why: str) -> UserError:
+        return UserError(
+            f"{type(part).__name__} makes nothing of this {self.what} ({shorten(why)}); give a "
+            "larger one, or correct that class."
+        )
 
     def score(self, x: Tensor, level: Level) -> Tensor:
         """Return features (batch, D, *positions) as the network gives them."""
         network: Any = self.network
+        x = x.to(next(network.parameters(), x).dtype)
         part = f"model.{self.name}.network", "network", network
-        with calling(*part):
-            found = network.features(x, level)
-        return check_batch(found, *part, len(x), 3)
+        try:
+            found: object = network.features(x, level)
+        except Exception as error:
+            note(error, *part)
+            raise
+        if not isinstance(found, Tensor) or found.dim() < 3 or len(found) != len(x):
+            raise breach(*part, f"returned {describe(found)} for a batch of {len(x)}")
+        return found
 
     def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
         """Return features (D, windows), float32, of single windows of a decoded recording.
@@ -253,10 +284,14 @@ class Sense(nn.Module, ABC):
         """Whether the classes of its features and network are this package's."""
         return is_builtin(self.features) and is_builtin(self.network)
 
-    @property
+    @cached_property
     def geometry(self) -> Geometry | None:
         """Geometry of the network, or None where it is not known."""
-        return geometry_of(self.network, self.example, rows_vary=self.medium == "photo")
+
+        def example() -> Tensor:
+            return self.example().to(next(self.network.parameters(), torch.empty(0)).dtype)
+
+        return geometry_of(self.network, example, rows_vary=self.medium == "photo")
 
     @property
     def known_min_size(self) -> tuple[int, int] | None:
@@ -264,11 +299,10 @@ class Sense(nn.Module, ABC):
         geometry = self.geometry
         return getattr(self.network, "min_size", None) if geometry is None else geometry.min_size
 
-    @property
+    @cached_property
     def min_size(self) -> tuple[int, int]:
         """The same, of a sense that knows it."""
-        found = self.known_min_size
-        return self._known_geometry.min_size if found is None else found
+        return self.known_min_size or self._known_geometry.min_size
 
     @property
     def window_size(self) -> tuple[int, int]:
@@ -282,14 +316,13 @@ class Sense(nn.Module, ABC):
 
     @property
     def _known_geometry(self) -> Geometry:
-        found = self.geometry
-        if found is None:
+        if self.geometry is None:
             raise UserError(
                 "This needs a network whose predictions each see a window of its input, at equal "
                 f"distances along two axes, and {type(self.network).__name__} of {self.name} is "
                 "none; give another checkpoint."
             )
-        return found
+        return self.geometry
 
     @property
     def device(self) -> torch.device:
@@ -300,11 +333,6 @@ class Sense(nn.Module, ABC):
     def what(self) -> str:
         """Name of one of its recordings."""
         return name_one(self.modality)
-
-
-def like_weights(network: nn.Module, x: Tensor) -> Tensor:
-    """Return a network input in the precision of the network's weights."""
-    return x.to(next(network.parameters(), x).dtype)
 
 
 def as_tensor(recording: Tensor | Array) -> Tensor:
@@ -345,28 +373,25 @@ def make_sense(name: str, node: Mapping[str, Any], classes: int) -> Sense:
             "tex_lightning.senses.photo.PhotoSense, or derive from one of them."
         )
     rest = {key: value for key, value in node.items() if key not in BUILT}
-    nodes = {
-        key: each for key, each in rest.items() if isinstance(each, Mapping) and TARGET in each
-    }
+    nodes = {key: value for key, value in rest.items() if _is_node(value)}
     values = make_value(where, {key: value for key, value in rest.items() if key not in nodes})
     modality, decode = values.pop("modality"), values.pop("decode")
     offered = {**decode, "classes": classes, **values}
     for key, value in nodes.items():
         offered[key] = make(f"{where}.{key}", value, **offered)
-    features = _make_part(f"{where}.features", node["features"], offered)
-    if (bands := getattr(features, "bands", None)) is not None:
-        offered["bands"] = bands
-    network = _make_part(f"{where}.network", node["network"], offered)
-    if not callable(getattr(network, "features", None)):
+    parts: dict[str, Any] = {}
+    for kind in ("features", "network"):
+        parts[kind] = make(f"{where}.{kind}", node[kind], **offered)
+        if not isinstance(parts[kind], nn.Module):
+            raise UserError(f"{where}.{kind} gives {shorten(parts[kind])}, which is no nn.Module.")
+        offered |= {"bands": parts[kind].bands} if hasattr(parts[kind], "bands") else {}
+    if not callable(getattr(parts["network"], "features", None)):
         raise UserError(
             f"{where}.network names {node['network'][TARGET]}, which has no method "
             "features(x, level); add one that gives class scores at level fc3."
         )
-    return cls(name, modality, cls.make_decoder(decode), features, network)
+    return cls(name, modality, cls.make_decoder(decode), **parts)
 
 
-def _make_part(where: str, node: Mapping[str, Any], offered: Mapping[str, Any]) -> nn.Module:
-    part = make(where, node, **offered)
-    if not isinstance(part, nn.Module):
-        raise UserError(f"{where} gives {shorten(part)}, which is no nn.Module.")
-    return part
+def _is_node(value: object) -> bool:
+    return isinstance(value, Mapping) and TARGET in value

@@ -1,6 +1,7 @@
 """The sense whose recordings are photos."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -15,7 +16,7 @@ from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import Level, is_builtin
 from tex_lightning.perturbations.table import Augmentation
-from tex_lightning.senses.base import Change, Sense, like_weights
+from tex_lightning.senses.base import Change, Sense
 from tex_lightning.senses.features.image import ImageFeatures, crop_side, rotated_photos
 
 EXAMPLE_SIDE = 64  # pixels
@@ -28,6 +29,7 @@ class PhotoSense(Sense):
     """
 
     medium: ClassVar[str] = "photo"
+    dimensions: ClassVar[int] = 4
     windowed: ClassVar[bool] = True
     decoder: PhotoDecoder
 
@@ -36,10 +38,10 @@ class PhotoSense(Sense):
         """Make the decoder."""
         return PhotoDecoder(**decode)
 
-    @property
-    def knows_min_size(self) -> bool:
-        """Whether it is known how large a photo the network takes."""
-        return is_builtin(self.features) and self.known_min_size is not None
+    @cached_property
+    def tells_input_size(self) -> bool:
+        """Whether the features are this package's, which keep the size of a photo."""
+        return is_builtin(self.features)
 
     def check_input(self, height: int, width: int) -> None:
         """Refuse a photo that is too small for one fragment; see the base class."""
@@ -60,11 +62,11 @@ class PhotoSense(Sense):
 
     def dense_input(self, recording: Tensor) -> Tensor:
         """Return pixels (1, 3, height, width), which built-in features normalise by tiles."""
-        return _planes(recording) if is_builtin(self.features) else self(recording)
+        return _planes(recording) if self.tells_input_size else self(recording)
 
-    def _features(self, x: Tensor, level: Level) -> Tensor:
-        pixels = self.read(x.to(self.device)) if x.dtype == torch.uint8 else x
-        return super()._features(pixels, level)
+    def score(self, x: Tensor, level: Level) -> Tensor:
+        """Return features of pixels (batch, 3, height, width) uint8, or of a network input."""
+        return super().score(self.read(x) if x.dtype == torch.uint8 else x, level)
 
     def windows(self, recording: Tensor, corners: Tensor, level: Level) -> Tensor:
         """Return features of single windows of a photo; see the base class."""
@@ -72,7 +74,7 @@ class PhotoSense(Sense):
         crops = torch.stack(
             [recording[row : row + height, column : column + width] for row, column in corners]
         )
-        return self._features(crops.permute(0, 3, 1, 2), level).flatten(1).T
+        return self.score(crops.permute(0, 3, 1, 2), level).float().flatten(1).T
 
     def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
         """Return height and width in pixels."""
@@ -84,8 +86,7 @@ class PhotoSense(Sense):
 
     def example(self) -> Tensor:
         """Make what the features give for a black photo."""
-        photo = torch.zeros(1, 3, EXAMPLE_SIDE, EXAMPLE_SIDE, dtype=torch.uint8)
-        return like_weights(self.network, self.read(photo.to(self.device)))
+        return self.read(torch.zeros(1, 3, EXAMPLE_SIDE, EXAMPLE_SIDE, dtype=torch.uint8))
 
     def bank(
         self,

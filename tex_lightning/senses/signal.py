@@ -16,9 +16,8 @@ from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, trace_meas
 from tex_lightning.data.recordings import Recording, plural
 from tex_lightning.data.store import Store, load_recording
 from tex_lightning.errors import UserError
-from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.perturbations.table import Augmentation
-from tex_lightning.senses.base import Change, Sense, as_tensor, like_weights
+from tex_lightning.senses.base import Change, Sense, as_tensor
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 EXAMPLE_SECONDS = 4
@@ -32,6 +31,7 @@ class SignalSense(Sense):
     """
 
     medium: ClassVar[str] = "signal"
+    dimensions: ClassVar[int] = 2
     decoder: SignalDecoder
 
     @classmethod
@@ -47,41 +47,21 @@ class SignalSense(Sense):
         return self.features if isinstance(self.features, SpectrogramFeatures) else None
 
     @property
-    def knows_min_size(self) -> bool:
-        """Whether the spectrogram's frames can be counted, and the network says how many."""
-        return self.spectrogram is not None and self.known_min_size is not None
-
-    def dense_input(self, recording: Tensor) -> Tensor:
-        """Return the network input of the whole signal."""
-        return self.forward(recording)
+    def tells_input_size(self) -> bool:
+        """Whether the features are a spectrogram, whose frames can be counted."""
+        return self.spectrogram is not None
 
     def check_input(self, height: int, width: int) -> None:
         """Refuse a spectrogram that is too short for one fragment; see the base class."""
-        features, least, frames = self.spectrogram, self.min_size[1], width
-        if features is not None and frames < least:
+        least, features = self.min_size[1], self.features
+        if width < least and isinstance(features, SpectrogramFeatures):
             rate = features.sampling_rate
-            have = max(0, features.samples(frames)) / rate if frames else 0.0
+            have = max(0, features.samples(width)) / rate if width else 0.0
             raise UserError(
                 f"The {self.what} has {have:.2f} s of movement, and {type(self.network).__name__} "
                 f"needs {features.samples(least) / rate:.2f} s for one fragment; record a longer "
                 "stroke."
             )
-
-    def forward(self, recording: Tensor) -> Tensor:
-        """Return the network input (1, ..., frames) of a decoded signal.
-
-        Raises:
-            UserError: If it is not finite: NaN would win every vote.
-        """
-        found: Tensor = super().forward(recording)
-        if not bool(found.isfinite().all()):
-            own = "" if is_builtin(self.features) else type(self.features).__name__
-            raise UserError(
-                f"The {self.what} holds NaN, infinity or numbers too large to square"
-                f"{own and f', or {own} makes them'}; repair the recording"
-                f"{own and ' or that class'}."
-            )
-        return found
 
     def input_size(self, recording: Tensor | Array) -> tuple[int, int]:
         """Return bands and frames of the spectrogram, which is not computed for that."""
@@ -98,9 +78,8 @@ class SignalSense(Sense):
     def example(self) -> Tensor:
         """Make a blank spectrogram, or what other features give for some seconds of noise."""
         if self.spectrogram is not None:
-            return like_weights(self.network, self.blank(self.spectrogram.bands, 1))
-        samples = EXAMPLE_SECONDS * round(self.decoder.sampling_rate)
-        return like_weights(self.network, self.read(torch.randn(1, samples).to(self.device)))
+            return self.blank(self.spectrogram.bands, 1)
+        return self.read(torch.randn(1, EXAMPLE_SECONDS * round(self.decoder.sampling_rate)))
 
     def bank(
         self,

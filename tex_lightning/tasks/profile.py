@@ -164,12 +164,12 @@ def compare(
     own = _only(fast)
     fast_input = _input(own, recording)
     ways: dict[str, Callable[[], Any]] = {
-        "reference": partial(sense.dense, x, "fc3"),
+        "reference": partial(sense.dense_grid, x, "fc3"),
         "sliding_window": partial(_all_windows, twin, grid, 1),
         "same_engine_window": _batched(
             partial(scores, own.network), cut_windows(fast_input, own.window_size, own.stride)
         ),
-        "fcn": partial(own.dense, fast_input, "fc3"),
+        "fcn": partial(own.dense_grid, fast_input, "fc3"),
     }
     labels = [ways[name]().argmax(0) for name in ("reference", "fcn")]
     windows = grid.shape[0] * grid.shape[1]

@@ -185,7 +185,7 @@ class SpectrogramFeatures(nn.Module):
         samples = trace.shape[-1]
         if self.skip_impact:
             samples -= movement_start(trace, self.sampling_rate)
-        if self._joins(trace):
+        if self.axes == "trace" and len(trace) == 3:
             samples = quick_length(max(1, samples))
         return self.frames(samples)
 
@@ -197,11 +197,12 @@ class SpectrogramFeatures(nn.Module):
         """Samples of movement that so many frames are cut from."""
         return (frames - 1) * self.hop_length + self.window_length
 
-    def magnitudes(self, trace: Tensor) -> Tensor:
+    def magnitudes(self, trace: Tensor, start: int | None = None) -> Tensor:
         """Spectrogram before normalisation.
 
         Args:
             trace: (axes, samples), one or three axes.
+            start: First sample of the movement; None finds it, as ``skip_impact`` says.
 
         Returns:
             Magnitudes (bands, frames), not negative.
@@ -209,19 +210,19 @@ class SpectrogramFeatures(nn.Module):
         Raises:
             UserError: If the signal is shorter than one window.
         """
-        if self.skip_impact:
-            trace = trace[:, movement_start(trace, self.sampling_rate) :]
-        samples = trace.shape[-1]
+        if start is None:
+            start = movement_start(trace, self.sampling_rate) if self.skip_impact else 0
+        movement = trace[:, start:]
+        samples = movement.shape[-1]
         if samples < self.window_length:
             raise UserError(
                 f"The signal has {samples / self.sampling_rate:.2f} s of movement, less than one "
                 f"window of {self.window_length} samples; record a longer stroke."
             )
-        return self.spectra(trace)
-
-    def spectra(self, movement: Tensor) -> Tensor:
-        """:meth:`magnitudes` of samples that are all of them movement, at least one window."""
-        movement = self._levelled(movement)
+        if self.axes == "trace" and len(trace) == 3:
+            movement = dft321(movement[:, : quick_length(samples)])[None]
+        else:  # with axes=frame every frame loses its mean anyway: this keeps digits from gravity
+            movement = movement - movement.mean(dim=-1, keepdim=True)
         if self.fast_spectrogram:
             return self._in_blocks(movement)
         kept = self.bands if self.scale == "linear" else self.window_length // 2 + 1
@@ -262,17 +263,6 @@ class SpectrogramFeatures(nn.Module):
             parts.append(power[:, : self.bands] if linear else power @ self.filters)
         return torch.cat(parts).T.contiguous().sqrt_()
 
-    def _levelled(self, movement: Tensor) -> Tensor:
-        """The samples that frames are cut from: (3 or 1, samples) without their mean."""
-        if self._joins(movement):
-            return dft321(movement[:, : quick_length(movement.shape[-1])])[None]
-        # with axes=frame every frame loses its mean anyway: this keeps gravity from costing digits
-        return movement - movement.mean(dim=-1, keepdim=True)
-
-    def _joins(self, trace: Tensor) -> bool:
-        """Whether DFT321 of the whole movement makes one axis of three."""
-        return self.axes == "trace" and len(trace) == 3
-
     def fit(self, magnitudes: Sequence[Tensor]) -> None:
         """Learn level, mean and deviation from the training set's magnitudes (bands, frames)."""
         if self.normalisation == "paper":
@@ -289,7 +279,7 @@ class SpectrogramFeatures(nn.Module):
 
     def _logs(self, magnitudes: Tensor) -> Tensor:
         """Logarithms, on the CPU since not every device computes in float64."""
-        return self._log(magnitudes.to(self.level)).cpu().double()
+        return (magnitudes.to(self.level) / self.level).add_(FLOOR).log_().cpu().double()
 
     def _mean(self, count: int, parts: Iterable[Tensor]) -> Tensor:
         """Sum (bands, 1) over the frames of all parts (bands, frames), divided by ``count``."""
@@ -301,7 +291,8 @@ class SpectrogramFeatures(nn.Module):
     def normalise(self, magnitudes: Tensor) -> Tensor:
         """Normalise magnitudes (bands, frames) to the network's input of the same shape."""
         if self.normalisation == "standard":
-            return self._log(magnitudes).sub_(self.channel_mean).div_(self.channel_std)
+            logs = (magnitudes / self.level).add_(FLOOR).log_()
+            return logs.sub_(self.channel_mean).div_(self.channel_std)
         low = magnitudes.amin(dim=1, keepdim=True)
         span = magnitudes.amax(dim=1, keepdim=True) - low
         return (magnitudes - low) / torch.where(span > 0, span, torch.ones_like(span))
@@ -309,9 +300,6 @@ class SpectrogramFeatures(nn.Module):
     def forward(self, trace: Tensor) -> Tensor:
         """Turn a trace (axes, samples) into network input (1, 1, bands, frames)."""
         return self.normalise(self.magnitudes(trace))[None, None]
-
-    def _log(self, magnitudes: Tensor) -> Tensor:
-        return (magnitudes / self.level).add_(FLOOR).log_()
 
 
 def movement_start(trace: Tensor, sampling_rate: float) -> int:
@@ -324,10 +312,8 @@ def movement_start(trace: Tensor, sampling_rate: float) -> int:
         trace: (axes, samples).
         sampling_rate: Sampling rate in Hz.
     """
-    quiet, settling, search, known = (
-        int(seconds * sampling_rate)
-        for seconds in (QUIET_SECONDS, SETTLING_SECONDS, SEARCH_SECONDS, KNOWN_SECONDS)
-    )
+    quiet, settling = int(QUIET_SECONDS * sampling_rate), int(SETTLING_SECONDS * sampling_rate)
+    search, known = int(SEARCH_SECONDS * sampling_rate), int(KNOWN_SECONDS * sampling_rate)
     trace = trace[:, :known].cpu()  # the sums are float64, which not every device has
     if trace.shape[-1] < 2 * quiet + settling:
         return 0
