@@ -17,7 +17,8 @@ from omegaconf import OmegaConf
 from benchmarks._classifiers import make_classifier
 from tex_lightning.config import CONF, EngineConfig
 from tex_lightning.inference.engine import accelerate, count_macs
-from tex_lightning.studies.timing import gemm_gflops, gflops, interleaved, products
+from tex_lightning.studies.profile import gemm_gflops, products
+from tex_lightning.studies.timing import interleaved
 
 OFF = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "reference.yaml")))
 DEFAULT = EngineConfig(**dict(OmegaConf.load(CONF / "engine" / "default.yaml")))
@@ -58,7 +59,7 @@ def _case(kind: str, norm: str) -> dict[str, Any]:
     timings = interleaved({**passes, **matrices}, REPEATS)
     rate = gemm_gflops({name: timings[name] for name in matrices})
     ms = {name: timings[name].median for name in networks}
-    reached = gflops(count_macs(partial(plain.network, x)), ms["default"])
+    reached = 2 * count_macs(partial(plain.network, x)) / ms["default"] / 1e6
     return {
         **{f"{name}_ratio": ms["reference"] / ms[name] for name in SWITCHES},
         "roofline_ratio": reached / rate,

@@ -109,7 +109,7 @@ def compared(folder: Path, python: Path, kind: str, given: dict[str, str]) -> di
         "first_label_s": {name: each.median / 1000 for name, each in starts.items()},
         "peak_mib": peaks,
         "latency_ms": {name: each.median for name, each in latencies.items()},
-        "latency_rounds": latencies["runtime"].repeats,
+        "latency_rounds": len(latencies["runtime"].calls),
     }
     for name in ("first_label_s", "peak_mib", "latency_ms"):
         figures[f"{name.rsplit('_', 1)[0]}_ratio"] = (

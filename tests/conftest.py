@@ -245,20 +245,22 @@ def tiny(surfaces) -> list[str]:
 @pytest.fixture(scope="session")
 def fused(run_once, tiny) -> Path:
     """HapticNet and VisualNet, trained and fused."""
-    return run_once("model=fusion", *tiny)
+    return run_once("model=fusion", *tiny, "explained_samples=1")
 
 
 @pytest.fixture(scope="session")
 def crossvalidated(run_once, tiny) -> Path:
     """HapticNet on two folds of ten."""
-    two = ("crossval.only=[0,3]", "explained_samples=1", "logger=csv")
+    two = ("crossval.only=[0,3]", "logger=csv")
     return run_once("task=crossval", "model=haptic", *two, *tiny)
 
 
 @pytest.fixture(scope="session")
 def frontier_run(run_once, tiny) -> Path:
-    """Two systems on both folds that ``debug=tiny`` tests."""
-    return run_once("task=frontier", "frontier.only=[mfcc_gmm,mfcc_nb]", *tiny)
+    """A network run in three ways and a baseline, on a fold and its partner."""
+    only = "hapticnet_w0.5,hapticnet_w0.5_bf16,hapticnet_w0.5_sequential,mfcc_nb"
+    folds = ("crossval.only=[0,5]", "data.classes=3")
+    return run_once("task=frontier", f"frontier.only=[{only}]", *folds, *tiny)
 
 
 @pytest.fixture(scope="session")

@@ -145,7 +145,6 @@ def test_every_model_and_data_set_composes_without_open_values_but_paths(model, 
         (["data.classes=1"], "data.classes is 1: choose 2 or more"),
         (["seed=99999999999"], "choose from 0 to 4294967295"),
         (["decision.confidence_thresholds=[0.5,2]"], "decision.confidence_thresholds is 2"),
-        (["crossval.profile=[fusion]"], "crossval.profile is fusion"),
         (["data.test_fold=12", "model.haptic.norm=bathc"], "(did you mean batch?): choose batch, "),
         (["data.test_fold=12", "model.haptic.norm=bathc"], "none; data.test_fold is 12: choose"),
         # keys that need each other

@@ -6,7 +6,6 @@ from omegaconf import OmegaConf
 
 from tex_lightning.config import CONF, register
 from tex_lightning.report.table import paper_table
-from tex_lightning.tasks.frontier import _tested_folds
 
 EXPERIMENTS = sorted(
     str(path.relative_to(CONF / "experiment").with_suffix(""))
@@ -26,7 +25,7 @@ def test_experiment_composes_and_its_rows_exist(experiment):
     config = composed(f"experiment={experiment}")
     rows = (OmegaConf.select(config, "hydra.sweeper.params.model") or "").split(",")
     assert set(filter(None, rows)) <= MODELS
-    if "table" in experiment:
+    if "table" in experiment and rows != [""]:
         assert config.task == "crossval"
         assert config.data.val_fold is None
         assert config.hydra.mode.name == "MULTIRUN"
@@ -57,15 +56,6 @@ def test_every_system_of_a_frontier_composes(family):
 def test_subsets_of_senses_are_of_the_model_that_is_asked_for(given, model):
     config = composed("task=frontier", "frontier=senses", *given)
     assert (config.frontier.senses, config.model.name) == ("auto", model)
-
-
-def test_tiny_frontier_has_two_folds_and_a_tiny_cross_validation_all():
-    for folds in (3, 4, 10):
-        config = composed("task=frontier", "debug=tiny", f"data.folds={folds}")
-        assert _tested_folds(config) == [0, folds // 2]
-    assert _tested_folds(composed("task=frontier", "debug=tiny", "crossval.only=[3]")) == [3]
-    assert _tested_folds(composed("task=frontier")) == list(range(10))
-    assert composed("task=crossval", "debug=tiny").crossval.only is None
 
 
 def test_all_of_the_papers_rows_are_swept():

@@ -55,7 +55,7 @@ def test_a_test_of_stability_too(cache, tmp_path, columns, rows):
     arguments = ("task=stability", systems, "stability.only=[low_pass,force]")
     session = run(cache, tmp_path / "run", arguments, columns, rows)
     assert session.status == 0, session.screen.text
-    assert any("trial 1/" in row for row in session.screen.drawn)
+    assert any("perturbation 1/" in row for row in session.screen.drawn)
     text = session.screen.text
     assert max(map(len, without_paths(text))) <= columns
     assert "…" not in "".join(without_paths(text))

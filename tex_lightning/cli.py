@@ -32,7 +32,7 @@ from tex_lightning.config.composition import (
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.search import split_config_dir, use_config_dir, with_own_senses
-from tex_lightning.config.tasks import AUTO, TRAINING
+from tex_lightning.config.tasks import TRAINING
 from tex_lightning.config.usage import answer, asks
 from tex_lightning.core.console import Screen, fresh_screen, say, verbosity
 from tex_lightning.core.contract import fault_of
@@ -330,10 +330,6 @@ def run_task(composed: DictConfig, job: Job) -> float | None:
     ):
         if is_rank_zero():
             claim_folder(composed, flatten(plain_values(config)), job)
-        if config.model.name == AUTO:
-            from tex_lightning.tasks.frontier import resolve_auto
-
-            config = resolve_auto(config.frontier.run, config.data.test_fold, job)
         # a task is imported when it runs: most take Lightning, which predictions do without
         results = import_module(f"tex_lightning.tasks.{config.task}").run(config, job)
         if results and config.task not in SILENT:  # other ranks have none

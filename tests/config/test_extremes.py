@@ -52,13 +52,13 @@ CASES = [
         "model.fusion.level=fc3", "decision=sequential decision.pairs=1",
     )],
     *[(FRONTIER, each) for each in (
-        "frontier.rounds=1", "frontier.trainings=1 crossval.only=null", "data.per_class=1",
+        "frontier.rounds=1", "data.per_class=1",
         "frontier.senses=[haptic]",
         "data.inverted=true", "crossval.only=[0]", "+frontier.systems.bands=null",
     )],
     *[(STABILITY, each) for each in (
-        "stability.limit=1 stability.bound=1e-300", "stability.bound=1", "stability.folds=[]",
-        "stability.bisections=30", "stability.only=[]", "stability.systems=[BANDS,BANDS]",
+        "stability.bound=1e-300", "stability.bound=1", "stability.only=[]",
+        "stability.systems=[BANDS,BANDS]",
     )],
 ]  # fmt: skip
 

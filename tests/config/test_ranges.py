@@ -22,7 +22,6 @@ ABSURD: dict[type, list[Any]] = {
 HARMLESS = {
     "top_k": "a list is cut to so many",
     "data.classes": "a list is cut to so many, and synthetic data says itself how many there are",
-    "stability.limit": "a list is cut to so many",
     "crossval.only": "compared with the folds that there are before any work",
 }
 

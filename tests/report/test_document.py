@@ -14,7 +14,7 @@ def swept(run_once, surfaces):
     """A small table: one baseline, one network and two FusionNets, one fold."""
     directory = run_once(
         "experiment=paper/all", "debug=tiny", "data=folder", f"data.root={surfaces}",
-        "data.half_scale=false", "crossval.only=[0]", "crossval.profile=[haptic]",
+        "data.half_scale=false", "crossval.only=[0]",
         "model.visual.width=0.1",
         "hydra.sweep.dir=${hydra.run.dir}",
         "hydra.sweeper.params.model='haptic,visual,fusion,fusion_fc3,mfcc_nb'",

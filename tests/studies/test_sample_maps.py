@@ -3,11 +3,9 @@
 import json
 from types import SimpleNamespace
 
-import pytest
-
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.report.page_media import map_folder
-from tex_lightning.studies.sample_maps import draw_explanations, drawn_rows, telling
+from tex_lightning.studies.sample_maps import draw_telling, telling
 
 
 def outcome(label: str, predicted: str, share: float, probability: float) -> Outcome:
@@ -31,26 +29,13 @@ def test_if_none_is_wrong_it_is_the_least_sure_one():
     assert telling(outcomes, 0) == []
 
 
-@pytest.mark.parametrize("count", [1, 3, 20])
-@pytest.mark.parametrize("right", [0.0, 1.0])
-def test_the_telling_samples_are_the_first_of_those_with_a_label_map(count, right):
-    chances = [(number * 7 % 15) / 20 + 0.05 for number in range(15)]
-    outcomes = [
-        outcome("a", "a" if right or number % 2 else "b", each, each)
-        for number, each in enumerate(chances)
-    ]
-    rows, first = drawn_rows(outcomes, count), telling(outcomes, count)
-    assert len({*rows}) == max(10, min(count, 15))
-    assert rows[: len(first)] == first
-
-
 def test_without_samples_to_explain_nothing_is_drawn_and_what_was_goes(tmp_path):
     older = map_folder(tmp_path, "haptic") / "0" / "haptic" / "haptic.png"
     for path in (older, tmp_path / "figures" / "haptic_why_2.png"):
         path.parent.mkdir(parents=True)
         path.write_bytes(b"of another test")
-    outcomes = [outcome("a", "b", 1.0, 0.9)]
-    assert drawn_rows(outcomes, 0) == []
+    classifier = SimpleNamespace(card=SimpleNamespace(kind="haptic", baseline={}))
     config = SimpleNamespace(explained_samples=0)
-    draw_explanations([], outcomes, None, config, "haptic", tmp_path)
+    outcomes = [outcome("a", "b", 1.0, 0.9)]
+    assert draw_telling(classifier, [], outcomes, None, config, tmp_path) == {}
     assert not [*tmp_path.rglob("*.png")]

@@ -177,7 +177,6 @@ def test_only_what_matches_is_perturbed(cli, fused, manifest, tmp_path):
         ([FAST, "task=crossval"], "data.test_where is read by task=fit"),
         ([FAST, "task=frontier"], "data.test_where is read by task=fit"),
         ([FAST, "task=predict", "checkpoint=a"], "stability alone, not by task=predict"),
-        ([FAST, "model=auto"], "model=auto would choose on what data.test_where"),
         (["data.per_class=2", "task=evaluate", "checkpoint=a"], "data.per_class is read by"),
     ],
 )

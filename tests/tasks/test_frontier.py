@@ -1,37 +1,33 @@
-"""A small family, its charts and the choice, through the command line."""
+"""A small family, its table and the choice, through the command line."""
 
 import csv
 import json
+import shlex
 import shutil
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import write_forces
+from omegaconf import OmegaConf
 
 from tex_lightning.classifier.card import read_checkpoint
+from tex_lightning.config.check import check_config
+from tex_lightning.config.composition import Job
+from tex_lightning.config.search import use_config_dir
+from tex_lightning.config.weights import read_config
+from tex_lightning.errors import UserError
 from tex_lightning.evaluation.comparison import one_standard_error, partner
 from tex_lightning.evaluation.outcomes import Outcome
-from tex_lightning.report.frontier_chart import write_frontier
 from tex_lightning.studies import family
-from tex_lightning.studies.family import Latency
+from tex_lightning.studies.family import Latency, compose_family
 from tex_lightning.tasks import frontier
 
 CONTRACT = (
     "system", "kind", "parameters", "macs", "latency_ms_median", "latency_ms_p95", "fit_seconds",
-    "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen", "test_samples",
-    "chosen_in_folds", "latency_ms_mean",
+    "vote_accuracy", "ci_low", "ci_high", "on_frontier", "chosen", "latency_ms_mean",
 )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def measured(run_once, tiny):
-    return run_once(
-        "task=frontier", *tiny, "data.classes=3", "crossval.only=[0]",
-        "frontier.only=[hapticnet_w0.125,hapticnet_w0.5,hapticnet_w0.5_bf16,"
-        "hapticnet_w0.5_sequential,minirocket]",
-    )  # fmt: skip
 
 
 def read_csv(path) -> list[dict[str, str]]:
@@ -49,102 +45,38 @@ def predictions(directory, system: str, fold: int):
     return directory / "systems" / system / "folds" / "0-5" / "predictions" / name
 
 
-def test_table_has_the_columns_and_one_choice(measured):
-    rows = read_csv(measured / "frontier.csv")
+def test_table_has_the_columns_and_one_choice(frontier_run):
+    rows = read_csv(frontier_run / "frontier.csv")
     assert list(rows[0]) == list(CONTRACT)
-    assert len(rows) == 6
-    assert [row["system"] for row in rows if row["chosen"] == "True"] == ["minirocket"]
-    assert rows[0]["kind"] == "procedure"  # what to expect comes first
-    means = [float(row["latency_ms_mean"]) for row in rows[1:]]
+    assert len(rows) == 4
+    assert [row["system"] for row in rows if row["chosen"] == "True"] == ["mfcc_nb"]
+    means = [float(row["latency_ms_mean"]) for row in rows]
     assert means == sorted(means)
 
 
-def test_systems_are_trained_without_the_tested_fold_and_its_partner(measured):
-    folder = measured / "systems" / "minirocket" / "folds" / "0-5"
+def test_systems_are_trained_without_the_tested_fold_and_its_partner(frontier_run):
+    folder = frontier_run / "systems" / "mfcc_nb" / "folds" / "0-5"
     card = read_checkpoint(folder / "checkpoints" / "haptic.ckpt")["hyper_parameters"]["card"]
     assert len(card["trained_on"]["seen"]) == 3 * 8
     for number in (0, 5):
-        votes = read_csv(predictions(measured, "minirocket", number))
+        votes = read_csv(predictions(frontier_run, "mfcc_nb", number))
         assert {line["haptic"][-5] for line in votes} == {str(number)}
 
 
-def test_the_choice_is_a_row_of_its_own(frontier_run):
-    rows = read_csv(frontier_run / "frontier.csv")
-    assert len(rows) == 3
-    procedure = next(row for row in rows if row["kind"] == "procedure")
-    assert procedure["parameters"] == procedure["macs"] == procedure["chosen_in_folds"] == ""
-    counted = [int(row["chosen_in_folds"]) for row in rows if row is not procedure]
-    assert sum(counted) == 2
-    results = read_results(frontier_run)["procedure"]
-    assert float(procedure["vote_accuracy"]) == results["correct"] / results["test_samples"]
-    assert float(procedure["ci_low"]) == results["vote_ci95"][0]
+def test_networks_that_differ_in_how_they_run_are_trained_once(frontier_run):
+    assert len(list((frontier_run / "networks").iterdir())) == 1
 
 
-def test_no_vote_takes_part_in_the_choice_that_it_measures(
-    frontier_run, tiny, cli, tmp_path, monkeypatch
-):
-    """Other votes on a fold change what is chosen for its partner, and nothing else."""
-    run = tmp_path / "run"
-    shutil.copytree(frontier_run, run)
-    spoil(predictions(run, "mfcc_gmm", 5))  # the quicker one, so that it is chosen if in doubt
-    timings = {name: Latency(ms, ms, ms) for name, ms in (("mfcc_gmm", 1.0), ("mfcc_nb", 2.0))}
-    monkeypatch.setattr(frontier, "measure_latencies", lambda *_: timings)
-    only = "frontier.only=[mfcc_gmm,mfcc_nb]"
-    outcome = cli("task=frontier", *tiny, only, f"hydra.run.dir={run}")
-    assert outcome.status == 0, outcome.err
-    folds = {fold["fold"]: fold for fold in read_results(run)["procedure"]["folds"]}
-    assert {number: found["chosen"] for number, found in folds.items()} == {
-        0: "mfcc_nb",
-        5: "mfcc_gmm",
-    }
-    for number, found in folds.items():
-        votes = read_csv(predictions(run, found["chosen"], number))
-        assert found["correct"] == sum(vote["label"] == vote["predicted"] for vote in votes)
-        assert found["test_samples"] == len(votes)
-    assert folds[5]["correct"] == 0
-
-
-def noise(rng, fold: int) -> list[Outcome]:
-    """Ten votes of a fold that know nothing of six classes."""
-    votes = rng.integers(6, size=10)
-    files = [{"haptic": f"{fold}_{number}.wav"} for number in range(10)]
-    return [
-        Outcome(files[number], "0", str(vote), 1.0, 1, int(vote == 0), 1.0)
-        for number, vote in enumerate(votes)
+def test_sequential_decision_counts_the_arithmetic_that_was_done(frontier_run):
+    macs = {row["system"]: row["macs"] for row in read_csv(frontier_run / "frontier.csv")}
+    shares = [
+        float(row["relative_macs"])
+        for fold in (0, 5)
+        for row in read_csv(predictions(frontier_run, "hapticnet_w0.5_sequential", fold))
     ]
-
-
-def noise_family(rng) -> list[family.System]:
-    """Eight systems of which none is better than chance, on six folds."""
-    config = SimpleNamespace(model=SimpleNamespace(modalities=["haptic"], kind="haptic"))
-    return [
-        family.System(
-            str(number), [], config, {"parameters": 1, "macs_per_sample": 1}, 1.0,
-            tests={fold: noise(rng, fold) for fold in range(6)},
-            partners={fold: noise(rng, partner(fold, 6)) for fold in range(6)},
-        )
-        for number in range(8)
-    ]  # fmt: skip
-
-
-def test_of_votes_of_noise_the_accuracy_that_is_shown_first_is_chance(tmp_path):
-    """The chosen system's own accuracy gains several points by being chosen on its votes."""
-    first, own = [], []
-    timings = {str(number): Latency(number, number, number) for number in range(8)}
-    for seed in range(150):
-        systems = noise_family(np.random.default_rng(seed))
-        candidates = frontier._candidates(systems, timings, [each.tests for each in systems])
-        chosen = one_standard_error(candidates).name
-        procedure = frontier._procedure(systems, timings)
-        points = frontier._points(systems, timings, chosen, procedure)
-        write_frontier([*points, frontier._procedure_point(procedure, points)], tmp_path / "f.csv")
-        rows = read_csv(tmp_path / "f.csv")
-        assert rows[0]["kind"] == "procedure"
-        first.append(float(rows[0]["vote_accuracy"]))
-        own += [float(row["vote_accuracy"]) for row in rows if row["chosen"] == "True"]
-    error = np.std(first, ddof=1) / np.sqrt(len(first))
-    assert abs(np.mean(first) - 1 / 6) < 3 * error
-    assert np.mean(own) > 1 / 6 + 3 * error
+    done = int(macs["hapticnet_w0.5_sequential"]) / int(macs["hapticnet_w0.5"])
+    assert done == pytest.approx(np.mean(shares), rel=1e-4)
+    assert macs["mfcc_nb"] == ""
 
 
 def spoil(path) -> None:
@@ -156,113 +88,134 @@ def spoil(path) -> None:
         writer.writerows({**row, "predicted": "none of them"} for row in rows)
 
 
-def test_missing_libraries_are_named_before_anything_is_trained(tiny, cli, tmp_path, monkeypatch):
-    for module in ("aeon.transformations.collection.convolution_based", "skimage.feature"):
-        monkeypatch.setitem(sys.modules, module, None)  # as if not installed
-    for module in ("rocket", "patterns"):
-        monkeypatch.delitem(sys.modules, f"tex_lightning.baselines.{module}", raising=False)
-    only = "frontier.only=[hapticnet_w0.125,minirocket,lbp]"
-    outcome = cli("task=frontier", "frontier=fusion", *tiny, only, f"hydra.run.dir={tmp_path}/r")
-    assert outcome.status == 2
-    assert "minirocket (aeon" in outcome.err
-    assert "lbp (skimage" in outcome.err
-    assert "pip install 'tex_lightning[baselines]'" in outcome.err
-    assert "frontier.only=[hapticnet_w0.125]." in outcome.err
-    assert not (tmp_path / "r" / "systems").exists()
-
-
-def test_sequential_decision_counts_the_arithmetic_that_was_done(measured):
-    with (measured / "frontier.csv").open() as stream:
-        macs = {row["system"]: row["macs"] for row in csv.DictReader(stream)}
-    outcomes = predictions(measured, "hapticnet_w0.5_sequential", 0)
-    with outcomes.open() as stream:
-        relative_macs = [float(row["relative_macs"]) for row in csv.DictReader(stream)]
-    done = int(macs["hapticnet_w0.5_sequential"]) / int(macs["hapticnet_w0.5"])
-    assert done == pytest.approx(sum(relative_macs) / len(relative_macs), rel=1e-4)
-    assert macs["minirocket"] == ""
-
-
-def test_networks_that_differ_in_precision_are_trained_once(measured):
-    assert len(list((measured / "networks").iterdir())) == 2
-
-
-def test_every_system_is_timed_on_photos_of_its_own_size(tiny, cli, monkeypatch):
-    sides = {}
-
-    def classify(classifier, samples):
-        half_scale = classifier.card.senses["visual"]["decode"]["half_scale"]
-        sides[half_scale] = next(samples)["image"].shape[0]
-
-    monkeypatch.setattr(family, "_classify_next", classify)
-    systems = "frontier.only=[visualnet_efficientnet_lite0,visualnet_efficientnet_lite0_half]"
-    only = "crossval.only=[0]", "data.half_scale=false"
-    assert cli("task=frontier", "frontier=fusion", *tiny, *only, systems).status == 0
-    assert sides[False] == 2 * sides[True]
-
-
-def test_auto_chooses_without_the_fold_that_it_tests(tiny, cli, tmp_path, monkeypatch):
-    measure = frontier.run
-
-    def measure_one(config, directory):
-        only = replace(config.frontier, only=["mfcc_nb"])
-        return measure(replace(config, frontier=only), directory)
-
-    monkeypatch.setattr(frontier, "run", measure_one)
-    choice = "model=auto", "data.test_fold=3", "data.val_fold=4", f"hydra.run.dir={tmp_path}/r"
-    outcome = cli(*choice, *tiny)
-    assert outcome.status == 0, outcome.err
-    assert read_results(tmp_path / "r")["model"] == "mfcc_nb"
-    folder = tmp_path / "r/frontier/systems/mfcc_nb/folds/3-8"
-    card = read_checkpoint(folder / "checkpoints/haptic.ckpt")["hyper_parameters"]["card"]
-    assert len(card["trained_on"]["seen"]) == 2 * 8  # of two classes neither fold 3 nor fold 8
-
-
-def test_auto_goes_on_with_the_choice_that_it_made(tiny, cli, tmp_path, monkeypatch):
-    def measure_again(*_: object) -> None:
-        raise AssertionError("the family was measured a second time")
-
-    monkeypatch.setattr(frontier, "run", measure_again)
-    made = tmp_path / "r" / "frontier" / "results.json"
-    made.parent.mkdir(parents=True)
-    choice = {"fold": 0, "overrides": ["model=minirocket"]}
-    made.write_text(json.dumps({"overrides": ["model=acnn"], "procedure": {"folds": [choice]}}))
-    outcome = cli("model=auto", "data.val_fold=2", *tiny, f"hydra.run.dir={tmp_path}/r")
-    assert outcome.status == 0, outcome.err
-    assert json.loads((tmp_path / "r/results.json").read_text())["model"] == "minirocket"
-
-
-@pytest.mark.parametrize("smoke", [False, True])
-def test_a_system_is_recommended_unless_it_was_a_smoke_test(
-    smoke, measured, tiny, cli, monkeypatch
+def test_a_finished_family_is_not_trained_again_and_no_vote_measures_its_own_choice(
+    frontier_run, tiny, cli, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(frontier, "is_tiny", lambda _: smoke)
-    outcome = cli(
-        "task=frontier", *tiny, "data.classes=3", "crossval.only=[0]",
-        f"hydra.run.dir={measured}", "frontier.only=[minirocket]",
-    )  # fmt: skip
+    """Other votes on a fold change what is chosen for its partner, and nothing else."""
+    run = shutil.copytree(frontier_run, tmp_path / "run")
+    names = ("hapticnet_w0.5", "mfcc_nb")  # the first is faster, so that it is chosen if in doubt
+    for name in names:
+        for fold in (0, 5):
+            shutil.copy(predictions(frontier_run, "mfcc_nb", fold), predictions(run, name, fold))
+    spoil(predictions(run, names[0], 5))
+
+    def time(systems, rounds) -> None:
+        for system in systems:
+            ms = 1.0 + names.index(system.name)
+            system.latency = Latency(ms, ms, ms)
+
+    monkeypatch.setattr(frontier, "measure_latencies", time)
+    only = f"frontier.only=[{','.join(names)}]"
+    outcome = cli("task=frontier", *tiny, "crossval.only=[0,5]", only, "data.classes=3",
+                  f"hydra.run.dir={run}")  # fmt: skip
     assert outcome.status == 0, outcome.err
-    assert "figures mean nothing" in outcome.err
-    assert outcome.err.count("python -m tex_lightning model=") == (0 if smoke else 1)
-    assert ("(chosen)" in outcome.err) is not smoke
-    if not smoke:
-        assert "is optimistic, and holds for these classes" in outcome.err
+    procedure = read_results(run)["procedure"]
+    assert procedure["chosen"] == {"0": "mfcc_nb", "5": "hapticnet_w0.5"}
+    votes = read_csv(predictions(run, "mfcc_nb", 0))
+    assert procedure["correct"] == sum(vote["label"] == vote["predicted"] for vote in votes)
+    assert procedure["test_samples"] == 2 * len(votes)
+    assert "is optimistic, and holds for these classes" in " ".join(outcome.err.split())
+
+
+def noise(rng, fold: int) -> list[Outcome]:
+    """Ten votes of a fold that know nothing of six classes."""
+    return [
+        Outcome({"haptic": f"{fold}_{number}.wav"}, "0", str(vote), 1.0, 1, int(vote == 0), 1.0)
+        for number, vote in enumerate(rng.integers(6, size=10))
+    ]
+
+
+def test_on_votes_of_noise_the_expected_accuracy_is_chance():
+    """The chosen system's own accuracy gains several points by being chosen on its votes."""
+    config = SimpleNamespace(model=SimpleNamespace(modalities=["haptic"], kind="haptic"))
+    expected, chosen = [], []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        systems = [
+            family.System(
+                str(number), [], config, {"parameters": 1, "macs_per_sample": 1}, 1.0,
+                tests={fold: noise(rng, fold) for fold in range(6)},
+                partners={fold: noise(rng, partner(fold, 6)) for fold in range(6)},
+                latency=Latency(number, number, number),
+            )
+            for number in range(8)
+        ]  # fmt: skip
+        candidates = frontier._candidates(systems, [system.tests for system in systems])
+        chosen.append(one_standard_error(candidates).accuracy)
+        expected.append(frontier._measure_choice(systems)["vote_accuracy"])
+    error = np.std(expected, ddof=1) / np.sqrt(len(expected))
+    assert abs(np.mean(expected) - 1 / 6) < 3 * error
+    assert np.mean(chosen) > 1 / 6 + 3 * error
+
+
+def make_job(tmp_path, *overrides: str) -> Job:
+    return Job(overrides, tmp_path, "command", True, (), OmegaConf.create({}))
+
+
+@pytest.fixture
+def force(tmp_path, monkeypatch):
+    """A folder with a sense of one's own; it is searched as ``--config-dir``."""
+    (tmp_path / "conf/sense").mkdir(parents=True)
+    (tmp_path / "conf/sense/force.yaml").write_text(
+        "defaults: [signal, bands, _self_]\nmodality: force\n"
+    )
+    use_config_dir(["--config-dir", str(tmp_path / "conf")])
+    yield tmp_path / "conf"
+    use_config_dir([])
+
+
+def test_every_subset_of_the_senses_in_the_data_is_a_system(force, surfaces, cli, tmp_path):
+    manifest = write_forces(surfaces, tmp_path / "m.csv")
+    with manifest.open("a") as stream:
+        for path in surfaces.glob("*/haptic/*.wav"):
+            copy = shutil.copy(path, tmp_path / path.name)
+            stream.write(f"{path.parents[1].name},haptic,{copy},{path.stem[-1]}\n")
+    given = ("experiment=few/fusion", "data=manifest", f"data.manifest={manifest}", "debug=tiny")
+    asked = ("task=frontier", "frontier=senses", *given, "+sense@model.force=force")
+    job = make_job(tmp_path, *asked)
+    systems = compose_family(read_config(job.compose(asked)), job)
+    names = ["haptic", "force", "haptic+force", "haptic+force_sequential"]
+    assert [system.name for system in systems] == names
+    assert [system.config.decision.name for system in systems][2:] == ["max_vote", "sequential"]
+    program, *arguments = shlex.split(
+        frontier._command(job, systems[1].overrides).removeprefix("python -m ")
+    )
+    assert program == "tex_lightning"
+    outcome = cli(*arguments, f"hydra.run.dir={tmp_path}/r")
+    assert outcome.status == 0, outcome.err
+    assert list(read_results(tmp_path / "r")["networks"]) == ["force"]
+
+
+def test_data_that_no_sense_reads_is_refused(cli, surfaces, tmp_path):
+    manifest = write_forces(surfaces, tmp_path / "forces.csv")
+    outcome = cli(
+        "task=frontier", "frontier=senses", "data=manifest", f"data.manifest={manifest}",
+        f"hydra.run.dir={tmp_path}/r",
+    )  # fmt: skip
+    assert outcome.status == 2
+    assert "recordings of force, and no sense reads these" in outcome.err
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("overrides", "message"),
     [
-        (["task=frontier", "frontier.only=[nothing]"], "does not have"),
-        (
-            ["task=frontier", "frontier.systems.mfcc_nb=null", "frontier.only=[mfcc_nb]"],
-            "does not have",
-        ),
-        (["model=auto", "task=crossval"], "use task=fit"),
-        (["model=auto", "frontier.run=nowhere"], "no finished frontier"),
-        (["model=auto", "data.inverted=true"], "model=auto would choose on what"),
-        (["task=frontier", "data.folds=2"], "two are left out of training, choose 3 or more"),
+        (["frontier.only=[nothing]"], "does not have"),
+        (["frontier.systems.mfcc_nb=null", "frontier.only=[mfcc_nb]"], "does not have"),
+        (["frontier.only=[minirocket]"], "minirocket needs aeon.*is not installed"),
+        (["data.folds=2"], "two are left out of training, choose 3 or more"),
+        (["frontier.senses=[haptic,taste]"], "frontier.senses is taste"),
+        (["frontier.senses=every"], "frontier.senses is every"),
+        (["frontier.senses=[]"], "frontier.senses names nothing"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(arguments, message, tiny, cli, tmp_path):
-    outcome = cli(*arguments, *tiny, f"hydra.run.dir={tmp_path}/r")
-    assert outcome.status == 2
-    assert message in outcome.err
+def test_what_cannot_be_meant_is_refused(overrides, message, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "aeon.transformations.collection.convolution_based", None)
+    job = make_job(tmp_path, "task=frontier", *overrides)
+    with pytest.raises(UserError, match=message):
+        compose_family(check_composed(job), job)
+
+
+def check_composed(job: Job):
+    config = read_config(job.compose(job.overrides))
+    check_config(config)
+    return config

@@ -19,7 +19,7 @@ from tex_lightning.config.instantiation import TARGET, find_callable, find_class
 from tex_lightning.config.keys import beyond, choice, nearest, walk
 from tex_lightning.config.mistakes import unknown_key
 from tex_lightning.config.model import CustomPhotoConfig, CustomSignalConfig, SignalFitConfig
-from tex_lightning.config.tasks import AUTO, EVERY_SENSE
+from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.errors import UserError, shorten
 
 CHECKPOINT = "_checkpoint"
@@ -68,7 +68,7 @@ def check_config(config: Config) -> None:
     Raises:
         UserError: If there are any.
     """
-    rules = (_model_rules, _data_rules, _decision_rules, _task_rules, _frontier_rules)
+    rules = (_model_rules, _data_rules, _decision_rules, _task_rules)
     said = [complaint for rule in rules for wrong, complaint in rule(config) if wrong]
     _refuse([*check_ranges(config), *said, *_unread(config), *_names(config)])
 
@@ -244,6 +244,10 @@ def _task_rules(config: Config) -> Iterator[Rule]:
         and task != "frontier",  # whose family may have networks on photos
         f"weights belong to a trunk, which model={model.name} does not have",
     )
+    yield (
+        task == "frontier" and config.data.folds < 3,
+        f"data.folds is {config.data.folds}: two are left out of training, choose 3 or more",
+    )
     for name in model.checkpoints:
         yield (
             config.weights_of(name) is not None,
@@ -288,23 +292,6 @@ def _is_plain_name(name: str) -> bool:
     """Whether a folder can be called so on any system."""
     forbidden = set('/\\:*?"<>|')
     return name.isprintable() and name == name.strip(" .") != "" and not forbidden & {*name}
-
-
-def _frontier_rules(config: Config) -> Iterator[Rule]:
-    data, run, auto = config.data, config.frontier.run, config.model.name == AUTO
-    yield (
-        auto and config.task not in ("fit", "frontier"),
-        f"model=auto trains one network, task={config.task} does not: use task=fit",
-    )
-    yield (run is not None and not auto, "frontier.run is read by model=auto alone: leave it out")
-    yield (
-        auto and run is None and (data.test_where is not None or data.inverted),
-        "model=auto would choose on what data.test_where or data.inverted tests: give frontier.run",
-    )
-    yield (
-        (config.task == "frontier" or (auto and run is None)) and data.folds < 3,
-        f"data.folds is {data.folds}: two are left out of training, choose 3 or more",
-    )
 
 
 def _names(config: Config) -> Iterator[str]:

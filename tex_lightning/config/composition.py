@@ -158,8 +158,13 @@ EVERYWHERE = ("task", "verbose")  # every task reads these
 def keys_read(config: DictConfig) -> dict[str, Key]:
     """Return metadata of the keys that ``config.task`` reads for ``config.model``, by name."""
     task, model = config.task, config.model
-    every = task == "frontier" or model.name == "auto"
-    used = (*PACKAGE_SENSES, FUSION) if every else () if model.baseline else (*model.senses,)
+    used = (
+        (*PACKAGE_SENSES, FUSION)
+        if task == "frontier"
+        else ()
+        if model.baseline
+        else (*model.senses,)
+    )
     used += (FUSION,) if len(used) > 1 else ()
     unused = tuple(f"model.{name}." for name in (*PACKAGE_SENSES, FUSION) if name not in used)
     read = tuple(f"{part}." for part in (*EVERYWHERE, *READS[task]))

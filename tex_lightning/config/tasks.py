@@ -11,11 +11,7 @@ ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
-AUTO = "auto"  # model that task=frontier chooses
 EVERY_SENSE = "auto"  # of frontier.senses
-PROFILED = (
-    "haptic", "visual", "visual_tcnn", "visual_efficientnet", "visual_vgg_m", "tcnn",
-)  # fmt: skip
 EXPORT_FORMATS = ("onnx", "web", "card")
 READ_FILES = ("predict", "profile", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
@@ -141,10 +137,6 @@ class CrossvalConfig:
     """Cross-validation."""
 
     only: list[int] | None = key("folds to run, e.g. [0,3]; null runs all", default=None)
-    profile: list[str] = key(
-        "models whose first fold's network gets task=profile too, e.g. [haptic,visual]",
-        choices=PROFILED,
-    )
 
 
 @dataclass
@@ -231,17 +223,7 @@ class FrontierConfig:
         default=None,
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
-    trainings: int | None = key(
-        "trainings of each network, each without two folds, which are both tested; null tests all "
-        "folds, and crossval.only takes precedence",
-        least=1, most=100_000, default=None,
-    )  # fmt: skip
     rounds: int = key("rounds of timing; each times every system", **ROUNDS)
-    run: str | None = key(
-        "finished run folder of task=frontier whose choice model=auto trains; null runs "
-        "task=frontier first",
-        default=None,
-    )
 
 
 @dataclass
@@ -249,14 +231,9 @@ class StabilityConfig:
     """Systems and perturbations that are tested, and how thoroughly."""
 
     systems: list[str] | None = key(
-        "run folders or checkpoints; the first is the reference of the corruption error",
+        "run folders or checkpoints",
         default=None,
     )
-    parts: bool = key("test HapticNet and VisualNet of a FusionNet's run folder as well")
-    folds: list[int] | None = key(
-        "folds of a cross-validation's run folder; null tests all in it",
-        least=0, most=99_999, default=None,
-    )  # fmt: skip
     only: list[str] | None = key(
         "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
     )
@@ -265,20 +242,10 @@ class StabilityConfig:
         "tex_lightning/perturbations/severities.yaml and with the dotted path of each function",
         factory=list,
     )
-    limit: int | None = key(
-        "largest number of test samples of a class in a fold; null takes all",
-        least=1,
-        default=None,
-    )
     bound: float = key(
         "a system breaks where it keeps less than this share of its clean vote accuracy",
         above=0, most=1,
     )  # fmt: skip
-    bisections: int = key(
-        "bisections of the interval between two severities in which a system breaks",
-        least=0,
-        most=30,
-    )
 
 
 @dataclass
@@ -306,14 +273,13 @@ class ExportConfig:
 _TRAINING = (
     "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
 )  # fmt: skip
-_REPORTED = ("optimized_metric", "explained_samples")
 _RUNNING = (  # all of it that is read without training
     "trainer.accelerator", "trainer.tf32", "trainer.threads",
 )  # fmt: skip
 _CLASSIFYING = ("checkpoint", "trusted", "haptic", "data.file_rate", "engine", *_RUNNING)
 READS = {
-    "fit": ("weights", *_TRAINING, "frontier.run", *_REPORTED),
-    "crossval": ("weights", *_TRAINING, "crossval", *_REPORTED),
+    "fit": ("weights", *_TRAINING, "optimized_metric", "explained_samples"),
+    "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
     "evaluate": (
         "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",
         "logger", *_RUNNING,
@@ -331,11 +297,11 @@ READS = {
         "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
         *_RUNNING, "decision.reject_below", "decision.unknown",
     ),
-    "stability": ("stability", "trusted", "seed", "data", "engine", "logger", *_RUNNING),
+    "stability": ("stability", "trusted", "seed", "data", "engine", *_RUNNING),
     "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
     "profile": (
         *_CLASSIFYING, "image", "sound", "seed", "profile", "model", "data.sampling_rate",
-        "data.half_scale", "data.resize", "logger",
+        "data.half_scale", "data.resize",
     ),
     "export": (
         "checkpoint", "trusted", "seed", "export", "data", "engine", *_RUNNING, "decision.pairs",

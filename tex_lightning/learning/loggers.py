@@ -124,39 +124,6 @@ def log_test(
     close_loggers(directory, name)
 
 
-def log_profile(nodes: Nodes, directory: Path, name: str, result: dict[str, Any]) -> None:
-    """Add a network's profile: every single figure as a metric."""
-    loggers = open_loggers(nodes, directory, name)
-    numbers = {key: value for key, value in result.items() if isinstance(value, int | float)}
-    for logger in loggers:
-        logger.log_metrics({f"profile/{key}": float(value) for key, value in numbers.items()})
-    close_loggers(directory, name)
-
-
-def log_stability(
-    nodes: Nodes,
-    directory: Path,
-    curves: Mapping[str, Sequence[tuple[str, int, float]]],
-    figures: Mapping[str, Figure],
-) -> None:
-    """Add vote accuracies over severity, and the charts.
-
-    Args:
-        nodes: ``logger`` of the configuration.
-        directory: The run folder.
-        curves: Of each system perturbation, severity and vote accuracy.
-        figures: Matplotlib figures by title.
-    """
-    loggers = open_loggers(nodes, directory, "stability")
-    log_figures(loggers, {f"stability/{title}": figure for title, figure in figures.items()})
-    close_loggers(directory, "stability")
-    for system, points in curves.items():
-        for logger in open_loggers(nodes, directory, system):
-            for title, severity, accuracy in points:
-                logger.log_metrics({title: accuracy}, step=severity)
-        close_loggers(directory, system)
-
-
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
     """Flat plain values of what this network was trained with, or of what it is tested on."""
     chosen = {"seed": config["seed"], "data": config["data"]}

@@ -12,12 +12,9 @@ Network = dict[str, Any]
 
 WAYS = {
     "sliding_window": "CNN, windows one by one",
-    "batched_window": "CNN, windows in batches",
     "same_engine_window": "same, windows through the FCN's engine",
     "reference": "FCN as trained",
     "fcn": "FCN accelerated",
-    "fcn_bf16": "FCN accelerated, bf16",
-    "features": "features",
 }
 FACTS = {  # format of each figure by its key
     "speedup": ("speedup over windows, as trained", "{:.1f}x"),
@@ -26,9 +23,6 @@ FACTS = {  # format of each figure by its key
     "engine_speedup": ("accelerated over as trained", "{:.1f}x"),
     "windows": ("windows", "{}"),
     "label_agreement": ("labels as on the window alone", "{:.2%}"),
-    "dense_agreement": ("labels as in the dense pass", "{:.2%}"),
-    "flips_engine": ("labels that the engine changes", "{}"),
-    "flips_bf16": ("labels that bf16 changes", "{}"),
     "macs": ("multiply-accumulates", "{:,}"),
     "gemm_gflops": ("matrix products, GFLOP/s", "{:.0f}"),
     "roofline_fraction": ("share of that rate", "{:.0%}"),
@@ -49,10 +43,8 @@ def _comparison(name: str, network: Network, results: dict[str, Any]) -> Table:
     table = make_table(title, [""], [name, "paper"] if theirs else [name])
     table.caption = f"ms: median (p95), threads: {results['environment']['threads']}"
     for key, way in WAYS.items():
-        if f"{key}_ms" in network:
-            ours = f"{network[f'{key}_ms']:,.1f} ({network[f'{key}_p95_ms']:,.1f})"
-            table.add_row(way, ours, *([f"{theirs.get(f'{key}_ms', '')}"] if theirs else []))
+        ours = f"{network[f'{key}_ms']:,.1f} ({network[f'{key}_p95_ms']:,.1f})"
+        table.add_row(way, ours, *([f"{theirs.get(f'{key}_ms', '')}"] if theirs else []))
     for key, (fact, form) in FACTS.items():
-        if key in network:
-            table.add_row(fact, form.format(network[key]))
+        table.add_row(fact, form.format(network[key]))
     return table

@@ -19,7 +19,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
-from tex_lightning.config.tasks import AUTO, EVERY_SENSE
+from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.config.weights import read_config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
@@ -34,7 +34,7 @@ from tex_lightning.evaluation.comparison import partner
 from tex_lightning.evaluation.outcomes import Outcome, read_outcomes, write_outcomes, write_results
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import SEQUENTIAL, make_inference_model
-from tex_lightning.studies.dataset import Dataset, open_dataset, show_opening
+from tex_lightning.studies.dataset import Dataset, open_dataset, open_store, show_opening
 from tex_lightning.studies.fold import fit_fold
 from tex_lightning.studies.timing import interleaved, waiting
 
@@ -46,6 +46,20 @@ TIMED = 15  # tested samples, at most, that every system is timed on
 Pair = tuple[int, int]  # folds that networks are trained without
 
 log = logging.getLogger(__name__)
+
+
+class Latency(NamedTuple):
+    """Time of one sample in ms.
+
+    Attributes:
+        mean: Over the samples: that of a sequential decision is short for some and long for others.
+        median: Median of all calls.
+        p95: Their 95th percentile.
+    """
+
+    mean: float
+    median: float
+    p95: float
 
 
 @dataclass
@@ -61,6 +75,7 @@ class System:
         tests: Outcomes by tested fold.
         partners: Of each tested fold the outcomes of the same networks on its partner, see
             :func:`~tex_lightning.evaluation.comparison.partner`.
+        latency: Time of one sample.
     """
 
     name: str
@@ -70,6 +85,7 @@ class System:
     fit_seconds: float = 0.0
     tests: dict[int, list[Outcome]] = field(default_factory=dict)
     partners: dict[int, list[Outcome]] = field(default_factory=dict)
+    latency: Latency = field(default=Latency(0, 0, 0))
 
     @property
     def outcomes(self) -> list[Outcome]:
@@ -93,151 +109,124 @@ def compose_family(config: Config, job: Job) -> list[System]:
             f"frontier.only names {unknown[0]}, which this family does not have: choose from "
             f"{', '.join(family)}."
         )
-    members = [compose_system(name, own, job) for name, own in family.items() if name in only]
-    _check_libraries(members)
-    return members
+    return [compose_system(name, family[name], job) for name in family if name in only]
 
 
-def compose_system(name: str, own: Sequence[str], job: Job) -> System:
+def compose_system(name: str, overrides: Sequence[str], job: Job) -> System:
     """Compose a system: its own overrides, and the user's others.
 
     A single source of weights is meant for published trunks; a system without one gets none.
     """
-    asked = [*with_system(job, own), "task=frontier", "data.val_fold=null"]
-    member = read_config(job.compose(asked))
-    published = any(hasattr(member.model.sense(name), "trunk") for name in member.model.senses)
-    if isinstance(member.weights, str) and not published:
-        member, own = replace(member, weights=None), [*own, "weights=null"]
-    member = replace(member, task="crossval")
-    check_config(member)
-    trust(*named_classes(member.model.nodes))
-    return System(name, list(own), member)
+    asked = [*with_system(job, overrides), "task=frontier", "data.val_fold=null"]
+    config = read_config(job.compose(asked))
+    published = any(hasattr(config.model.sense(sense), "trunk") for sense in config.model.senses)
+    if isinstance(config.weights, str) and not published:
+        config, overrides = replace(config, weights=None), [*overrides, "weights=null"]
+    config = replace(config, task="crossval")
+    check_config(config)
+    trust(*named_classes(config.model.nodes))
+    baseline = config.model.baseline
+    if baseline is not None and (library := missing_library(baseline)):
+        raise UserError(
+            f"{name} needs {library}, which is not installed; run: {INSTALL}, or do without it: "
+            f"frontier.systems.{name}=null."
+        )
+    return System(name, list(overrides), config)
 
 
-def with_system(job: Job, own: Sequence[str]) -> list[str]:
-    """Overrides of a system alone: its own replace the user's of the same keys."""
-    keys = {_key(item) for item in own}
-    given = [item for item in job.overrides if item != f"model={AUTO}" and _key(item) not in keys]
-    return [*(each for each in given if _key(each).split(".")[0] not in OWN_SECTIONS), *own]
+def with_system(job: Job, overrides: Sequence[str]) -> list[str]:
+    """Return overrides of a system alone: its own replace the user's of the same keys."""
+    keys = {_key(item) for item in overrides}
+    given = [item for item in job.overrides if _key(item) not in keys]
+    return [*(item for item in given if _key(item).split(".")[0] not in OWN_SECTIONS), *overrides]
 
 
 def _key(override: str) -> str:
     return override.lstrip("+~").partition("=")[0]
 
 
-def _check_libraries(members: Sequence[System]) -> None:
-    """Make sure that all systems can be run, before time is spent on the first."""
-    needed = {member.name: member.config.model.baseline for member in members}
-    missing = {
-        name: library
-        for name, baseline in needed.items()
-        if baseline is not None and (library := missing_library(baseline))
-    }
-    if missing:
-        systems = ", ".join(f"{name} ({library})" for name, library in missing.items())
-        others = ",".join(name for name in needed if name not in missing)
-        raise UserError(
-            f"Libraries of these systems are not installed: {systems}; run: {INSTALL}, or do "
-            f"without them: frontier.only=[{others}]."
-        )
-
-
 def _subsets(config: Config, job: Job) -> dict[str, str]:
-    """Systems of every subset of the senses asked for: all at once, or the next only if unsure.
-
-    Raises:
-        UserError: If the data has recordings of no known sense, or cannot be read.
-    """
+    """Return systems of every subset of the senses: all at once, or the next only if unsure."""
     if config.frontier.senses is None:
         return {}
-    senses = chosen_senses(config)
-    given = [item for item in job.overrides if item != f"model={AUTO}"]
-    model = job.compose(given).model.name
-    systems = {}
-    for order, least in (("", 1), (SEQUENTIAL, 2)):
-        for count in range(least, len(senses) + 1):
+    given = [item.partition("=")[2] for item in job.overrides if item.startswith("model=")]
+    model = given[-1] if given else config.model.name
+    senses, systems = _chosen_senses(config), {}
+    for decision, smallest in (("", 1), (SEQUENTIAL, 2)):
+        for count in range(smallest, len(senses) + 1):
             for subset in combinations(senses, count):
-                name = "_".join(filter(None, ["+".join(subset), order]))
-                how = f" decision={order}" if order else ""
+                name = "_".join(filter(None, ["+".join(subset), decision]))
+                how = f" decision={decision}" if decision else ""
                 systems[name] = f"model={model} model.senses=[{','.join(subset)}]{how}"
     return systems
 
 
-def chosen_senses(config: Config) -> list[str]:
-    """Senses whose subsets are compared: those named, or all known ones that the data has.
+def _chosen_senses(config: Config) -> list[str]:
+    """Return the senses whose subsets are compared: those named, or all that the data has.
 
     Raises:
         UserError: If the data has recordings of no known sense, or cannot be read.
     """
     if config.frontier.senses != EVERY_SENSE:
         return list(config.frontier.senses)
-    model = config.model
-    modalities = {name: model.sense(name).modality for name in model.known}
+    modalities = {name: config.model.sense(name).modality for name in config.model.known}
     table = read_recordings(config.data, list(dict.fromkeys(modalities.values())))
     present = {row.modality for row in table}
-    found = [name for name, modality in modalities.items() if modality in present]
-    if not found:
+    senses = [name for name, modality in modalities.items() if modality in present]
+    if not senses:
         raise UserError(
             f"The data has recordings of {', '.join(sorted(present))}, and no sense reads these: "
             f"known are {', '.join(modalities)}; write conf/sense/NAME.yaml for another."
         )
-    return found
+    return senses
 
 
-def measure_family(members: Sequence[System], folds: Sequence[int], directory: Path) -> None:
+def measure_family(systems: Sequence[System], folds: Sequence[int], directory: Path) -> None:
     """Train every system without each of ``folds`` and its partner, and test it on both.
 
     What a run in the same folder has finished is read.
 
     Args:
-        members: The systems, whose results are filled in.
+        systems: The systems, whose results are filled in.
         folds: Folds that are tested.
         directory: Holds a folder for each system; the networks, each trained once, lie beside it.
     """
-    pairs = {member.name: _pairs(member, folds) for member in members}
-    missing = {
-        name: [pair for pair in dict.fromkeys(own.values()) if not _done(directory / name, pair)]
-        for name, own in pairs.items()
-    }
+    names = ", ".join(system.name for system in systems)
     shown: set[str] = set()
-    with stage("training", sum(map(len, missing.values()))) as trainings:
-        for member in members:
+    with stage("system", len(systems)) as level:
+        for number, system in enumerate(systems):
+            level.update(number, title=system.name)
             dataset: Dataset | None = None
-            home = directory / member.name
-            for pair in missing[member.name]:
-                log.info("%s, trained without folds %d and %d.", member.name, *pair)
-                trainings.update(trainings.done, title=member.name)
-                dataset = dataset or open_dataset(member.config, home)
+            pairs = _pairs(system, folds)
+            for pair in dict.fromkeys(pairs.values()):
+                home = _home(directory / system.name, pair)
+                if (home / DONE).is_file():
+                    continue
+                log.info("%s, trained without folds %d and %d.", system.name, *pair)
+                dataset = dataset or open_dataset(system.config, home)
                 if not shown.issuperset(dataset.store.decoders):  # each modality once
                     shown |= {*dataset.store.decoders}
-                    names = ", ".join(each.name for each in members)
-                    show_opening(member.config, dataset, f"{len(members)} systems: {names}")
-                _measure_pair(dataset, pair, _place(home, pair), directory.parent / NETWORKS)
-                trainings.update(trainings.done + 1)
-    for member in members:
-        _read(member, pairs[member.name], directory / member.name)
+                    show_opening(system.config, dataset, f"{len(systems)} systems: {names}")
+                _measure_pair(dataset, pair, home, directory.parent / NETWORKS)
+            _read(system, pairs, directory / system.name)
 
 
-def _pairs(member: System, folds: Sequence[int]) -> dict[int, Pair]:
-    """Of each tested fold itself and its partner, in one order for both unless networks differ."""
-    data = member.config.data
+def _pairs(system: System, folds: Sequence[int]) -> dict[int, Pair]:
+    """Pair each tested fold with its partner, in one order for both unless networks differ."""
+    data = system.config.data
     both = {fold: (fold, partner(fold, data.folds)) for fold in folds}
     if data.inverted:  # a fold is then what is trained on
         return both
     return {fold: (min(pair), max(pair)) for fold, pair in both.items()}
 
 
-def _place(directory: Path, pair: Pair) -> Path:
+def _home(directory: Path, pair: Pair) -> Path:
     return directory / "folds" / f"{pair[0]}-{pair[1]}"
 
 
-def _done(directory: Path, pair: Pair) -> bool:
-    return (_place(directory, pair) / DONE).is_file()
-
-
-def _predictions(place: Path, kind: str, fold: int, pair: Pair) -> Path:
-    """The file of the votes on one of the two folds."""
-    return place / "predictions" / (f"{kind}.csv" if fold == pair[0] else f"{kind}_partner.csv")
+def _predictions(home: Path, kind: str, *, second: bool) -> Path:
+    """Return the file of the votes on one of the two folds."""
+    return home / "predictions" / f"{kind}{'_partner' if second else ''}.csv"
 
 
 def _measure_pair(dataset: Dataset, pair: Pair, home: Path, networks_in: Path) -> None:
@@ -245,96 +234,75 @@ def _measure_pair(dataset: Dataset, pair: Pair, home: Path, networks_in: Path) -
     apart = Recordings(tuple(row for row in rows if row.fold == pair[1]))
     on_fold = replace(dataset, recordings=rows.without(apart)).on_fold(pair[0])
     networks = fit_fold(on_fold, home, test_parts=False, networks_in=networks_in)
-    entry = networks[config.model.kind]
-    samples = make_samples(apart, config.model.modalities)
-    trained = load_classifier(entry["checkpoint"])
+    kind = config.model.kind
+    trained = load_classifier(networks[kind]["checkpoint"])
     classifier = make_inference_model(trained, config.engine, config.decision)
+    samples = make_samples(apart, config.model.modalities)
     outcomes = run_test(classifier, samples, dataset.store)
-    write_outcomes(outcomes, _predictions(home, config.model.kind, pair[1], pair))
+    write_outcomes(outcomes, _predictions(home, kind, second=True))
     seconds = sum(network["fit_seconds"] for network in networks.values())
     skipped = skipped_entry(dataset.skipped)
-    write_results(home / DONE, {**entry, "fit_seconds": seconds, "skipped": skipped})
+    write_results(home / DONE, {**networks[kind], "fit_seconds": seconds, "skipped": skipped})
 
 
-def _read(member: System, pairs: Mapping[int, Pair], directory: Path) -> None:
-    kind = member.config.model.kind
-    entries = [
-        read_record(_place(directory, pair) / DONE) for pair in dict.fromkeys(pairs.values())
-    ]
-    member.entry = entries[0]
-    member.fit_seconds = fmean(entry["fit_seconds"] for entry in entries)
+def _read(system: System, pairs: Mapping[int, Pair], directory: Path) -> None:
+    """Fill in what the trainings of a system gave."""
+    kind = system.config.model.kind
+    homes = [_home(directory, pair) for pair in dict.fromkeys(pairs.values())]
+    entries = [read_record(home / DONE) for home in homes]
+    system.entry = entries[0]
+    system.fit_seconds = fmean(entry["fit_seconds"] for entry in entries)
     for fold, pair in pairs.items():
-        other = pair[1] if fold == pair[0] else pair[0]
-        place = _place(directory, pair)
-        member.tests[fold] = read_outcomes(_predictions(place, kind, fold, pair))
-        member.partners[fold] = read_outcomes(_predictions(place, kind, other, pair))
+        home, second = _home(directory, pair), fold == pair[1]
+        system.tests[fold] = read_outcomes(_predictions(home, kind, second=second))
+        system.partners[fold] = read_outcomes(_predictions(home, kind, second=not second))
 
 
-class Latency(NamedTuple):
-    """Time of one sample in ms.
-
-    Attributes:
-        mean: Over the samples: that of a sequential decision is short for some and long for others.
-        median: Median of all calls.
-        p95: Their 95th percentile.
-    """
-
-    mean: float
-    median: float
-    p95: float
-
-
-Timings = dict[str, Latency]
-
-
-def measure_latencies(members: Sequence[System], rounds: int) -> Timings:
-    """Times of one sample, all systems interleaved in one run.
+def measure_latencies(systems: Sequence[System], rounds: int) -> None:
+    """Time one sample by every system, all interleaved in one run.
 
     The samples are of the first tested fold: of those that a network was trained on it is surer,
     and a sequential decision quicker, than it will be.
 
     Args:
-        members: The systems, measured.
+        systems: The systems, measured, whose latencies are filled in.
         rounds: In each every system classifies one sample.
     """
-    functions: dict[str, Callable[[], object]] = {}
+    calls: dict[str, Callable[[], object]] = {}
     counts: dict[str, int] = {}
     recordings: dict[tuple[tuple[str, Decoder], ...], list[dict[str, Tensor]]] = {}
-    for member in members:
-        config = member.config
+    for system in systems:
+        config = system.config
         device = pick_device(config.trainer.accelerator)
-        trained = load_classifier(member.entry["checkpoint"]).to(device)
-        classifier = make_inference_model(trained, config.engine, config.decision)
-        decoded = tuple((each.modality, each.decoder) for each in trained.senses.values())
+        trained = load_classifier(system.entry["checkpoint"]).to(device)
+        decoded = tuple((sense.modality, sense.decoder) for sense in trained.senses.values())
         if decoded not in recordings:  # such systems classify the same samples
-            recordings[decoded] = _timed_samples(member)
-        counts[member.name] = len(recordings[decoded])
+            recordings[decoded] = _timed_samples(system, trained)
+        classifier = make_inference_model(trained, config.engine, config.decision)
+        counts[system.name] = len(recordings[decoded])
         call = partial(_classify_next, classifier, itertools.cycle(recordings[decoded]))
-        functions[member.name] = waiting(call, device)
-    log.info("Timing %d systems on the same samples.", len(functions))
-    timings = interleaved(functions, rounds, WARM_UP)
-    return {
-        name: Latency(_mean_of_samples(timing.calls, counts[name]), timing.median, timing.p95)
-        for name, timing in timings.items()
-    }
+        calls[system.name] = waiting(call, device)
+    log.info("Timing %d systems on the same samples.", len(calls))
+    timings = interleaved(calls, rounds, WARM_UP)
+    for system in systems:
+        timing, count = timings[system.name], counts[system.name]
+        per_sample = [timing.calls[sample::count] for sample in range(count)]
+        mean = fmean(median(times) for times in per_sample if times)
+        system.latency = Latency(mean, timing.median, timing.p95)
 
 
-def _timed_samples(member: System) -> list[dict[str, Tensor]]:
-    """Samples of the first tested fold, which the first network has not seen."""
-    dataset = open_dataset(member.config, Path(member.entry["checkpoint"]).parent)
-    outcomes = next(iter(member.tests.values()))
+def _timed_samples(system: System, classifier: SurfaceClassifier) -> list[dict[str, Tensor]]:
+    """Decode samples of the first tested fold, which the first network has not seen."""
+    outcomes = next(iter(system.tests.values()))
     files = {path for outcome in outcomes for path in outcome.files.values()}
-    strange = (row for row in dataset.recordings if row.source not in files)
-    samples = make_samples(dataset.recordings.without(strange), member.config.model.modalities)
+    modalities = system.config.model.modalities
+    rows = read_recordings(system.config.data, modalities)
+    tested = rows.without(row for row in rows if row.source not in files)
+    samples, store = make_samples(tested, modalities), open_store(system.config, classifier)
     timed = samples[:: ceil(len(samples) / TIMED)]
-    return [load_sample(sample, dataset.store) for sample in timed]
-
-
-def _mean_of_samples(calls: Sequence[float], count: int) -> float:
-    """Mean over samples that take turns of each one's median time."""
-    return fmean(median(calls[sample::count]) for sample in range(min(count, len(calls))))
+    return [load_sample(sample, store) for sample in timed]
 
 
 def _classify_next(classifier: SurfaceClassifier, samples: Iterator[dict[str, Tensor]]) -> object:
-    """Another sample each time: what a sequential decision costs depends on the sample."""
+    """Classify another sample each time: a sequential decision costs more for some."""
     return classifier.classify(**next(samples))

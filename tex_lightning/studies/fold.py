@@ -91,18 +91,15 @@ def open_announced(config: Config, directory: Path) -> Dataset:
     return dataset
 
 
-def chosen_folds(config: Config) -> list[int]:
-    """The folds that ``crossval.only`` asks for, or all.
+def chosen_folds(count: int, only: list[int] | None) -> list[int]:
+    """Return the folds that ``crossval.only`` asks for, or all of ``count``.
 
     Raises:
         UserError: If one does not exist.
     """
-    every = range(config.data.folds)
-    chosen = list(every) if config.crossval.only is None else config.crossval.only
-    if not chosen or any(fold not in every for fold in chosen):
-        raise UserError(
-            f"crossval.only={chosen} must name folds from 0 to {config.data.folds - 1}."
-        )
+    chosen = list(range(count)) if only is None else only
+    if not chosen or any(fold not in range(count) for fold in chosen):
+        raise UserError(f"crossval.only={chosen} must name folds from 0 to {count - 1}.")
     return sorted(set(chosen))
 
 

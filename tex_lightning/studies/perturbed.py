@@ -20,9 +20,12 @@ from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, write_part
 from tex_lightning.data.store import Store, Unusable, fingerprint
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.perturbations.pixels import Array, Scene
-from tex_lightning.perturbations.table import BOTH, FEWER, MISSING, Perturbation
+from tex_lightning.perturbations.table import BOTH, FEWER, MISSING, SEVERITIES, Perturbation
+from tex_lightning.report.stability_charts import BreakRow, StabilityRow
 
+BISECTIONS = 3  # of the interval between two severities: a breaking point is found to 1/8 of one
 Labels = list[int | None]  # class index of each sample; None where the classifier refuses it
 
 
@@ -222,6 +225,7 @@ class PerturbedSystem:
     name: str
     kind: str
     folds: list[SystemFold]
+    _decided: dict[tuple[str, float], Labels] = field(default_factory=dict)
 
     @property
     def labels(self) -> list[int]:
@@ -233,22 +237,70 @@ class PerturbedSystem:
         ]
 
     def decide(self, perturbation: Perturbation | None = None, severity: float = 0) -> Labels:
-        """Labels of all samples, fold by fold."""
-        if perturbation is None:
-            return [label for fold in self.folds for label in fold.clean()]
-        return [label for fold in self.folds for label in fold.perturbed(perturbation, severity)]
+        """Return labels of all samples, fold by fold; each decision is computed once."""
+        key = ("", 0.0) if perturbation is None or severity == 0 else (perturbation.name, severity)
+        if key not in self._decided:
+            parts = (
+                fold.clean() if perturbation is None or severity == 0
+                else fold.perturbed(perturbation, severity)
+                for fold in self.folds
+            )  # fmt: skip
+            self._decided[key] = [label for labels in parts for label in labels]
+        return self._decided[key]
 
     def meets(self, perturbation: Perturbation) -> bool:
-        """Whether the system reads what the perturbation changes."""
+        """Return whether the system reads what the perturbation changes."""
         modality, axes = perturbation.modality, perturbation.axes
-        own = set(self.folds[0].modalities.values())
+        read = set(self.folds[0].modalities.values())
         if modality == BOTH:
-            hit = perturbation.name == FEWER or perturbation.effect[0] in own
-            return hit and len(own) > 1
-        if modality not in own or axes is None:
-            return modality in own
+            affects = perturbation.name == FEWER or perturbation.effect[0] in read
+            return affects and len(read) > 1
+        if modality not in read or axes is None:
+            return modality in read
         return all(
             len(fold.datasets[modality].clean(sample.recordings[modality])) == axes
             for fold in self.folds
             for sample in fold.samples
         )
+
+
+def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: float) -> StabilityRow:
+    """Test a system at one severity; a sample that is refused counts as wrong."""
+    clean, labels = system.decide(), system.decide(perturbation, severity)
+    count = len(labels)
+    correct = sum(label == truth for label, truth in zip(labels, system.labels, strict=True))
+    flips = sum(label != before for label, before in zip(labels, clean, strict=True))
+    low, high = wilson_interval(correct, count)
+    return StabilityRow(
+        system.name, perturbation.modality, perturbation.name, severity, count, correct / count,
+        low, high, flips / count,
+    )  # fmt: skip
+
+
+def breaking_point(system: PerturbedSystem, perturbation: Perturbation, bound: float) -> BreakRow:
+    """Find the mildest severity below the bound.
+
+    The first whole severity below it is found, and the interval before that bisected; an accuracy
+    that recovers later does not count.
+
+    Args:
+        system: One that meets the perturbation.
+        perturbation: The perturbation.
+        bound: Share of the clean vote accuracy that has to be kept.
+    """
+    clean = run_trial(system, perturbation, 0).vote_accuracy
+    least = bound * clean
+    head = (system.name, perturbation.modality, perturbation.name, perturbation.unit)
+    trials = (run_trial(system, perturbation, severity) for severity in SEVERITIES)
+    below = next((trial for trial in trials if trial.vote_accuracy < least), None)
+    if below is None:
+        return BreakRow(*head, clean, least)
+    kept = below.severity - 1
+    for _ in range(BISECTIONS):
+        middle = run_trial(system, perturbation, (kept + below.severity) / 2)
+        if middle.vote_accuracy < least:
+            below = middle
+        else:
+            kept = middle.severity
+    value = perturbation.value(below.severity)
+    return BreakRow(*head, clean, least, "true", below.severity, value, below.vote_accuracy)

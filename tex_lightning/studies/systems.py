@@ -1,6 +1,7 @@
 """The systems that ``task=stability`` tests, from run folders and checkpoints."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,18 +9,27 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.card import SUFFIX
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config, StabilityConfig
+from tex_lightning.config.keys import choice
 from tex_lightning.config.model import FUSION, kind_of
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.decode import Decoder
-from tex_lightning.data.folds import Sample, make_samples
+from tex_lightning.data.folds import make_samples
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import accelerate
+from tex_lightning.perturbations.table import (
+    BOTH,
+    SEVERITIES,
+    Perturbation,
+    perturbations,
+    read_severities,
+    signal_perturbations,
+)
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.perturbed import PerturbedDataset, PerturbedSystem, SystemFold
 
-Found = tuple[Path, int | None]  # a checkpoint and its test fold, None for the configured one
+TestedCheckpoint = tuple[Path, int | None]  # its test fold is None for the configured one
 Datasets = dict[tuple[str, Decoder], PerturbedDataset]  # by modality and how it is decoded
 
 
@@ -35,41 +45,71 @@ def load_systems(config: Config) -> list[PerturbedSystem]:
     """
     datasets: Datasets = {}
     systems: list[PerturbedSystem] = []
-    for given in config.stability.systems or []:
-        path = Path(given).expanduser()
-        for kind, found in _checkpoints(path, config.stability).items():
-            folds = [_load(config, *each, datasets) for each in found]
+    for name in config.stability.systems or []:
+        path = Path(name).expanduser()
+        for kind, checkpoints in _checkpoints(path).items():
+            folds = [_load(config, *checkpoint, datasets) for checkpoint in checkpoints]
             classifier = folds[0].classifier
-            name = _name(path, kind, classifier)
-            systems.append(PerturbedSystem(name, classifier.card.kind, folds))
+            title = _title(path, kind, classifier)
+            systems.append(PerturbedSystem(title, classifier.card.kind, folds))
     counts, numbers = Counter(system.name for system in systems), Counter[str]()
     for system in systems:  # those of one name get a number
-        numbers[name := system.name] += 1
-        system.name = f"{name} ({numbers[name]})" if counts[name] > 1 else name
+        numbers[title := system.name] += 1
+        system.name = f"{title} ({numbers[title]})" if counts[title] > 1 else title
     return systems
 
 
-def _checkpoints(path: Path, wanted: StabilityConfig) -> dict[str, list[Found]]:
-    """Checkpoints of each kind in a run folder, fold by fold; or the file itself."""
+def choose_perturbations(
+    systems: Sequence[PerturbedSystem], settings: StabilityConfig
+) -> list[Perturbation]:
+    """Choose the perturbations asked for that some system meets; try those of the user.
+
+    Raises:
+        UserError: If a name is unknown, no system meets any, or a table cannot be used.
+    """
+    known = dict(perturbations())
+    for system in systems:
+        for sense in system.folds[0].classifier.senses.values():
+            if sense.medium == "signal":
+                known |= signal_perturbations(sense.modality)
+    for path in settings.severities:
+        known |= read_severities(path)
+    for name in settings.only or ():
+        if complaint := next(choice("stability.only", name, tuple(known)), None):
+            raise UserError(f"{complaint}.")
+    asked = [known[name] for name in settings.only or known]
+    chosen = [each for each in asked if any(system.meets(each) for system in systems)]
+    if not chosen:
+        names = ", ".join(each.name for each in asked)
+        raise UserError(f"No system meets {names}; choose other stability.only or systems.")
+    for perturbation in chosen:
+        if perturbation.is_users and perturbation.modality != BOTH:
+            fold = next(system for system in systems if system.meets(perturbation)).folds[0]
+            row = fold.samples[0].recordings[perturbation.modality]
+            for severity in (SEVERITIES[0], SEVERITIES[-1]):
+                fold.datasets[perturbation.modality].perturbed(row, perturbation, severity)
+    return chosen
+
+
+def _checkpoints(path: Path) -> dict[str, list[TestedCheckpoint]]:
+    """Return the checkpoints of each kind in a run folder, fold by fold; or the file itself."""
     if path.is_file():
         return {"": [(path, None)]}
     if not path.is_dir():
         raise UserError(f"{path} does not exist; give a run folder or a checkpoint.")
-    folds = {int(each.name): each for each in path.glob("folds/[0-9]*") if each.name.isdecimal()}
-    if wanted.folds is not None:
-        folds = {fold: each for fold, each in folds.items() if fold in wanted.folds}
-    homes: list[tuple[Path, int | None]] = [(folds[fold], fold) for fold in sorted(folds)]
-    found: dict[str, list[Found]] = {}
+    folds = sorted(int(each.name) for each in path.glob("folds/[0-9]*") if each.name.isdecimal())
+    homes: list[TestedCheckpoint] = [(path / "folds" / str(fold), fold) for fold in folds]
+    checkpoints: dict[str, list[TestedCheckpoint]] = {}
     for home, fold in homes or [(path, None)]:
         for file in sorted(home.glob(f"checkpoints/*{SUFFIX}")):
-            found.setdefault(file.stem, []).append((file, fold))
-    if not found:
+            checkpoints.setdefault(file.stem, []).append((file, fold))
+    if not checkpoints:
         raise UserError(
             f"{path} holds no finished checkpoint (checkpoints/KIND.ckpt or "
             "folds/N/checkpoints/KIND.ckpt); give the folder of a finished run."
         )
-    kinds = sorted(found, key=lambda kind: (kind != FUSION, kind))
-    return {kind: found[kind] for kind in (kinds if wanted.parts else kinds[:1])}
+    kinds = sorted(checkpoints, key=lambda kind: (kind != FUSION, kind))
+    return {kind: checkpoints[kind] for kind in kinds}
 
 
 def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> SystemFold:
@@ -80,29 +120,18 @@ def _load(config: Config, path: Path, fold: int | None, datasets: Datasets) -> S
     dataset = open_test_data(config, loaded, f"Checkpoint {path}")
     if not datasets:  # the first one's data are shown
         show_opening(config, dataset, ", ".join(config.stability.systems or []), trains=False)
-    samples = _limited(make_samples(dataset.recordings, loaded.card.modalities), config.stability)
-    own = {}
+    samples = make_samples(dataset.recordings, loaded.card.modalities)
+    perturbed = {}
     for modality, decoder in dataset.store.decoders.items():
         fresh = PerturbedDataset(getattr(decoder, "sampling_rate", 0.0), config.seed)
-        own[modality] = datasets.setdefault((modality, decoder), fresh)
-        own[modality].add((each.recordings[modality] for each in samples), dataset.store)
+        perturbed[modality] = datasets.setdefault((modality, decoder), fresh)
+        perturbed[modality].add((each.recordings[modality] for each in samples), dataset.store)
     loaded.to(pick_device(config.trainer.accelerator))
     classifier = accelerate(loaded, config.engine).eval()
-    return SystemFold(path, classifier, samples, own, dataset.skipped)
+    return SystemFold(path, classifier, samples, perturbed, dataset.skipped)
 
 
-def _limited(samples: list[Sample], wanted: StabilityConfig) -> list[Sample]:
-    """The first samples of each class."""
-    counts: Counter[str] = Counter()
-    kept = []
-    for sample in samples:
-        counts[sample.label] += 1
-        if wanted.limit is None or counts[sample.label] <= wanted.limit:
-            kept.append(sample)
-    return kept
-
-
-def _name(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
+def _title(path: Path, kind: str, classifier: SurfaceClassifier) -> str:
     """The model of a run; the kind of a network that only accompanies it, or of a bare file."""
     note = path / SETTINGS
     if path.is_dir() and note.is_file():

@@ -1,12 +1,7 @@
-"""Time functions interleaved, so that a machine's changing speed is the same for all of them.
-
-Matrix products beside a network tell how near it comes to what the machine can do.
-"""
+"""Time functions interleaved, so that a machine's changing speed is the same for all of them."""
 
 import time
 from collections.abc import Callable, Mapping
-from functools import partial
-from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +9,8 @@ import torch
 
 from tex_lightning.core.devices import synchronise
 from tex_lightning.core.progress import track
+
+LEAST_ROUNDS = 3
 
 
 class Timing(NamedTuple):
@@ -29,11 +26,6 @@ class Timing(NamedTuple):
     p95: float
     calls: tuple[float, ...]
 
-    @property
-    def repeats(self) -> int:
-        """Number of timed calls."""
-        return len(self.calls)
-
 
 def interleaved(
     functions: Mapping[str, Callable[[], object]],
@@ -42,7 +34,6 @@ def interleaved(
     *,
     slice_s: float = 0.0,
     budget_s: float = float("inf"),
-    least: int = 3,
 ) -> dict[str, Timing]:
     """Time functions interleaved: every round calls each of them, in the order given.
 
@@ -54,8 +45,8 @@ def interleaved(
         warm_up: Calls of each function before the first round, not timed.
         slice_s: A function is called again in the same round until it has had this many seconds,
             so that a quick one beside a slow one gets a sample worth its name; 0 calls it once.
-        budget_s: No new round begins when the rounds have taken this many seconds.
-        least: Rounds that are run whatever the budget, ``repeats`` permitting.
+        budget_s: No new round begins when the rounds have taken this many seconds, but for the
+            first three.
 
     Returns:
         Timings by the same names.
@@ -71,7 +62,7 @@ def interleaved(
     spent: dict[str, list[float]] = {name: [] for name in functions}
     begin = time.perf_counter()
     for done in track(range(repeats), "Timing"):
-        if done >= least and time.perf_counter() - begin > budget_s:
+        if done >= LEAST_ROUNDS and time.perf_counter() - begin > budget_s:
             break
         for name, function in functions.items():
             spent[name] += _turn(function, slice_s)
@@ -104,31 +95,3 @@ def _summary(seconds: list[float]) -> Timing:
     calls = np.array(seconds) * 1000
     median, p95 = np.percentile(calls, (50, 95))
     return Timing(float(median), float(p95), tuple(calls.tolist()))
-
-
-# Rows, inner size and columns of products of which one or another is this machine's fastest:
-# squares, and the flat shape that convolutions have. A graphics card takes more to be busy.
-SHAPES = ((512, 512, 512), (1024, 1024, 1024), (2048, 2048, 2048), (4096, 1152, 128))
-LARGE = ((8192, 8192, 8192),)
-
-
-def products(device: torch.device) -> dict[str, Callable[[], object]]:
-    """Matrix products in fp32 to be timed, by a name that :func:`gemm_gflops` understands."""
-    functions: dict[str, Callable[[], object]] = {}
-    for rows, inner, columns in SHAPES if device.type == "cpu" else SHAPES + LARGE:
-        left = torch.randn(rows, inner, device=device)
-        right = torch.randn(inner, columns, device=device)
-        functions[f"{rows}x{inner}x{columns}"] = partial(torch.mm, left, right)
-    return functions
-
-
-def gemm_gflops(timings: Mapping[str, Timing]) -> float:
-    """Rate of the fastest product in GFLOP/s, two operations for each multiply-accumulate."""
-    return max(
-        gflops(prod(map(int, shape.split("x"))), timing.median) for shape, timing in timings.items()
-    )
-
-
-def gflops(macs: int, milliseconds: float) -> float:
-    """GFLOP/s of so many multiply-accumulates in so many ms."""
-    return 2 * macs / milliseconds / 1e6

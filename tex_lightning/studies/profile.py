@@ -1,0 +1,167 @@
+"""Time a network, its sliding-window form and matrix products beside each other."""
+
+from collections.abc import Callable
+from functools import partial
+from math import prod
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import EngineConfig, ProfileConfig
+from tex_lightning.data.decode import Array, SignalDecoder, to_rate
+from tex_lightning.inference.engine import accelerate, count_macs
+from tex_lightning.networks.windows import WindowNet, batches, cut_windows, scores
+from tex_lightning.senses.base import Sense
+from tex_lightning.studies.timing import Timing, interleaved, waiting
+from tex_lightning.synthetic import make_materials
+from tex_lightning.synthetic.camera import render_photo
+from tex_lightning.synthetic.specimen import Specimen
+from tex_lightning.synthetic.tool import slide_tool
+
+BATCH = 32  # windows that go through a network at once
+SLICES = 100  # a quick function gets this fraction of the budget in each round
+LEAST_RATE = 2000  # Hz, of a rendered trace: the tool rings at 430 Hz
+# Rows, inner size and columns of products of which one or another is this machine's fastest:
+# squares, and the flat shape that convolutions have. A graphics card takes more to be busy.
+SHAPES = ((512, 512, 512), (1024, 1024, 1024), (2048, 2048, 2048), (4096, 1152, 128))
+LARGE = ((8192, 8192, 8192),)
+
+
+def only_sense(classifier: SurfaceClassifier) -> Sense:
+    """Return the sense of a unimodal classifier."""
+    (sense,) = classifier.senses.values()
+    return sense
+
+
+def render_recording(sense: Sense, profile: ProfileConfig, seed: int) -> Array:
+    """Render a recording of the synthetic tool or camera."""
+    rng = np.random.default_rng(seed)
+    specimen = Specimen(make_materials(2, seed)[0])
+    if isinstance(sense.decoder, SignalDecoder):
+        rate = round(sense.decoder.sampling_rate)
+        rendered = max(rate, LEAST_RATE)
+        trace = slide_tool(specimen, rng, profile.seconds, rendered)
+        return to_rate(trace, rendered, rate, "The rendered trace")
+    return render_photo(specimen, rng, size=(profile.width, profile.height))
+
+
+@torch.inference_mode()
+def profile_network(
+    classifier: SurfaceClassifier, recording: Tensor, engine: EngineConfig, profile: ProfileConfig
+) -> dict[str, Any]:
+    """Measure one network; the keys are those of ``networks.NAME`` in ``results.json``.
+
+    Args:
+        classifier: Unimodal, in evaluation mode, as trained.
+        recording: Decoded, as its sense takes it.
+        engine: How the network is accelerated.
+        profile: Budgets.
+    """
+    sense, fast = only_sense(classifier), only_sense(accelerate(classifier, engine))
+    network = sense.network
+    twin = WindowNet(network).to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
+    x, fast_x = _input(sense, recording).contiguous(), _input(fast, recording)
+    grid = cut_windows(x, sense.window_size, sense.stride)
+    fast_grid = cut_windows(fast_x, fast.window_size, fast.stride)
+    ways: dict[str, Callable[[], Any]] = {
+        "reference": partial(sense.dense_grid, x, "fc3"),
+        "sliding_window": partial(_all_windows, twin, grid, 1),
+        "same_engine_window": partial(
+            _all_windows, partial(scores, fast.network), fast_grid, BATCH
+        ),
+        "fcn": partial(fast.dense_grid, fast_x, "fc3"),
+    }
+    windows = grid.shape[0] * grid.shape[1]
+    macs, one = count_macs(lambda: scores(network, x)), count_macs(lambda: twin(grid[0, 0][None]))
+    return {
+        **_speed(*_time(ways, x.device, profile), macs),
+        "windows": windows,
+        "macs": macs,
+        "arithmetic_ratio": windows * one / macs,
+        "label_agreement": agreement(network, twin, grid),
+    }
+
+
+def _input(sense: Sense, recording: Tensor) -> Tensor:
+    """Return the network input (1, C, H, W), in the precision and on the device of the weights."""
+    x = sense(recording)
+    converted: Tensor = x.to(next(sense.network.parameters(), x))
+    return converted
+
+
+def agreement(network: nn.Module, twin: WindowNet, grid: Tensor) -> float:
+    """Return the share of windows that the twin labels as the network labels the window alone.
+
+    Args:
+        network: As trained.
+        twin: Twin of ``network``.
+        grid: Windows (rows, columns, C, height, width).
+    """
+    twins = torch.cat([twin(batch) for batch in batches(grid, BATCH)]).argmax(1)
+    parts = [scores(network, batch).flatten(1) for batch in batches(grid, BATCH)]
+    return float((twins == torch.cat(parts).argmax(1)).cpu().double().mean())
+
+
+def _all_windows(function: Callable[[Tensor], Tensor], grid: Tensor, size: int) -> None:
+    for batch in batches(grid, size):
+        function(batch)
+
+
+def products(device: torch.device) -> dict[str, Callable[[], object]]:
+    """Return matrix products in fp32 to be timed, by names that :func:`gemm_gflops` reads."""
+    functions: dict[str, Callable[[], object]] = {}
+    for rows, inner, columns in SHAPES if device.type == "cpu" else SHAPES + LARGE:
+        left = torch.randn(rows, inner, device=device)
+        right = torch.randn(inner, columns, device=device)
+        functions[f"{rows}x{inner}x{columns}"] = partial(torch.mm, left, right)
+    return functions
+
+
+def gemm_gflops(timings: dict[str, Timing]) -> float:
+    """Return the rate of the fastest product in GFLOP/s."""
+    sizes = {name: prod(map(int, name.split("x"))) for name in timings}
+    return max(_gflops(size, timings[name].median) for name, size in sizes.items())
+
+
+def _gflops(macs: int, milliseconds: float) -> float:
+    """Return the GFLOP/s of multiply-accumulates, two operations each, in so many ms."""
+    return 2 * macs / milliseconds / 1e6
+
+
+def _time(
+    ways: dict[str, Callable[[], Any]], device: torch.device, profile: ProfileConfig
+) -> tuple[dict[str, Timing], dict[str, Timing]]:
+    """Time ways of classifying and matrix products, all interleaved."""
+    functions = {
+        name: waiting(function, device) for name, function in {**ways, **products(device)}.items()
+    }
+    for _ in range(2):  # windows need no warm-up: there are many
+        for name, function in functions.items():
+            if "window" not in name:
+                function()
+    timings = interleaved(
+        functions,
+        profile.rounds,
+        warm_up=0,
+        slice_s=profile.budget_s / SLICES,
+        budget_s=profile.budget_s,
+    )
+    gemm = {name: timings.pop(name) for name in functions if name not in ways}
+    return timings, gemm
+
+
+def _speed(ways: dict[str, Timing], gemm: dict[str, Timing], macs: int) -> dict[str, Any]:
+    """Return times and what follows from them; ways are compared that compute alike."""
+    fcn, reference, rate = ways["fcn"].median, ways["reference"].median, gemm_gflops(gemm)
+    return {
+        **{f"{name}_ms": timing.median for name, timing in ways.items()},
+        **{f"{name}_p95_ms": timing.p95 for name, timing in ways.items()},
+        "speedup": ways["sliding_window"].median / reference,
+        "speedup_same_engine": ways["same_engine_window"].median / fcn,
+        "engine_speedup": reference / fcn,
+        "gemm_gflops": rate,
+        "roofline_fraction": _gflops(macs, fcn) / rate,
+    }
