@@ -101,7 +101,6 @@ def test_a_perturbation_of_the_user_is_tried_before_any_trial(cli, run, data, tm
     said = "Error: mine of image in stability.severities (shatters) raised KeyError: a perturbation"
     assert said in outcome.err
     assert 'raise KeyError("boom of a user")' in outcome.err
-    assert not (tmp_path / "r" / "trials.jsonl").exists()
 
 
 def test_it_evaluates_predicts_and_is_perturbed(cli, run, data, flat, tmp_path):

@@ -154,7 +154,7 @@ def test_a_checkpoint_is_tested_on_the_same_conditions_or_not_at_all(
 def test_only_what_matches_is_perturbed(cli, fused, manifest, tmp_path):
     outcome = cli(
         "task=stability", f"stability.systems=[{fused}/checkpoints/haptic.ckpt]", FAST,
-        "stability.only=[white_noise]", "stability.bisections=0", *given(manifest, tmp_path),
+        "stability.only=[white_noise]", *given(manifest, tmp_path),
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
     with (tmp_path / "stability.csv").open() as stream:

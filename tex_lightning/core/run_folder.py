@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 SETTINGS = "settings.json"
 LOCK = ".lock"  # held by the process that runs there; one that is killed lets go of it
-WORK = ("checkpoints", "folds", "systems", "predictions", "results.json", "trials.jsonl")
+WORK = ("checkpoints", "folds", "systems", "predictions", "results.json")
 
 # Settings that change neither weights nor figures; a run may be continued with others.
 FREE_KEYS = (
