@@ -91,7 +91,7 @@ def run(run_once, tmp_path_factory) -> Path:
                 writer.writerow([label, "haptic", path, number, HOSTILE[4 + number % 4], number])
     return run_once(
         "model=haptic", "task=crossval", "data=manifest", f"data.manifest={root / 'manifest.csv'}",
-        "data.folds=3", "crossval.only=[0,1]", "debug=tiny", "explained_samples=1",
+        "data.folds=3", "crossval.only=[0,1]", "debug=tiny",
     )  # fmt: skip
 
 

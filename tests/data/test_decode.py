@@ -18,7 +18,7 @@ from tex_lightning.data.decode import (
 )
 from tex_lightning.data.traces import axis_files
 from tex_lightning.errors import UserError
-from tex_lightning.report.page_media import _photo_media
+from tex_lightning.report.page_media import _photo
 
 SIGNAL, PHOTO = SignalDecoder(), PhotoDecoder()
 AXES = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 700)).astype(np.float32)
@@ -214,7 +214,7 @@ def test_truncated_photos_are_refused(tmp_path, suffix):
         decode_image(cut, PHOTO)
 
 
-@pytest.mark.parametrize("read", [PHOTO.decode, lambda path: [*_photo_media(path, [])]])
+@pytest.mark.parametrize("read", [PHOTO.decode, _photo])
 def test_postscript_in_a_photo_starts_no_program(tmp_path, monkeypatch, read):
     """Pillow draws EPS by Ghostscript, whatever the file is called."""
     mark, program, photo = (tmp_path / name for name in ("mark", "gs", "a.jpg"))

@@ -46,7 +46,7 @@ def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
     assert logger.params["haptic.fit.epochs"] == 2
     assert logger.params["seed"] == 0
     assert logger.images.keys() == {
-        "samples/haptic", "test/confusion", "test/class_accuracy", "test/calibration",
+        "samples/haptic", "test/confusion", "test/calibration",
     }  # fmt: skip
     (pixels,) = logger.images["test/confusion"]
     assert pixels.dtype == np.uint8
@@ -110,7 +110,7 @@ def test_mlflow_gets_metrics_figures_and_hyper_parameters(cli, surfaces, tmp_pat
     assert logged.data.metrics.keys() >= {"train/loss", "val/auroc", "test/vote_accuracy"}
     assert logged.data.params["seed"] == "0"
     figures = {Path(each.path).stem for each in client.list_artifacts(logged.info.run_id, "test")}
-    assert figures == {"confusion", "class_accuracy", "calibration"}
+    assert figures == {"confusion", "calibration"}
 
 
 def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
@@ -125,7 +125,7 @@ def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
     assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
     assert logger.params["data.root"] == str(surfaces)
     assert not [name for name in logger.params if name.startswith("haptic")]
-    assert logger.images.keys() >= {"test/confusion", "test/class_accuracy"}
+    assert logger.images.keys() >= {"test/confusion", "test/calibration"}
     assert [*tmp_path.glob("tensorboard/haptic/events*")]
     with (tmp_path / "metrics/haptic/metrics.csv").open() as stream:
         (line,) = csv.DictReader(stream)

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
+from tex_lightning.report.confusion import confusion_figure
 
 LONG = "AluminumRhombMeshVersion"
 
@@ -61,7 +61,6 @@ def test_no_text_lies_over_another(count, named):
     classes = lmt_names(count) if named else [f"{LONG.lower()} {i}" for i in range(count)]
     counts = blocks(count, 7)
     assert overlaps(confusion_figure(counts, classes, "haptic: votes on 690 samples")) == []
-    assert overlaps(class_accuracy_figure(counts, classes, "haptic", "haptic: 690 samples")) == []
 
 
 def test_a_matrix_of_very_many_classes_is_no_larger():
@@ -71,15 +70,3 @@ def test_a_matrix_of_very_many_classes_is_no_larger():
     figure = confusion_figure(counts, names, "t")
     assert figure.get_size_inches() == pytest.approx(largest.get_size_inches())
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == []
-
-
-def test_the_worst_tested_classes_are_shown_with_what_they_are_taken_for():
-    classes, counts = lmt_names(69), blocks(69, 7)
-    counts[40] = 0
-    counts[40, 50] = 10
-    counts[3] = 0  # not tested, and so not the worst
-    (axes,) = class_accuracy_figure(counts, classes, "haptic", "t").axes
-    assert axes.get_title() == "t\nthe 25 worst of 68 classes"
-    assert axes.get_yticklabels()[0].get_text().endswith("40 (10)")
-    assert axes.texts[0].get_text().startswith("10 taken for G")
-    assert len(axes.patches) == 25

@@ -1,4 +1,4 @@
-"""Traces whose assumed rate is probably wrong, and what the opening block says of rates."""
+"""Traces whose assumed rate is probably wrong."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.data.store import Store
-from tex_lightning.report.durations import describe_rates, mixed_rates, spread, unlike_the_others
+from tex_lightning.report.durations import mixed_rates, spread, unlike_the_others
 
 
 @pytest.fixture
@@ -52,16 +52,9 @@ def test_few_of_many_classes_are_named(make, store):
     assert "; and 2 more classes" in warning
 
 
-def test_rates_are_counted_by_who_says_so(make, store):
-    rows = Recordings((make(100), make(200), make(100, 2500.0), make(100, 5000.0)))
-    assert describe_rates(rows, store) == (
-        "2 x 2,500 to 5,000 Hz stated for them; 2 x 10,000 Hz assumed (data.file_rate)"
-    )
-
-
 def test_spreads_read_alike_once():
-    assert spread([2.401, 2.404], "s", ".3g", median=True) == "2.4 s"
-    assert spread([1, 2, 6], "s", "d", median=True) == "median 2 s (1 to 6)"
+    assert spread([2.401, 2.404], "s", ".3g") == "2.4 s"
+    assert spread([1, 2, 6], "", "d") == "1 to 6"
 
 
 def test_traces_of_half_the_rate_of_others_are_pointed_out_unless_all_are_brought_to_it(

@@ -115,22 +115,6 @@ def test_folds_are_pooled_before_seeds_and_fit_seconds_are_one_sum(tmp_path, cap
     assert "85.0% ± 7.1%" in capfd.readouterr().err
 
 
-def test_a_search_shows_its_objective_and_the_best_trial(tmp_path, capfd):
-    for trial, correct in enumerate((8, 10, 9)):
-        finish(tmp_path / str(trial), trial, correct)
-    sweeper = {"_target_": "a.search.Sweeper"}
-    hydra = {"sweep": {"dir": str(tmp_path)}, "sweeper": sweeper}
-    config = {"hydra": hydra, "optimized_metric": "vote_error"}
-    SweepSummary().on_multirun_end(OmegaConf.create(config))
-    with (tmp_path / "sweep.csv").open() as stream:
-        rows = [row for row in csv.DictReader(stream) if row["job"] in "012"]
-    assert [float(row["objective"]) for row in rows] == pytest.approx([0.2, 0.0, 0.1])
-    assert [row["best_trial"] for row in rows] == ["", "best", ""]
-    said = capfd.readouterr().err
-    assert "objective" in said
-    assert "Best trial: 1, objective 0" in said
-
-
 def test_a_second_sweep_in_the_folder_is_refused_until_the_first_has_ended(tmp_path, capsys):
     trainer = {"devices": 1, "num_nodes": 1}
     hydra = {"sweep": {"dir": str(tmp_path)}}

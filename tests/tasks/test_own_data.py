@@ -70,7 +70,7 @@ def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
     outcome = cli("model=fusion", "data.val_fold=1", *options(mixed, tmp_path))
     assert outcome.status == 0, outcome.err
     assert entry(outcome.err, "Classes") == "3: alpha, beta, gamma"
-    assert entry(outcome.err, "Traces") == "12; median 2.4 s (2.4 to 8); 4 of a class"
+    assert entry(outcome.err, "Traces") == "12; 2.4 to 8 s; 4 of a class"
     assert entry(outcome.err, "Photos") == "12; 0.058 megapixels; 4 of a class"
     assert entry(outcome.err, "Trains") == "fusion: haptic, visual, fusion"
     assert f"Class folder {mixed}/empty is skipped" in outcome.err

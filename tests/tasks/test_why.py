@@ -9,8 +9,7 @@ from PIL import Image
 
 import tex_lightning as tl
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import read_outcomes, worst_first
-from tex_lightning.report.page_media import MOST_SAMPLES
+from tex_lightning.evaluation.outcomes import read_outcomes
 
 
 @pytest.fixture(scope="module")
@@ -73,13 +72,9 @@ def test_a_run_draws_its_wrong_samples_or_the_least_sure(cli, bands, surfaces, t
     wrong = sum(each.label != each.predicted for each in outcomes)
     figures = sorted(path.name for path in (bands / "figures").glob("*why*.png"))
     assert figures == [f"haptic_why_{number}.png" for number in range(1, (wrong or 1) + 1)]
-    shown = worst_first(outcomes)[:MOST_SAMPLES]
-    mapped = {int(path.parts[-3]) for path in bands.glob("label_maps/haptic/*/haptic/haptic.png")}
-    assert mapped == {*shown}
     events = [path.read_bytes() for path in (bands / "tensorboard").rglob("events*")]
     assert any(b"test/why_1" in each for each in events)
     given = ["task=evaluate", f"checkpoint={bands}", "data=folder", f"data.root={surfaces}"]
     outcome = cli(*given, "explained_samples=0", f"hydra.run.dir={tmp_path}")
     assert outcome.status == 0, outcome.err
     assert not [path for path in (tmp_path / "figures").iterdir() if "why" in path.name]
-    assert not (tmp_path / "label_maps").exists()

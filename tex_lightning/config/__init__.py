@@ -105,8 +105,7 @@ class Config:
     )  # fmt: skip
     explained_samples: int = key(
         "number of test samples whose votes are drawn (docs/predict.md): wrong ones, the surest "
-        "first, or if there are none the least sure; 0 draws none, and no label maps for "
-        "report.html",
+        "first, or if there are none the least sure; 0 draws none",
         least=0, most=100,
     )  # fmt: skip
     data: DataConfig = field(default_factory=DataConfig)

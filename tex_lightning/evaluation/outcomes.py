@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -78,12 +78,6 @@ class Outcome:
     def sample(self) -> str:
         """Identity of the sample: its files, sorted by modality."""
         return "|".join(self.files[modality] for modality in sorted(self.files))
-
-    @property
-    def fragment_votes(self) -> dict[str, int]:
-        """Number of fragments for each class that has any."""
-        votes: dict[str, int] = json.loads(self.votes)
-        return votes
 
 
 def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
@@ -213,68 +207,8 @@ Counts = npt.NDArray[np.int64]
 
 def vote_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
     """Count samples by true class (row) and predicted class (column)."""
-    return _confusion_matrix([(each.label, each.predicted, 1) for each in outcomes], classes)
-
-
-def fragment_counts(outcomes: Sequence[Outcome], classes: list[str]) -> Counts:
-    """Count fragments by true class (row) and the class they voted for (column)."""
-    votes = [
-        (outcome.label, predicted, count)
-        for outcome in outcomes
-        for predicted, count in outcome.fragment_votes.items()
-    ]
-    return _confusion_matrix(votes, classes)
-
-
-def _confusion_matrix(votes: Sequence[tuple[str, str, int]], classes: list[str]) -> Counts:
     index = {name: number for number, name in enumerate(classes)}
     matrix = np.zeros((len(classes), len(classes)), dtype=np.int64)
-    for label, predicted, count in votes:
-        matrix[index[label], index[predicted]] += count
+    for outcome in outcomes:
+        matrix[index[outcome.label], index[outcome.predicted]] += 1
     return matrix
-
-
-class ConfusedPair(NamedTuple):
-    """Two classes that one sense mistakes for each other and another keeps apart.
-
-    Attributes:
-        classes: The two names.
-        confused_by: A sense.
-        confusion: Mean share of the fragments of either class taken for the other, by that sense.
-        separated_by: The sense that confuses them least.
-        other: The same share by that one.
-    """
-
-    classes: tuple[str, str]
-    confused_by: str
-    confusion: float
-    separated_by: str
-    other: float
-
-
-def confused_pairs(
-    counts: Mapping[str, Counts], classes: list[str], most: int = 3
-) -> list[ConfusedPair]:
-    """The pairs with the largest difference between the senses, ``most`` for each sense.
-
-    Args:
-        counts: Fragment counts (classes, classes) of the network of each sense, of two or more, see
-            :func:`fragment_counts`.
-        classes: Names.
-        most: Pairs for each sense; fewer where fewer are confused.
-    """
-    shares = {name: each / np.maximum(each.sum(axis=1, keepdims=True), 1)
-              for name, each in counts.items()}  # fmt: skip
-    mutual = {name: (each + each.T) / 2 for name, each in shares.items()}
-    pairs: list[ConfusedPair] = []
-    for sense, own in mutual.items():
-        others = {name: each for name, each in mutual.items() if name != sense}
-        gap = np.triu(own - np.minimum.reduce(list(others.values())), k=1)
-        for place in np.argsort(gap, axis=None)[::-1][:most]:
-            row, column = np.unravel_index(place, gap.shape)
-            if gap[row, column] > 0:
-                best = min(others, key=lambda name: float(others[name][row, column]))
-                share, least = float(own[row, column]), float(others[best][row, column])
-                names = (classes[row], classes[column])
-                pairs.append(ConfusedPair(names, sense, share, best, least))
-    return pairs

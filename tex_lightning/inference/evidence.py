@@ -21,7 +21,7 @@ from tex_lightning.classifier.vote import Vote
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.senses.base import Sense
-from tex_lightning.senses.features.spectrogram import FLOOR, SpectrogramFeatures, movement_start
+from tex_lightning.senses.features.spectrogram import movement_start
 from tex_lightning.senses.signal import SignalSense
 
 Floats = npt.NDArray[np.floating[Any]]
@@ -61,24 +61,6 @@ class Evidence:
         found: Floats = scores.softmax(dim=0)[label].numpy()
         return found
 
-    def rivals(self, label: int) -> Labels:
-        """(rows, columns) the best other class of every position."""
-        others = self.scores.copy()
-        others[label] = -np.inf
-        found: Labels = others.argmax(axis=0)
-        return found
-
-    def margins(self, label: int) -> Floats:
-        """(rows, columns) score of a class less that of the best other one there."""
-        rivals = np.take_along_axis(self.scores, self.rivals(label)[None], axis=0)[0]
-        found: Floats = self.scores[label] - rivals
-        return found
-
-    def extremes(self, label: int) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Row and column of the positions with the largest and the smallest margin."""
-        margins, columns = self.margins(label), self.scores.shape[2]
-        return divmod(int(margins.argmax()), columns), divmod(int(margins.argmin()), columns)
-
 
 @dataclass(frozen=True)
 class PhotoEvidence(Evidence):
@@ -117,17 +99,11 @@ class SignalEvidence(Evidence):
         samples: (axes, samples) float32 in the unit of the recording.
         rate: Rate of the samples in Hz.
         start: Seconds of the recording before steady movement, which the network does not read.
-        input: (bands, frames) logarithmic magnitudes of the recording; None of one too short.
-        frequencies: (bands,) in Hz.
-        times: (frames,) centre of each frame in seconds of the recording.
     """
 
     samples: Floats
     rate: float
     start: float
-    input: Floats | None
-    frequencies: Floats
-    times: Floats
 
     @property
     def seconds(self) -> float:
@@ -241,23 +217,5 @@ def _of_signal(
         columns[:, 1] += features.window_length / rate
     else:
         columns = equal_parts(scores.shape[2], start, recording.shape[-1] / rate)
-    shown = _mel(recording.cpu(), rate)
     rows, samples = np.array([[0.0, 1.0]]), recording.cpu().numpy()
-    return SignalEvidence(
-        sense.name, scores, rows, columns, temperature, samples, rate, start, *shown
-    )
-
-
-def _mel(recording: Tensor, rate: float) -> tuple[Floats | None, Floats, Floats]:
-    """Logarithmic magnitudes (bands, frames) for the eye, frequencies and times."""
-    if recording.shape[-1] < 2:
-        return None, np.empty(0), np.empty(0)
-    seconds = min(0.05, recording.shape[-1] / rate)
-    reader = SpectrogramFeatures(
-        sampling_rate=rate, scale="mel", skip_impact=False, window_seconds=seconds
-    )
-    magnitudes = reader.magnitudes(recording)
-    values = (magnitudes / magnitudes.mean().clamp(min=1e-30) + FLOOR).log().numpy()
-    begins = np.arange(values.shape[1]) * reader.hop_length
-    times = (begins + reader.window_length / 2) / rate
-    return values, reader.frequencies.numpy(), times
+    return SignalEvidence(sense.name, scores, rows, columns, temperature, samples, rate, start)

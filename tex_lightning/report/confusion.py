@@ -1,15 +1,13 @@
-"""Confusion matrices, and accuracy by class."""
+"""Confusion matrices."""
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.evaluation.outcomes import Counts, Shares
 from tex_lightning.report.figures import draw_shares
-from tex_lightning.report.style import brief, colour_of, styled
+from tex_lightning.report.style import brief, styled
 
 MAX_NAMED = 30  # classes up to which counts are written in
-MAX_BARS = 25  # classes that have a bar
 MAX_LABELLED = 150  # classes up to which each is named; the matrix of more is no larger
 MAX_CHARACTERS = 26  # of a class name beside a row
 GAMMA = 0.5  # power of the shares whose colours are seen among many that are zero
@@ -35,40 +33,4 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     if many:
         axes.tick_params(labelsize=SMALL, length=0, pad=1)
     axes.set(xlabel="predicted", ylabel="true", title=title)
-    return figure
-
-
-@styled
-def class_accuracy_figure(counts: Counts, classes: list[str], name: str, title: str) -> Figure:
-    """Draw the accuracy of every tested class as bars, the worst first; at most 25 of them.
-
-    Args:
-        counts: True class by predicted class.
-        classes: Their names.
-        name: Name of the network, in whose colour the bars are.
-        title: Above them.
-    """
-    totals = counts.sum(axis=1)
-    shares = np.diag(counts) / np.maximum(totals, 1)
-    tested = np.flatnonzero(totals)
-    shown = tested[np.argsort(shares[tested], kind="stable")][:MAX_BARS]
-    wrong = counts - np.diag(np.diag(counts))
-    figure = Figure(figsize=(7, 1.2 + 0.19 * len(shown)), layout="constrained")
-    axes = figure.subplots()
-    axes.barh(np.arange(len(shown)), shares[shown], color=colour_of(name))
-    taken = [brief(classes[index], MAX_CHARACTERS) for index in wrong[shown].argmax(axis=1)]
-    most = wrong[shown].max(axis=1)
-    for row, (count, other) in enumerate(zip(most, taken, strict=True)):
-        axes.annotate(
-            f"{count} taken for {other}" if count else "", (1, row), (4, 0), va="center",
-            fontsize=7, textcoords="offset points", annotation_clip=False,
-        )  # fmt: skip
-    names = [f"{brief(classes[index], MAX_CHARACTERS)} ({totals[index]})" for index in shown]
-    axes.set_yticks(np.arange(len(shown)), names)
-    axes.margins(y=0.02)
-    axes.invert_yaxis()
-    axes.xaxis.set_major_formatter(PercentFormatter(1))
-    if len(shown) < len(tested):
-        title += f"\nthe {MAX_BARS} worst of {len(tested)} classes"
-    axes.set(xlim=(0, 1), xlabel="vote accuracy (number of samples in brackets)", title=title)
     return figure

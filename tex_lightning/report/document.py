@@ -5,18 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tex_lightning.config.model import FUSION
 from tex_lightning.evaluation.comparison import mcnemar, pair
 from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.outcomes import (
     Outcome,
-    confused_pairs,
-    fragment_counts,
     read_outcomes,
     summarise,
 )
-from tex_lightning.report.confusion import confusion_figure
-from tex_lightning.report.figures import save_figure
 from tex_lightning.report.table import (
     Row,
     Table,
@@ -128,7 +123,7 @@ def _pool(
 
 
 def comparison_tables(systems: Sequence[System]) -> list[Table]:
-    """Every table that compares systems: accuracies, votes by condition, confused pairs."""
+    """Return every table that compares systems: accuracies, and votes by condition."""
     groups: dict[str, list[System]] = {}
     for system in systems:
         groups.setdefault(system.tables[0], []).append(system)
@@ -144,7 +139,6 @@ def comparison_tables(systems: Sequence[System]) -> list[Table]:
             "A row that says unseen was trained without the conditions that it tested.",
         )
     )
-    tables.append(_pairs_table(systems))
     return [table for table in tables if table.rows]
 
 
@@ -194,42 +188,3 @@ def _against(best: System, system: System) -> str:
     _, own, others = zip(*pairs, strict=True)
     only_best, only_own, p_value = mcnemar(others, own)
     return f"{p_value:.2g} ({only_best}:{only_own})"
-
-
-def _networks(systems: Sequence[System]) -> dict[str, System]:
-    """The networks, each once: by itself if it was run so, else as a part of a FusionNet."""
-    chosen: dict[str, System] = {}
-    for system in sorted(systems, key=lambda each: bool(each.inside)):
-        if system.kind in (system.model, FUSION):
-            chosen.setdefault(system.model, system)
-    return chosen
-
-
-def draw_confusions(systems: Sequence[System], directory: Path) -> None:
-    """Draw fragments by class, as in the paper's figures of its networks."""
-    for name, system in _networks(systems).items():
-        counts = fragment_counts(system.outcomes, system.classes)
-        title = f"{name}: fragments of {len(system.outcomes)} test samples"
-        figure = confusion_figure(counts, system.classes, title)
-        save_figure(figure, directory / "figures" / f"{name}_fragment_confusion")
-
-
-def _pairs_table(systems: Sequence[System]) -> Table:
-    """The pairs of classes that one sense confuses and another tells apart."""
-    senses = {
-        system.kind: system for system in _networks(systems).values() if system.kind != FUSION
-    }
-    classes = [system.classes for system in senses.values()]
-    title = "Pairs that one sense confuses and another separates"
-    if len(senses) < 2 or any(names != classes[0] for names in classes):
-        return Table(title, [])
-    counts = {name: fragment_counts(each.outcomes, classes[0]) for name, each in senses.items()}
-    rows = [
-        {
-            "classes": " and ".join(found.classes),
-            "confused by": f"{found.confused_by} ({found.confusion:.1%} of fragments)",
-            "told apart by": f"{found.separated_by} ({found.other:.1%})",
-        }
-        for found in confused_pairs(counts, classes[0])
-    ]
-    return Table(title, rows)

@@ -1,62 +1,28 @@
-"""How long signals are, at which rates, and which rates are probably wrong."""
+"""Warnings of sampling rates that are probably wrong."""
 
 from collections import defaultdict
 from collections.abc import Sequence
 from statistics import median
-from statistics import median as median_of
 
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.quality import MEASURES
 from tex_lightning.data.recordings import Recording, Recordings, plural
 from tex_lightning.data.store import Store
-from tex_lightning.data.traces import SOURCES, RateSource
-
-
-def spread(values: Sequence[float], unit: str, form: str, *, median: bool = False) -> str:
-    """Least and largest of some numbers, once if they read alike, and the median if asked for.
-
-    Args:
-        values: At least one.
-        unit: What stands behind them.
-        form: Format of a number.
-        median: Whether the median goes before them.
-    """
-    low, high = format(min(values), form), format(max(values), form)
-    behind = f" {unit}" if unit else ""
-    if low == high:
-        return f"{low}{behind}"
-    if median:
-        return f"median {format(median_of(values), form)}{behind} ({low} to {high})"
-    return f"{low} to {high}{behind}"
-
 
 FACTOR = 2  # by which a duration must differ from the others' to be pointed out
 SHOWN = 3  # classes in the warning
-SAID_BY: dict[RateSource, str] = {
-    "header": "by their header",
-    "time column": "by a column of time",
-    "stated": "stated for them",
-    "assumed": "assumed (data.file_rate)",
-}
 
 
-def durations(signals: Recordings, store: Store) -> dict[Recording, float]:
-    """Seconds of every decoded signal; none of photos."""
-    return {row: store.extent(row) for row in signals if store.is_signal(row)}
+def spread(values: Sequence[float], unit: str, form: str) -> str:
+    """Return the smallest and the largest of some numbers, once if they read alike.
 
-
-def describe_rates(signals: Recordings, store: Store) -> str:
-    """How many files have which rate, by who says so; nothing of photos."""
-    rates = [store.rate(row) for row in signals if store.is_signal(row)]
-    told = []
-    for source in SOURCES:
-        found = [rate for rate in rates if rate.source == source]
-        if found:
-            uneven = sum(rate.interpolated for rate in found)
-            note = f" ({uneven} uneven, interpolated)" if uneven else ""
-            hertz = spread([rate.hz for rate in found], "Hz", ",.5g")
-            told.append(f"{len(found)} x {hertz} {SAID_BY[source]}{note}")
-    return "; ".join(told)
+    Args:
+        values: At least one.
+        unit: Stands behind them; may be empty.
+        form: Format of a number.
+    """
+    low, high = format(min(values), form), format(max(values), form)
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
 
 
 def mixed_rates(signals: Recordings, store: Store) -> str | None:
@@ -88,7 +54,7 @@ def unlike_the_others(signals: Recordings, store: Store) -> str | None:
     Returns:
         The warning, or None if there are none.
     """
-    seconds = durations(signals, store)
+    seconds = {row: store.extent(row) for row in signals if store.is_signal(row)}
     if not seconds:
         return None
     middle = median(seconds.values())

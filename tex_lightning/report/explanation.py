@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 from PIL import Image
 
 from tex_lightning.inference.evidence import Evidence, Floats, PhotoEvidence, SignalEvidence
@@ -28,8 +28,8 @@ SIGNAL, PHOTO, LINE = 3.7, 3.1, 0.22  # inches
 CHARACTERS = 150  # of a line
 LONGEST = 28  # characters of a class name in a panel
 SHOWN = 300  # pixels of a photo's longer side that are drawn
+FRAME = 512  # samples of a column of the spectrogram
 BINS = 1200  # of a waveform, each drawn from its lowest to its highest sample
-MARKS = {"-": "framed, most:", "--": "dashed, least:"}  # positions of extreme margin, by line
 MIX = 0.5  # of a class's colour over a grey photo
 
 
@@ -133,9 +133,6 @@ class Explanation:
         """
         write_figure(self.figure(heading), Path(path).expanduser())
 
-    def _name(self, label: int) -> str:
-        return brief(self.classes[label], LONGEST)
-
     def _colours(self) -> list[str]:
         """The winner's, then those of the classes of most positions, in all senses alike."""
         shares: dict[int, float] = defaultdict(float)
@@ -162,32 +159,17 @@ class Explanation:
         return entries
 
     def _draw(self, part: SubFigure, evidence: Evidence, colours: Sequence[str]) -> None:
-        """Draw one sense, its positions of the largest and the smallest margin framed."""
-        margin = self.contributions[evidence.name]
-        title = f"{evidence.name}: mean margin {margin:+.1f} over {self._name(self.rival)}"
-        for place, words in zip(evidence.extremes(self.label), MARKS.values(), strict=True):
-            lead = float(evidence.margins(self.label)[place])
-            rival = self._name(int(evidence.rivals(self.label)[place]))
-            title += f"; {words} {lead:+.1f} over {rival}"
-        part.suptitle(title, ha="left", x=0.01)
+        """Draw one sense under its mean margin."""
+        margin, rival = self.contributions[evidence.name], brief(self.classes[self.rival], LONGEST)
+        part.suptitle(f"{evidence.name}: mean margin {margin:+.1f} over {rival}", ha="left", x=0.01)
         if isinstance(evidence, SignalEvidence):
             _draw_signal(part, evidence, colours, self.label)
         elif isinstance(evidence, PhotoEvidence):
-            _draw_photo(part, evidence, colours, self.label)
+            _draw_photo(part, evidence, colours)
 
 
-def _mark(axes: Axes, left: float, top: float, width: float, height: float, style: str) -> None:
-    """Frame a position, white on black."""
-    for colour, line in (("black", 3), ("white", 1.3)):
-        frame = Rectangle((left, top), width, height, fill=False, edgecolor=colour)
-        frame.set(linewidth=line, linestyle=style)
-        axes.add_patch(frame)
-
-
-def _draw_photo(
-    figure: SubFigure, evidence: PhotoEvidence, colours: Sequence[str], label: int
-) -> None:
-    """The photo, and the class of every position over it."""
+def _draw_photo(figure: SubFigure, evidence: PhotoEvidence, colours: Sequence[str]) -> None:
+    """Draw the photo, and the class of every position over it."""
     height, width = evidence.pixels.shape[:2]
     photo, mapped = figure.subplots(1, 2)
     step = -(-max(height, width) // SHOWN)
@@ -199,23 +181,17 @@ def _draw_photo(
     mapped.set_title("class of every position")
     for axes in (photo, mapped):
         axes.set(xlim=(0, width), ylim=(height, 0))
-    for (row, column), style in zip(evidence.extremes(label), MARKS, strict=True):
-        (top, bottom), (left, right) = evidence.rows[row], evidence.columns[column]
-        _mark(mapped, left, top, min(right, width) - left, min(bottom, height) - top, style)
 
 
 def _draw_signal(
     figure: SubFigure, evidence: SignalEvidence, colours: Sequence[str], label: int
 ) -> None:
-    """Waveform, spectrogram, class and probability over time."""
+    """Draw waveform, spectrogram, class and probability over time."""
     wave, spectrogram, strip, line = figure.subplots(
         4, 1, sharex=True, height_ratios=(1, 1.7, 0.25, 0.7)
     )
-    _draw_wave(wave, evidence)
     _draw_spectrogram(spectrogram, evidence)
-    for (_, column), style in zip(evidence.extremes(label), MARKS, strict=True):
-        begin, end = evidence.columns[column].clip(0, evidence.seconds)
-        _mark(spectrogram, begin, -0.5, end - begin, len(evidence.frequencies), style)
+    _draw_wave(wave, evidence)  # which sets the limits of all
     labels, edges = evidence.labels[0], evidence.edges
     turns = np.flatnonzero(np.diff(labels, prepend=-1))
     ends = edges[[*turns[1:], len(labels)]]
@@ -239,13 +215,16 @@ def _draw_wave(axes: Axes, evidence: SignalEvidence) -> None:
 
 
 def _draw_spectrogram(axes: Axes, evidence: SignalEvidence) -> None:
+    """Draw the spectrogram of the axis that varies most."""
     axes.set_ylabel("Hz")
-    if evidence.input is None:
-        return
-    bands = len(evidence.frequencies)
-    hop = float(np.diff(evidence.times[:2]).sum()) or evidence.seconds
-    begin, end = evidence.times[[0, -1]] + (-hop / 2, hop / 2)
-    extent = (begin, end, -0.5, bands - 0.5)
-    axes.imshow(evidence.input, "magma", origin="lower", aspect="auto", extent=extent)
-    named = [f"{hertz:.0f}" for hertz in evidence.frequencies[::10]]
-    axes.set_yticks(range(0, bands, 10), named)
+    strongest = evidence.samples[evidence.samples.std(axis=1).argmax()]
+    length = min(FRAME, len(strongest))
+    if length > 1:
+        axes.specgram(
+            strongest,
+            NFFT=length,
+            Fs=evidence.rate,
+            noverlap=length * 3 // 4,
+            detrend="mean",
+            cmap="magma",
+        )

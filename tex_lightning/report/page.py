@@ -11,8 +11,8 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 
 from tex_lightning.core.files import read_rows, write_text
-from tex_lightning.report.document import comparison_tables, draw_confusions, read_systems
-from tex_lightning.report.page_media import LEGEND, embedded, map_folder, shown_samples
+from tex_lightning.report.document import comparison_tables, read_systems
+from tex_lightning.report.page_media import embedded, shown_samples
 from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
     TINY,
@@ -59,8 +59,6 @@ def write_report(
     folders = [directory] if runs is None else runs
     compares = runs is not None or results.get("task") == "crossval"
     systems = read_systems(folders) if compares else []
-    if systems:
-        draw_confusions(systems, directory)
     names = [str(results[key]) for key in ("task", "model", "data") if results.get(key)]
     tiny = any(is_tiny(run_overrides(each)) for each in folders)
     context = {
@@ -81,7 +79,6 @@ def write_report(
         "curves": read_curves(directory),
         "files": [_file_table(directory / name) for name in FILES if (directory / name).is_file()],
         "samples": shown_samples(directory, list(networks)),
-        "legend": LEGEND if networks and map_folder(directory, [*networks][-1]).is_dir() else {},
         "settings": run_settings(directory),
         "environment": results.get("environment", {}),
         "seconds": results.get("wall_seconds"),

@@ -4,12 +4,10 @@ import json
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from math import prod
 from pathlib import Path
 from statistics import mean, stdev
 from typing import Any, ClassVar
 
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobReturn
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
@@ -19,11 +17,10 @@ from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.core.console import NORMAL, Screen, console, say
 from tex_lightning.core.files import read_record, write_rows, write_text
-from tex_lightning.core.progress import Stage
 from tex_lightning.core.run_folder import locked_folder
 from tex_lightning.data.recordings import natural_key
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import optimized_value, wilson_interval
+from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.report.table import (
     TINY,
     counted,
@@ -43,7 +40,6 @@ log = logging.getLogger(__name__)
 
 FAILURE = "failure.json"
 ONE_BY_ONE = "hydra._internal.core_plugins.basic_launcher.BasicLauncher"
-GRID = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
 OWN_KEYS = ("hydra.mode=", "hydra.sweep.dir=")
 FOLD_KEYS = ("data.test_fold", "data.val_fold")  # settings that tell folds of one system apart
 NO_SWEEP = (
@@ -55,7 +51,6 @@ COLUMNS = (
     "ci_high", "correct", "test_samples", "fragment_accuracy", "latency_ms", "fit_seconds",
 )  # fmt: skip
 KEPT = ("vote_accuracy", "correct", "test_samples", "fragment_accuracy", "fit_seconds")
-OBJECTIVE = ("objective", "best_trial")  # further columns of a search
 
 
 def note_failure(job: Job, reason: str) -> None:
@@ -79,7 +74,6 @@ class SweepSummary(Callback):
     """Print and write ``sweep.csv`` in the sweep's folder when all jobs have run."""
 
     failures: ClassVar[int] = 0
-    jobs: ClassVar[Stage | None] = None
 
     def __init__(self) -> None:
         self._running = ExitStack()
@@ -104,14 +98,10 @@ class SweepSummary(Callback):
             self._running.enter_context(locked_folder(_folder(config), "hydra.sweep.dir"))
         verbose = OmegaConf.select(config, "verbose")
         Screen.verbose = verbose if isinstance(verbose, int) else NORMAL  # it may be swept
-        if not runs_side_by_side(config):
-            SweepSummary.jobs = Stage("job", count_jobs(config))
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:  # noqa: ANN401
-        """Count a job, and forget its configuration, half a megabyte that Hydra would keep."""
+        """Forget a job's configuration, half a megabyte that Hydra would keep."""
         job_return.cfg = job_return.hydra_cfg = None
-        if SweepSummary.jobs is not None:
-            SweepSummary.jobs.update(SweepSummary.jobs.done + 1)
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:  # noqa: ANN401
         """Collect the results of the jobs.
@@ -120,9 +110,6 @@ class SweepSummary(Callback):
             SystemExit: If it cannot be written.
         """
         with self._running, _as_exit():
-            if SweepSummary.jobs is not None:
-                SweepSummary.jobs.end()
-            SweepSummary.jobs = None
             _summarise(config, _folder(config))
 
 
@@ -136,11 +123,10 @@ def _summarise(config: DictConfig, directory: Path) -> None:
     jobs.sort(key=lambda path: natural_key(path.name))
     rows = [row for job in jobs for row in _rows(job)]
     rows += _pooled(rows)
-    columns = [*COLUMNS, *_add_objectives(rows, directory, config)]
     SweepSummary.failures = sum(row["status"] != "done" for row in rows)
     lines = [{**row, "overrides": " ".join(row["overrides"])} for row in rows]
-    table = [[line.get(column, "") for column in columns] for line in lines]
-    write_rows(directory / "sweep.csv", columns, table)
+    table = [[line.get(column, "") for column in COLUMNS] for line in lines]
+    write_rows(directory / "sweep.csv", COLUMNS, table)
     _print(rows, directory)
     from tex_lightning.report.page import write_report  # heavy, and only now needed
 
@@ -150,18 +136,6 @@ def _summarise(config: DictConfig, directory: Path) -> None:
 def runs_side_by_side(config: DictConfig) -> bool:
     """Whether a launcher runs the jobs of a sweep in processes of their own."""
     return str(OmegaConf.select(config, "hydra.launcher._target_")) != ONE_BY_ONE
-
-
-def count_jobs(config: DictConfig) -> int | None:
-    """Number of jobs of a sweep; None if its sweeper does not know."""
-    sweeper: Any = OmegaConf.to_container(OmegaConf.select(config, "hydra.sweeper"))
-    if sweeper["_target_"] != GRID:
-        return sweeper.get("n_trials")  # type: ignore[no-any-return]
-    given = [f"{name}={value}" for name, value in (sweeper["params"] or {}).items()]
-    given += OmegaConf.select(config, "hydra.overrides.task")
-    parsed = OverridesParser.create().parse_overrides(given)
-    swept = {each.key_or_group: each for each in parsed if each.is_sweep_override()}
-    return prod(len([*each.sweep_string_iterator()]) for each in swept.values())
 
 
 def rerun_command(config: DictConfig, directory: Path) -> str:
@@ -197,25 +171,6 @@ def _rows(job: Path) -> list[Row]:
         for name, network in networks.items()
         if "vote_accuracy" in network
     ] or [start]
-
-
-def _add_objectives(rows: Sequence[Row], directory: Path, config: DictConfig) -> tuple[str, ...]:
-    """Add what a search, such as Optuna's, minimised, and which trial was best.
-
-    Returns:
-        The further columns; none of a grid.
-    """
-    if OmegaConf.select(config, "hydra.sweeper._target_", default=GRID) == GRID:
-        return ()
-    metric = OmegaConf.select(config, "optimized_metric")
-    tested = [row for row in rows if "latency_ms" in row]
-    last = {row["job"]: row for row in tested}  # the network that was asked for
-    for job, row in last.items():
-        results = read_record(directory / job / "results.json")
-        row["objective"] = optimized_value(results, metric)
-    if last:
-        min(last.values(), key=lambda row: float(row["objective"]))["best_trial"] = "best"
-    return OBJECTIVE
 
 
 def _pooled(rows: Sequence[Row]) -> list[Row]:
@@ -261,10 +216,7 @@ def _over(what: str, members: Sequence[Row]) -> Row:
 
 def _print(rows: Sequence[Row], directory: Path) -> None:
     """Print a line per row, with what distinguishes its overrides from those of all jobs."""
-    searched = ["objective"] * any("objective" in row for row in rows)
-    table = make_table(
-        "sweep", ["job", "overrides", "network"], ["votes", "95 % CI", "fit s", *searched]
-    )
+    table = make_table("sweep", ["job", "overrides", "network"], ["votes", "95 % CI", "fit s"])
     every = [{*row["overrides"]} for row in rows if " " not in row["job"]]
     shared = set.intersection(*every) if len(every) > 1 else set()
     for row in rows:
@@ -272,8 +224,6 @@ def _print(rows: Sequence[Row], directory: Path) -> None:
         table.add_row(row["job"], varying, row.get("network", ""), *_figures(row))
     print_table(table)
     for row in rows:
-        if "best_trial" in row:
-            console.print(f"Best trial: {row['job']}, objective {row['objective']:.4g}")
         if row["status"] != "done":
             console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True)
     if any(is_tiny(row["overrides"]) for row in rows):
@@ -289,5 +239,4 @@ def _figures(row: Row) -> tuple[str, ...]:
     if "vote_accuracy_sd" in row:
         return f"{row['vote_accuracy']:.1%} ± {row['vote_accuracy_sd']:.1%}", "", fit
     interval = f"{100 * row['ci_low']:.1f}-{100 * row['ci_high']:.1f}"
-    objective = [f"{row['objective']:.4g}"] if "objective" in row else []
-    return counted(row), interval, fit, *objective
+    return counted(row), interval, fit

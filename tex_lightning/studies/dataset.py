@@ -249,7 +249,7 @@ def show_opening(config: Config, dataset: Dataset, what: str, *, trains: bool = 
 def _describe(rows: Recordings, store: Store) -> str:
     """How many there are, how long or large they are once decoded, and how many of each class."""
     decoder = store.decoders[rows.rows[0].modality]
-    size = spread([store.extent(row) for row in rows], decoder.unit, decoder.precision, median=True)
+    size = spread([store.extent(row) for row in rows], decoder.unit, decoder.precision)
     counts = Counter(row.label for row in rows)
     return f"{len(rows)}; {size}; {spread([*counts.values()], '', 'd')} of a class"
 

@@ -24,7 +24,7 @@ from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.inference.prediction import warn_of_few
-from tex_lightning.report.confusion import class_accuracy_figure, confusion_figure
+from tex_lightning.report.confusion import confusion_figure
 from tex_lightning.report.figures import calibration_figure, save_figure
 
 
@@ -112,12 +112,11 @@ def draw_figures(
     name: str,
     directory: Path,
 ) -> dict[str, Any]:
-    """Save confusions, accuracy per class and calibration; return the figures for other uses."""
+    """Save confusions and calibration; return the figures for other uses."""
     counts = vote_counts(outcomes, classes)
     title = f"{name}: votes on {len(outcomes)} test samples"
     figures = {
         "confusion": confusion_figure(counts, classes, title),
-        "class_accuracy": class_accuracy_figure(counts, classes, name, title),
         "calibration": calibration_figure(outcomes, name),
     }
     for title, figure in figures.items():

@@ -39,7 +39,7 @@ from tex_lightning.studies.dataset import (
     show_opening,
 )
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, report_network, results_frame
-from tex_lightning.studies.sample_maps import draw_telling
+from tex_lightning.studies.sample_maps import draw_worst
 
 log = logging.getLogger(__name__)
 
@@ -188,7 +188,7 @@ def _test_network(
     if draw:
         figures = draw_figures(outcomes, dataset.classes, kind, directory)
     if draw and kind == config.model.kind:
-        figures |= draw_telling(classifier, samples, outcomes, dataset.store, config, directory)
+        figures |= draw_worst(classifier, samples, outcomes, dataset.store, config, directory)
     log_test(config.logger, directory, kind, plain_values(config), result, figures)
     log.info(
         "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",

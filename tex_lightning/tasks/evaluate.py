@@ -15,7 +15,7 @@ from tex_lightning.learning.loggers import log_test
 from tex_lightning.report.table import print_results, write_conditions
 from tex_lightning.studies.dataset import open_test_data, show_opening
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, report_network, results_frame
-from tex_lightning.studies.sample_maps import draw_telling
+from tex_lightning.studies.sample_maps import draw_worst
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -36,7 +36,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(trained, samples, store, directory, config, unknown)
     figures = draw_figures(outcomes, card.classes, card.kind, directory)
-    figures |= draw_telling(classifier, samples, outcomes, store, config, directory)
+    figures |= draw_worst(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)
     tested_on = {name: values[name] for name in ("seed", "data")}
     log_test(config.logger, directory, card.kind, tested_on, network, figures)
