@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tex_lightning.config.data import SourceConfig
 from tex_lightning.errors import UserError
-from tex_lightning.recording.session import Feed
+from tex_lightning.recording.session import Signal
 from tex_lightning.recording.sources import Parser, open_source
 
 SAMPLES = np.random.default_rng(0).standard_normal((3, 40)).astype(np.float32)
@@ -31,9 +31,12 @@ def lines(samples, mark=","):
     return "".join(mark.join(map(repr, row)) + "\r\n" for row in samples.T.tolist()).encode()
 
 
+def settings(rate=1000, axes=3, form="float32"):
+    return SourceConfig(rate=rate, axes=axes, format=form, baud=115_200)
+
+
 def parser(form, axes=3, **more):
-    settings = SourceConfig(rate=1000, axes=axes, format=form, baud=115_200)
-    return Parser("haptic=-", "record.haptic", settings, **more)
+    return Parser("haptic=-", "record.haptic", settings(axes=axes, form=form), **more)
 
 
 @given(st.lists(st.integers(0, 900), max_size=6), st.sampled_from(",; \t"))
@@ -73,15 +76,11 @@ CONTENT = SENT.T.astype("<f4").tobytes()
 SECONDS = 0.1  # of a chunk
 
 
-def settings(rate=1000, axes=3, form="float32"):
-    return SourceConfig(rate=rate, axes=axes, format=form, baud=115_200)
-
-
 def chunks(given, how, most=100, timeout=2.0, modality="haptic"):
     source = open_source(modality, given, how)
     found = []
-    with Feed(f"{modality}={given}", source, SECONDS, timeout) as feed:
-        while len(found) < most and (chunk := feed.next()) is not None:
+    with Signal(modality, f"{modality}={given}", source, SECONDS, timeout) as signal:
+        while len(found) < most and (chunk := signal.next()) is not None:
             found.append(chunk)
     return source, found
 
@@ -140,17 +139,14 @@ def test_a_file_at_the_rate_of_its_header(tmp_path):
         ("tcp://127.0.0.1:99999", settings(), "cannot be opened .*; write tcp://"),
         ("soundcard:Nothing", settings(), "No input device matching 'Nothing'.; run python -m"),
         ("soundcard", settings(), "Invalid number of channels"),
+        ("serial:/dev/ttyNONE", settings(), "cannot be opened .*check the name of the port"),
     ],
 )
 def test_sources_that_cannot_be_used(sound_card, given, how, said):
+    if given.startswith("serial"):
+        pytest.importorskip("serial")
     with pytest.raises(UserError, match=said):
         chunks(given, how)
-
-
-def test_a_serial_port_that_is_not_there():
-    pytest.importorskip("serial")
-    with pytest.raises(UserError, match=r"cannot be opened .*check the name of the port"):
-        chunks("serial:/dev/ttyNONE", settings())
 
 
 def test_a_sensor_that_falls_silent(tcp):

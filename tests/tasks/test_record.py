@@ -171,7 +171,7 @@ def test_ctrl_c_keeps_what_is_long_enough(record, tmp_path, monkeypatch, chunks,
 
     def interrupted(self, *given):
         follow(self, *given)
-        if self.tracks[0].seconds >= chunks / 10:
+        if self.signals[0].seconds >= chunks / 10:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(Recorder, "follow", interrupted)

@@ -2,7 +2,8 @@
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -33,53 +34,39 @@ REMEDY = (
 )
 
 
-class Camera:
-    """One camera, open until :meth:`close`.
+@contextmanager
+def open_camera(given: str) -> Iterator[Callable[[], Pixels]]:
+    """Open a camera, and yield a function that takes a photo (height, width, 3) of what it sees.
 
     Args:
         given: ``camera:NUMBER``, or the path or address of a photo, a video or numbered photos
             (``p_%02d.png``), which are gone through one by one.
 
     Raises:
-        UserError: If it cannot be opened.
+        UserError: If it cannot be opened, or gives no picture.
     """
+    kind, _, number = given.partition(":")
+    live = kind == "camera"
+    if live and not number.isdecimal():
+        raise UserError(f"image={given} names no camera; write camera:0, camera:1 and so on.")
+    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    capture = cv2.VideoCapture(int(number) if live else given)
+    cv2.utils.logging.setLogLevel(before)
+    if not capture.isOpened():
+        raise UserError(f"image={given} cannot be opened; {REMEDY}.")
 
-    def __init__(self, given: str) -> None:
-        self.name = f"image={given}"
-        kind, _, number = given.partition(":")
-        self.live = kind == "camera"
-        if self.live and not number.isdecimal():
-            raise UserError(f"{self.name} names no camera; write camera:0, camera:1 and so on.")
-        before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-        try:
-            self._capture = cv2.VideoCapture(int(number) if self.live else given)
-        finally:
-            cv2.utils.logging.setLogLevel(before)
-        if not self._capture.isOpened():
-            raise UserError(f"{self.name} cannot be opened; {REMEDY}.")
-
-    def photo(self) -> Pixels:
-        """What it sees now.
-
-        Raises:
-            UserError: If it gives no picture.
-        """
-        for _ in range(FIRST if self.live else 0):
-            self._capture.grab()
-        there, picture = self._capture.read()
+    def photo() -> Pixels:
+        for _ in range(FIRST if live else 0):
+            capture.grab()
+        there, picture = capture.read()
         if not there:
-            raise UserError(f"{self.name} gives no picture (any more); {REMEDY}.")
+            raise UserError(f"image={given} gives no picture (any more); {REMEDY}.")
         return np.asarray(picture, np.uint8)
 
-    def close(self) -> None:
-        """Leave it to other programs."""
-        self._capture.release()
-
-
-def encode(photo: Pixels) -> bytes:
-    """A photo as the content of a JPEG file."""
-    _, content = cv2.imencode(".jpg", photo, (cv2.IMWRITE_JPEG_QUALITY, QUALITY))
-    return content.tobytes()
+    try:
+        yield photo
+    finally:
+        capture.release()
 
 
 MANIFEST = "manifest.csv"
@@ -117,15 +104,15 @@ class ClassFolder:
             )
 
     def table(self) -> Recordings:
-        """All recordings of the data set: those of the manifest, or else those in the folder."""
+        """Return the recordings of the manifest, or else those in the folder."""
         if self.manifest.is_file():
             return read_manifest(self.manifest)
-        suffixes = {each for name in MODALITIES for each in suffixes_of(name)}
+        suffixes = {suffix for name in MODALITIES for suffix in suffixes_of(name)}
         found = any(file.suffix.lower() in suffixes for file in self.root.glob("*/**/*"))
         return read_folder(self.root) if found else Recordings(())
 
     def next_name(self) -> str:
-        """Of the files of the next recording, without suffix: its number is above all."""
+        """Return the file name of the next recording, without suffix; its number is the largest."""
         named = re.compile(re.escape(self.label) + r"_(\d+)\.[^.]+")
         names = [named.fullmatch(file.name) for file in self.folder.glob("*/*")]
         number = max((int(match[1]) for match in names if match), default=0) + 1
@@ -145,17 +132,17 @@ class ClassFolder:
             UserError: If they cannot be written.
         """
         table, name = self.table(), self.next_name()
-        own = [row.group for row in table if row.label == self.label]
-        group = max((each for each in own if isinstance(each, int)), default=-1) + 1
+        groups = [row.group for row in table if row.label == self.label]
+        group = max((number for number in groups if isinstance(number, int)), default=-1) + 1
         writers: dict[Recording, Callable[[Path], object]] = {}
         for modality, (rate, samples) in signals.items():
             path = self._place(table, modality) / f"{name}.wav"
             row = Recording(self.label, modality, path, group, float(rate), self.conditions)
             writers[row] = partial(_write_wav, rate, samples)
         if photo is not None:
-            path, content = self._place(table, "image") / f"{name}.jpg", encode(photo)
+            path = self._place(table, "image") / f"{name}.jpg"
             row = Recording(self.label, "image", path, group, conditions=self.conditions)
-            writers[row] = partial(Path.write_bytes, data=content)
+            writers[row] = partial(_write_jpeg, photo)
         try:
             for row, write in writers.items():
                 write_atomically(row.path, write)
@@ -168,10 +155,15 @@ class ClassFolder:
         return [row.path for row in writers]
 
     def _place(self, table: Recordings, modality: str) -> Path:
-        """The folder of a sense: where others of the class are, else one of that name."""
-        own = [row.path.parent for row in table.of(modality) if row.label == self.label]
-        inside = (folder for folder in own if folder.parent == self.folder)
+        """Return the folder of a sense: where others of the class are, else one of that name."""
+        folders = [row.path.parent for row in table.of(modality) if row.label == self.label]
+        inside = (folder for folder in folders if folder.parent == self.folder)
         return next(inside, self.folder / modality)
+
+
+def _write_jpeg(photo: Pixels, path: Path) -> None:
+    _, content = cv2.imencode(".jpg", photo, (cv2.IMWRITE_JPEG_QUALITY, QUALITY))
+    path.write_bytes(content.tobytes())
 
 
 def _write_wav(rate: int, samples: Chunk, path: Path) -> None:

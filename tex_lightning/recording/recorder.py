@@ -3,7 +3,7 @@
 import logging
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 
@@ -15,11 +15,12 @@ from tex_lightning.core.console import console, print_line, say
 from tex_lightning.data.quality import photo_quality
 from tex_lightning.errors import UserError
 from tex_lightning.inference.predictor import Predictor
-from tex_lightning.recording.class_folder import Camera, ClassFolder
-from tex_lightning.recording.session import Contact, Feed, Session, Track
+from tex_lightning.recording.class_folder import ClassFolder, Pixels
+from tex_lightning.recording.session import Contact, Session, Signal
 from tex_lightning.recording.sources import Chunk, open_source
 from tex_lightning.text import printable
 
+Camera = Callable[[], Pixels]
 KEYS = ("label", "rejected", "probability", "fragments", "latency_ms")  # of a prediction
 
 log = logging.getLogger(__name__)
@@ -30,7 +31,7 @@ def record_photos(camera: Camera, folder: ClassFolder, count: int, seconds: floa
     for done in range(count):
         if done:
             time.sleep(seconds)
-        photo = camera.photo()
+        photo = camera()
         _tell(folder.add({}, photo), photo_quality(photo, {}, "photo").warnings)
 
 
@@ -40,7 +41,7 @@ class Recorder:
     Args:
         config: The whole configuration.
         folder: Where they are written.
-        camera: Camera of the photos.
+        camera: Function that takes a photo; None takes none.
         predictor: Classifies the first signal on the way; None does not.
         stack: Closes the sources, which begin.
 
@@ -59,28 +60,29 @@ class Recorder:
         self.settings, self.folder = config.record, folder
         self.camera, self.predictor = camera, predictor
         self.ranges = {} if predictor is None else predictor.card.input_ranges
-        self.tracks = []
+        seconds, timeout = config.stream.chunk, config.record.timeout
+        self.signals = []
         for name in self._followed([name for name in ("haptic", "sound") if name in config.files]):
             given = str(config.files[name])
             source = open_source(name, given, getattr(config.record, name))
-            feed = Feed(f"{name}={given}", source, config.stream.chunk, config.record.timeout)
-            self.tracks.append(Track(name, stack.enter_context(feed)))
-        contact = Contact(config.stream.chunk) if config.record.contact else None
-        self.session = Session(self.tracks, config.record.seconds, contact, self.follow)
+            signal = Signal(name, f"{name}={given}", source, seconds, timeout)
+            self.signals.append(stack.enter_context(signal))
+        contact = Contact(seconds) if config.record.contact else None
+        self.session = Session(self.signals, config.record.seconds, contact, self.follow)
         self.status = Status("", console=console)
         self._begin()
 
     def _followed(self, names: list[str]) -> list[str]:
-        """The recorded signals, the one that is classified first."""
+        """Sort the recorded signals so that the classified one is the first."""
         if self.predictor is None:
             return names
-        wanted = next(iter(self.predictor.stream().signals))
-        if wanted not in names:
+        classified = next(iter(self.predictor.stream().signals))
+        if classified not in names:
             raise UserError(
-                f"This {self.predictor.card.title} looks at {wanted}, which is not recorded; give "
-                f"{wanted}=SOURCE, if task=record takes it, or leave checkpoint= out."
+                f"This {self.predictor.card.title} looks at {classified}, which is not recorded; "
+                f"give {classified}=SOURCE, if task=record takes it, or leave checkpoint= out."
             )
-        return sorted(names, key=lambda name: name != wanted)
+        return sorted(names, key=lambda name: name != classified)
 
     def record(self, count: int) -> None:
         """Make so many recordings, or as many as there are before the source ends.
@@ -88,28 +90,28 @@ class Recorder:
         Raises:
             UserError: If there is none.
         """
-        done, goes_on, lead = 0, True, self.tracks[0]
+        done, goes_on, lead = 0, True, self.signals[0]
         while done < count and goes_on:
             goes_on = self._record_one()
             done += self._keep()
         if not done:
             raise UserError(
-                f"{lead.feed.name} has ended after {lead.seconds:.2f} s, and a recording has at "
+                f"{lead.name} has ended after {lead.seconds:.2f} s, and a recording has at "
                 f"least record.least_seconds={self.settings.least_seconds:g}; send more."
             )
         if done < count:
-            log.info("%s has ended after %d of %d recordings.", lead.feed.name, done, count)
+            log.info("%s has ended after %d of %d recordings.", lead.name, done, count)
 
     def _begin(self) -> None:
         """Forget the last recording."""
         self.name = self.folder.next_name()
         if self.predictor is not None:
-            lead = self.tracks[0]
+            lead = self.signals[0]
             self.stream = self.predictor.stream(lead.modality, rate=float(lead.rate))
 
     def _record_one(self) -> bool:
-        """Fill the tracks; returns whether the source goes on."""
-        self.photo = None if self.camera is None else self.camera.photo()
+        """Make a recording; return whether the source goes on."""
+        self.photo = None if self.camera is None else self.camera()
         self._begin()
         try:
             with self.status if console.is_terminal else nullcontext():
@@ -121,35 +123,32 @@ class Recorder:
 
     def follow(self, chunk: Chunk, level: float, recorded: bool) -> None:
         """Classify and show a chunk of the first signal, on one line of a terminal or as JSON."""
-        found = self.stream.push(chunk).to_dict() if self.predictor and recorded else {}
-        found = {key: found[key] for key in KEYS if key in found}
-        seconds = round(self.tracks[0].seconds, 6)
-        name = self.name if recorded else None
+        result = self.stream.push(chunk).to_dict() if self.predictor and recorded else {}
+        seconds = self.signals[0].seconds
         if _prints_lines():
-            line = {"recording": name, "time": seconds, "level": float(f"{level:.4g}")}
-            print_line({**line, **found})
+            name = self.name if recorded else None
+            line = {"recording": name, "time": round(seconds, 6), "level": float(f"{level:.4g}")}
+            print_line({**line, **{key: result[key] for key in KEYS if key in result}})
         clock = f"{seconds:.1f}/{self.settings.seconds:g} s" if recorded else "waiting for contact"
-        label = found.get("label")
-        said = f"{found['probability']:.2f} {label}" if label is not None else ""
+        label = result.get("label")
+        said = f"{result['probability']:.2f} {label}" if label is not None else ""
         text = printable(f"{self.name}  {clock}  level {level:.3g}  {said}")
         self.status.update(Text(text, no_wrap=True, overflow="ellipsis"))
 
     def _keep(self) -> bool:
-        """Write what the tracks hold, if it is enough; returns whether it is."""
-        seconds = min(track.seconds for track in self.tracks)
+        """Write the recording, if it is long enough; return whether it is."""
+        seconds = min(signal.seconds for signal in self.signals)
         if seconds < self.settings.least_seconds:
             if seconds:
                 log.info("%.2f s are too short and not kept (record.least_seconds).", seconds)
             return False
-        warnings = [
-            text
-            for track in self.tracks
-            for text in track.warnings(self.ranges.get(track.modality, {}))
-        ]
+        warnings: list[str] = []
+        for signal in self.signals:
+            warnings += signal.warnings(self.ranges.get(signal.modality, {}))
         if self.photo is not None:
             warnings += photo_quality(self.photo, {}, "photo").warnings
-        signals = {track.modality: (track.rate, track.samples) for track in self.tracks}
-        _tell(self.folder.add(signals, self.photo), warnings, seconds=seconds)
+        samples = {signal.modality: (signal.rate, signal.samples) for signal in self.signals}
+        _tell(self.folder.add(samples, self.photo), warnings, seconds=seconds)
         return True
 
 

@@ -7,8 +7,10 @@ import importlib
 import re
 import socket
 import sys
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -102,94 +104,97 @@ class Parser:
 
 PIECE = 65_536  # most bytes read at once
 WAIT = 0.2  # seconds after which a reader looks whether it should stop
+CONNECTION = 5.0  # seconds for it
 Pieces = Generator[Chunk | None, None, None]
 Read = Callable[[], bytes | None]  # b"" at the end, None where nothing came for a while
 
 
-class Source(ABC):
-    """A signal that comes by and by.
+@dataclass
+class Source:
+    """A signal that arrives piece by piece.
 
     Attributes:
         rate: Rate in Hz.
-        lost: Whether samples were lost on the way.
+        chunks: Opens the source and yields samples (axes, samples) as they come, until the end;
+            None now and then if none come. It raises a UserError if the source cannot be opened,
+            or sends what cannot be used, and closes it at the end.
         timed: Whether samples come when they are taken, so that their rate can be measured.
+        lost: Whether samples were lost on the way.
     """
 
     rate: int
-    lost = False
-    timed = False
-
-    @abstractmethod
-    def chunks(self) -> Pieces:
-        """Samples (axes, samples) as they come, until the end; None now and then if none come.
-
-        What has to be opened is opened here, and closed where the iterator is.
-
-        Raises:
-            UserError: If it cannot be opened, or sends what cannot be used.
-        """
+    chunks: Callable[[], Pieces]
+    timed: bool = False
+    lost: bool = False
 
 
-class ByteSource(Source):
-    """Bytes from somewhere, parsed.
+def open_source(modality: str, given: str, settings: SourceConfig) -> Source:
+    """Open the source that a person names.
 
     Args:
-        parser: Parser of its format; has the name for messages.
-        rate: Rate of the samples in Hz.
-        place: Its path, address or name.
+        modality: Modality of the signal, which is also the key.
+        given: ``-``, ``tcp://HOST:PORT``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a
+            path.
+        settings: Section of the source.
 
-    Attributes:
-        remedy: What to do if it cannot be opened or breaks off.
+    Raises:
+        UserError: If the source is not there or cannot be used, or its rate is missing.
     """
-
-    remedy = "check the path, and who writes to it"
-
-    def __init__(self, parser: Parser, rate: int, place: str) -> None:
-        self.parser, self.rate, self.place = parser, rate, place
-
-    @abstractmethod
-    def open(self) -> tuple[Read, Callable[[], object]]:
-        """How to read, and how to close."""
-
-    def chunks(self) -> Pieces:
-        """As the base class."""
-        close: Callable[[], object] | None = None
-        try:
-            read, close = self.open()
-            while (content := read()) != b"":
-                yield self.parser.feed(content) if content else None
-            self.parser.end()
-        except (OSError, OverflowError, ValueError) as error:
-            failed = "cannot be opened" if close is None else "broke off"
-            said = reason(getattr(error, "strerror", None) or error)
-            raise UserError(f"{self.parser.name} {failed} ({said}); {self.remedy}.") from error
-        finally:
-            if close is not None:
-                close()
-
-
-class PipeSource(ByteSource):
-    """Standard input (``-``), or a FIFO, device or file of raw samples."""
-
-    def open(self) -> tuple[Read, Callable[[], object]]:
-        """Without a buffer, so that samples are there when they come."""
-        standard = self.place == "-"
-        file = open(  # noqa: SIM115  (may be a number)
-            sys.stdin.fileno() if standard else self.place, "rb", buffering=0, closefd=not standard
+    name, key = f"{modality}={given}", f"record.{modality}"
+    kind, _, address = given.partition(":")
+    if kind == "soundcard":
+        return _sound_card(name, address, settings)
+    path = Path(given).expanduser()
+    if path.suffix.lower() in TRACE_SUFFIXES and path.is_file():
+        return _recorded_file(path, name, key, settings.rate)
+    if settings.rate is None:
+        raise _no_rate(name, key)
+    parser = Parser(name, key, settings, cut=kind == "serial")
+    if kind == "tcp":
+        opened, remedy = partial(_connect, address), "write tcp://HOST:PORT, and check the sensor"
+    elif kind == "serial":
+        opened = partial(_open_serial, _library("serial", name), address, settings.baud)
+        remedy = "check the name of the port, and that no other program has it"
+    elif given == "-" or path.exists():
+        opened, remedy = partial(_open_pipe, path), "check the path, and who writes to it"
+    else:
+        raise UserError(
+            f"{name}: there is no such file; give a path, -, tcp://HOST:PORT, serial:PORT, "
+            "soundcard or soundcard:NAME."
         )
-        return lambda: file.read(PIECE), file.close
+    return Source(settings.rate, partial(_parsed, parser, opened, remedy), timed=kind == "serial")
 
 
-class TcpSource(ByteSource):
-    """A server on the network, HOST:PORT, that sends samples to who connects."""
+def _parsed(
+    parser: Parser, opened: Callable[[], AbstractContextManager[Read]], remedy: str
+) -> Pieces:
+    """Yield the samples that a source of bytes sends."""
+    failed = "cannot be opened"
+    try:
+        with opened() as read:
+            failed = "broke off"
+            while (content := read()) != b"":
+                yield parser.feed(content) if content else None
+            parser.end()
+    except (OSError, OverflowError, ValueError) as error:
+        said = reason(getattr(error, "strerror", None) or error)
+        raise UserError(f"{parser.name} {failed} ({said}); {remedy}.") from error
 
-    remedy = "write tcp://HOST:PORT, and check that the sensor listens"
-    timeout = 5.0  # seconds for the connection
 
-    def open(self) -> tuple[Read, Callable[[], object]]:
-        """Connect."""
-        host, _, port = self.place.rstrip("/").rpartition(":")
-        connection = socket.create_connection((host, int(port)), self.timeout)
+@contextmanager
+def _open_pipe(path: Path) -> Iterator[Read]:
+    """Open standard input (``-``), or a FIFO, device or file of raw samples, without a buffer."""
+    standard = str(path) == "-"
+    place = sys.stdin.fileno() if standard else path
+    with open(place, "rb", buffering=0, closefd=not standard) as file:
+        yield lambda: file.read(PIECE)
+
+
+@contextmanager
+def _connect(address: str) -> Iterator[Read]:
+    """Connect to a server on the network, //HOST:PORT, that sends samples to who connects."""
+    host, _, port = address.strip("/").rpartition(":")
+    with socket.create_connection((host, int(port)), CONNECTION) as connection:
         connection.settimeout(WAIT)
 
         def read() -> bytes | None:
@@ -198,86 +203,54 @@ class TcpSource(ByteSource):
             except TimeoutError:
                 return None
 
-        return read, connection.close
+        yield read
 
 
-class SerialSource(ByteSource):
-    """A serial port, as microcontrollers have on USB, such as ``/dev/ttyUSB0`` or ``COM3``."""
-
-    timed = True
-    remedy = "check the name of the port, that it is plugged in, and that no other program has it"
-    baud = 115_200  # speed
-
-    def open(self) -> tuple[Read, Callable[[], object]]:
-        """Open it and forget what was sent before."""
-        port = _library("serial", self.parser.name).Serial(self.place, self.baud, timeout=WAIT)
-        port.reset_input_buffer()
-        return lambda: port.read(max(1, min(port.in_waiting, PIECE))) or None, port.close
+@contextmanager
+def _open_serial(library: Any, port: str, baud: int) -> Iterator[Read]:  # noqa: ANN401
+    """Open a serial port, as microcontrollers have on USB, and forget what was sent before."""
+    with library.Serial(port, baud, timeout=WAIT) as line:
+        line.reset_input_buffer()
+        yield lambda: line.read(max(1, min(line.in_waiting, PIECE))) or None
 
 
-class FileSource(Source):
-    """A recording in a file, as ``task=predict`` reads it.
-
-    Args:
-        path: The file.
-        name: As it was given, for messages.
-        key: Section of its settings, such as ``record.haptic``.
-        rate: What it is said to have in Hz; None takes what it says.
-
-    Raises:
-        UserError: If it cannot be read, or its rate is not stated.
-    """
-
-    def __init__(self, path: Path, name: str, key: str, rate: int | None) -> None:
-        self.samples, source = read_trace(path, SignalDecoder(), rate)
-        if source.source == "assumed":
-            raise _no_rate(name, key)
-        self.rate = round(source.hz)
-
-    def chunks(self) -> Pieces:
-        """As the base class."""
-        yield self.samples.astype("float32")
+def _recorded_file(path: Path, name: str, key: str, rate: int | None) -> Source:
+    """Read a recording as ``task=predict`` does; its rate has to be known."""
+    samples, source = read_trace(path, SignalDecoder(), rate)
+    if source.source == "assumed":
+        raise _no_rate(name, key)
+    return Source(round(source.hz), lambda: (piece for piece in [samples.astype("float32")]))
 
 
-class SoundCardSource(Source):
-    """A sound card's input, by PortAudio.
+def _sound_card(name: str, device: str, settings: SourceConfig) -> Source:
+    """Open a sound card's input by PortAudio: by number or a part of its name, or the system's."""
+    sounddevice = _library("sounddevice", name)
+    chosen = int(device) if device.isdecimal() else device or None
 
-    Args:
-        name: As it was given, for messages.
-        device: Its number or a part of its name; empty takes the system's own.
-        settings: Rate and axes.
-    """
-
-    def __init__(self, name: str, device: str, settings: SourceConfig) -> None:
-        self.name = name
-        sounddevice = _library("sounddevice", name)
-        self.failures = (sounddevice.PortAudioError, ValueError)
-        given = int(device) if device.isdecimal() else device or None
+    @contextmanager
+    def failures() -> Iterator[None]:
         try:
-            found = sounddevice.query_devices(given, "input")
-            self.rate = settings.rate or int(found["default_samplerate"])
-            self.stream = sounddevice.InputStream(
-                samplerate=self.rate, device=given, channels=settings.axes, dtype="float32"
-            )
-        except self.failures as error:
-            raise self._failed(error) from error
+            yield
+        except (sounddevice.PortAudioError, ValueError) as error:
+            raise UserError(
+                f"{name} cannot be recorded ({reason(error)}); run python -m sounddevice for the "
+                "sound cards that there are, and check its rate and axes."
+            ) from error
 
-    def chunks(self) -> Pieces:
-        """As the base class."""
-        try:
-            with self.stream:
-                while True:
-                    samples, lost = self.stream.read(max(1, self.rate // 50))
-                    self.lost = self.lost or bool(lost)
-                    yield samples.T.copy()
-        except self.failures as error:
-            raise self._failed(error) from error
+    def chunks() -> Pieces:
+        with failures(), stream:
+            while True:
+                samples, lost = stream.read(max(1, source.rate // 50))
+                source.lost = source.lost or bool(lost)
+                yield samples.T.copy()
 
-    def _failed(self, error: Exception) -> UserError:
-        return UserError(
-            f"{self.name} cannot be recorded ({reason(error)}); run python -m sounddevice for the "
-            "sound cards that there are, and check its rate and axes."
+    with failures():
+        found = sounddevice.query_devices(chosen, "input")
+        source = Source(settings.rate or int(found["default_samplerate"]), chunks)
+        stream = sounddevice.InputStream(
+            samplerate=source.rate, device=chosen, channels=settings.axes, dtype="float32"
         )
+    return source
 
 
 def _no_rate(name: str, key: str) -> UserError:
@@ -285,7 +258,7 @@ def _no_rate(name: str, key: str) -> UserError:
 
 
 def _library(module: str, name: str) -> Any:  # noqa: ANN401
-    """A library of the extra ``live``, imported where it is needed."""
+    """Import a library of the extra ``live`` where it is needed."""
     try:
         return importlib.import_module(module)
     except (ModuleNotFoundError, OSError) as error:  # sounddevice's of a library of the system
@@ -293,40 +266,3 @@ def _library(module: str, name: str) -> Any:  # noqa: ANN401
             f"{name} needs {module}, which is not installed ({reason(error)}); run: pip install "
             "'tex_lightning[live]' (a sound card also needs PortAudio: apt install libportaudio2)"
         ) from error
-
-
-def open_source(modality: str, given: str, settings: SourceConfig) -> Source:
-    """The source that a person names.
-
-    Args:
-        modality: The sense, which is also the key.
-        given: ``-``, ``tcp://HOST:PORT``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a
-            path.
-        settings: Its section.
-
-    Raises:
-        UserError: If it is not there or cannot be used, or its rate is missing.
-    """
-    name, key = f"{modality}={given}", f"record.{modality}"
-    kind, _, rest = given.partition(":")
-    if kind == "soundcard":
-        return SoundCardSource(name, rest, settings)
-    path = Path(given).expanduser()
-    if path.suffix.lower() in TRACE_SUFFIXES and path.is_file():
-        return FileSource(path, name, key, settings.rate)
-    if settings.rate is None:
-        raise _no_rate(name, key)
-    parser, place = Parser(name, key, settings, cut=kind == "serial"), rest.removeprefix("//")
-    if kind == "tcp":
-        return TcpSource(parser, settings.rate, place)
-    if kind == "serial":
-        _library("serial", name)
-        port = SerialSource(parser, settings.rate, place)
-        port.baud = settings.baud
-        return port
-    if given != "-" and not path.exists():
-        raise UserError(
-            f"{name}: there is no such file; give a path, -, tcp://HOST:PORT, serial:PORT, "
-            "soundcard or soundcard:NAME."
-        )
-    return PipeSource(parser, settings.rate, given if given == "-" else str(path))

@@ -1,13 +1,13 @@
 """Record from sensors into the folder of a class, so that a data set grows by stroking."""
 
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from pathlib import Path
 
 from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.inference.predictor import Predictor
-from tex_lightning.recording.class_folder import Camera, ClassFolder
+from tex_lightning.recording.class_folder import ClassFolder, open_camera
 from tex_lightning.recording.recorder import Recorder, record_photos
 
 
@@ -29,7 +29,7 @@ def run(config: Config, job: Job) -> None:
         predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     photos = config.files.get("image")
     with ExitStack() as stack:
-        camera = stack.enter_context(closing(Camera(str(photos)))) if photos else None
+        camera = stack.enter_context(open_camera(str(photos))) if photos else None
         if camera is not None and list(config.files) == ["image"]:
             record_photos(camera, folder, settings.count, settings.seconds)
         else:
