@@ -36,7 +36,6 @@ from PIL import Image
 from benchmarks._classifiers import configured
 from benchmarks._process import run_watched
 from tex_lightning.data.readers import read_recordings
-from tex_lightning.data.readers.tum import PER_CLASS
 from tex_lightning.data.recordings import Recording, Recordings, write_manifest
 from tex_lightning.data.store import Store, cache_root
 from tex_lightning.studies.dataset import check_networks
@@ -44,7 +43,7 @@ from tex_lightning.synthetic.dataset import SyntheticSpec, photograph, record
 from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.specimen import Specimen
 
-CLASSES, SECONDS = 69, 20.0
+CLASSES, PER_CLASS, SECONDS = 69, 10, 20.0
 SIZE = (3264, 2448)  # pixels of a photo
 TURNS = 10  # of the store and the bare loop
 BUDGET = (

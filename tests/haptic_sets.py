@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import soundfile
-from conftest import make_photo
+from conftest import make_photo, make_trace
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from PIL import Image
@@ -20,12 +20,12 @@ STROKES = list(product((0, 135), (20, 60), (500, 1000), (0, 1)))
 Array = np.ndarray
 
 
-def read(*overrides: str) -> Recordings:
+def read(*overrides: str, modalities: list[str] | None = None) -> Recordings:
     """The table of a data set as the command line configures it."""
     register()
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = OmegaConf.to_object(compose("config", overrides=list(overrides)))
-    return read_recordings(config.data)
+    return read_recordings(config.data, modalities)
 
 
 def tone(kind: int, rate: int, seconds: float, seed: int, axes: int = 1) -> Array:
@@ -89,4 +89,17 @@ def write_hatt(root: Path, seconds: float, name: str = "{}_Recording{}.xml") -> 
             file = root / "RecordedData" / name.format(texture, number)
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(hatt_xml(tone(kind, 10_000, seconds, number, 3)), encoding="utf-8")
+    return root
+
+
+def write_tum(root: Path, classes: int, seconds: float, side: int) -> Path:
+    """Ten traces and photos of each class, whose names are ``S1`` and so on."""
+    accel, images = root / "Training" / "Accel", root / "Training" / "Images"
+    accel.mkdir(parents=True)
+    images.mkdir()
+    for kind in range(classes):
+        for number in range(10):
+            np.savetxt(accel / f"S{kind + 1}_query{number}.txt", make_trace(kind, number, seconds))
+            photo = Image.fromarray(make_photo(kind, number, side))
+            photo.save(images / f"IMG_{5529 + 10 * kind + number}.JPG")
     return root

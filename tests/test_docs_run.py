@@ -26,12 +26,12 @@ from docs_world import (
     write_weights,
 )
 from documentation import MULTIRUN, PAGES, ROOT, Block, blocks, commands, package_arguments
+from haptic_sets import write_tum
 
 import tex_lightning as tl
 from benchmarks.__main__ import names as benchmarks
 from tex_lightning.config.search import use_config_dir
 from tex_lightning.export import web_page as web_runtime
-from tex_lightning.synthetic import SyntheticSpec, write_tum
 from tex_lightning_runtime.__main__ import main as runtime_main
 
 # What no test can run, by a part of the command, with the reason.
@@ -103,8 +103,7 @@ def special(page: Path, folder: Path) -> dict[str, str]:
         if file in text
     }
     if "data.root=TUM" in text:
-        size = {"photo_width": 640, "photo_height": 480}
-        write_tum(SyntheticSpec(classes=3, seconds=4.0, **size), folder / "TUM")
+        write_tum(folder / "TUM", classes=3, seconds=4, side=480)
     if page.name == "deploy.md":
         write_web_runtime(folder / f"{web_runtime.NAME}-{web_runtime.VERSION}.tgz")
     return words

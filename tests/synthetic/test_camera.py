@@ -17,18 +17,3 @@ def test_daylight_is_brighter_and_cooler_than_ambient_light(specimen):
 def test_look_alikes_give_the_very_same_photo_from_the_same_random_numbers(specimen):
     np.testing.assert_array_equal(_photo(specimen(0), 3), _photo(specimen(1), 3))
     assert not np.array_equal(_photo(specimen(2), 3), _photo(specimen(3), 3))
-
-
-def test_relief_shows_as_shading(specimen):
-    # Directed light models the slopes that diffuse light leaves flat.
-    contrast = {
-        light: np.mean([_relative_detail(_photo(specimen(0), s, light)) for s in range(6)])
-        for light in ("daylight", "ambient")
-    }
-    assert contrast["daylight"] > contrast["ambient"]
-
-
-def _relative_detail(photo):
-    grey = photo.mean(axis=2)
-    coarse = grey.reshape(30, 4, 40, 4).mean(axis=(1, 3))
-    return coarse.std() / coarse.mean()

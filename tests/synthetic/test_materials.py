@@ -45,14 +45,6 @@ def test_every_block_has_one_pair_alike_to_each_sense(seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_look_alikes_differ_threefold_or_more_in_stiffness(seed):
-    materials = make_materials(12, seed)
-    for start in (0, BLOCK):
-        first, second = (materials[start + k].body.stiffness for k in (0, 1))
-        assert max(first / second, second / first) > 3
-
-
-@pytest.mark.parametrize("seed", range(5))
 def test_parameters_stay_physical(seed):
     for material in make_materials(69, seed):
         assert 0.8 <= material.relief.wavelength <= 4

@@ -36,14 +36,6 @@ def _voiced(specimen, **changes):
     return Specimen(dataclasses.replace(material, voice=voice))
 
 
-def test_sound_has_one_channel_its_duration_and_its_range(specimen):
-    for index in range(6):
-        sound = _sound(specimen(index))
-        assert sound.shape == (2 * RATE,)
-        assert sound.dtype == np.float32
-        assert 0.01 < np.abs(sound).max() <= 1
-
-
 @pytest.mark.parametrize("recording", range(4))
 def test_sound_begins_with_the_touch_that_the_trace_of_its_number_shows(specimen, recording):
     trace = record(SPEC, specimen(0), 0, recording)
@@ -62,31 +54,6 @@ def test_the_stroke_is_the_same_at_any_rate():
     np.testing.assert_allclose(fine.force[::441], coarse.force[::100])
     travelled = np.linalg.norm(np.diff(fine.position), axis=0) * RATE
     np.testing.assert_allclose(travelled[RATE:], fine.speed[RATE + 1 :], rtol=1e-2)
-
-
-def test_hiss_reaches_beyond_what_a_trace_can_hold(specimen):
-    quiet = [_level(_hear(_voiced(specimen(i), loudness=0)), 10_000, 20_000) for i in PLAIN]
-    rubbed = [_level(_hear(specimen(i)), 10_000, 20_000) for i in PLAIN]
-    assert min(np.subtract(rubbed, quiet)) > 3
-
-
-def test_board_rings_at_its_pitch(specimen):
-    for pitch in (800.0, 4000.0):
-        sounds = [
-            _hear(_voiced(specimen(0), pitch=pitch, quality=quality)) for quality in (40.0, 1000.0)
-        ]
-        ringing, dry = [
-            _level(sound, 0.99 * pitch, 1.01 * pitch) - _level(sound, 1.1 * pitch, 1.2 * pitch)
-            for sound in sounds
-        ]
-        assert ringing > dry + 3
-
-
-def test_feel_alikes_sound_apart_though_their_traces_are_equal(specimen):
-    first, second = (_sound(specimen(index)) for index in (2, 3))
-    traces = [record(SPEC, specimen(index), 0, 0) for index in (2, 3)]
-    np.testing.assert_array_equal(*traces)
-    assert abs(_level(first) - _level(second)) > 2
 
 
 def test_foil_drowns_what_the_tool_tells_apart(specimen):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tex_lightning.synthetic.tool import (
-    GRAVITY,
     accelerate,
     draw_stroke,
     slide_tool,
@@ -27,11 +26,6 @@ def test_trace_has_three_axes_and_its_duration(specimen, seconds, rate):
     assert trace.shape == (3, round(seconds * rate))
     assert trace.dtype == np.float32
     assert np.isfinite(trace).all()
-
-
-def test_trace_saturates_at_six_g_and_not_beyond(specimen):
-    traces = np.stack([_trace(specimen(0), seed) for seed in range(8)])
-    assert np.abs(traces).max() == 6.0
 
 
 def test_tool_hangs_still_under_gravity_until_the_impact(specimen):
@@ -62,26 +56,6 @@ def test_faster_strokes_shift_the_grooves_to_higher_frequencies(specimen):
         near = spectrum[(hertz > 0.7 * line) & (hertz < 1.3 * line)].sum()
         below = spectrum[(hertz > 0.1 * line) & (hertz < 0.7 * line)].sum()
         assert near > 5 * below
-
-
-def test_stiffer_contact_rings_higher(specimen):
-    # The look-alikes share everything but the body.
-    stiff, soft = sorted((specimen(0), specimen(1)), key=lambda s: -s.material.body.stiffness)
-
-    def centroid(which):
-        stroke = draw_stroke(np.random.default_rng(1), 2.0, RATE, mean_speed=90)
-        normal = accelerate(which, stroke, np.random.default_rng(2))[2, 8000:]
-        power = np.abs(np.fft.rfft(normal)) ** 2
-        return (power * np.fft.rfftfreq(len(normal), 1 / RATE)).sum() / power.sum()
-
-    assert centroid(stiff) > 1.5 * centroid(soft)
-
-
-def test_surface_never_pulls_the_tool_down(specimen):
-    stroke = draw_stroke(np.random.default_rng(1), 2.0, RATE, mean_speed=150)
-    normal = accelerate(specimen(0), stroke, np.random.default_rng(2))[2, 8000:]
-    # The stylus' own ringing adds half of the motion in its band at most.
-    assert normal.min() > -2 * (stroke.force.max() / 0.05 + 0.1 * GRAVITY)
 
 
 def test_feel_alikes_give_the_very_same_trace_from_the_same_random_numbers(specimen):

@@ -182,11 +182,10 @@ class StreamConfig:
 
 @dataclass
 class GenerateConfig:
-    """Folder, layout and content of written synthetic surfaces."""
+    """Folder and content of written synthetic surfaces."""
 
     out: str = key("folder to write to, new or empty")
-    layout: str = key("layout of the files", choices=("folder", "tum"))
-    sound: bool = key("write sounds too, only with layout=folder")
+    sound: bool = key("write sounds too")
 
 
 @dataclass

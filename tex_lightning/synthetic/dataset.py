@@ -1,4 +1,4 @@
-"""Writing synthetic data sets to disk, in the layouts of real ones."""
+"""Write synthetic data sets to disk, in the layout of ``data=folder``."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -10,12 +10,10 @@ from typing import Any
 import cv2
 import numpy as np
 import soundfile
-import torch
 from numpy.typing import NDArray
 
 from tex_lightning.core.progress import track
 from tex_lightning.errors import UserError
-from tex_lightning.senses.features.dft321 import dft321
 from tex_lightning.synthetic.camera import Light, draw_distance, render_photo
 from tex_lightning.synthetic.materials import make_materials
 from tex_lightning.synthetic.microphone import hear_stroke
@@ -25,7 +23,6 @@ from tex_lightning.synthetic.tool import draw_hand, draw_stroke, slide_tool
 RATE = 10_000  # Hz of traces
 SOUND_RATE = 44_100  # Hz of sounds
 _HAPTIC, _IMAGE, _SOUND = 0, 1, 2
-_FIRST_IMAGE = 5529
 _JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95]
 
 
@@ -80,35 +77,6 @@ def write_folder(
             for recording in range(spec.recordings):
                 taken = take(spec, specimen, index, recording)
                 save(folder / f"{recording:02d}{suffix}", taken)
-
-    _for_each_class(spec, write)
-
-
-def write_tum(spec: SyntheticSpec, root: Path) -> None:
-    """Write the training part of the TUM haptic texture database's layout.
-
-    ``Training/Accel/LABEL_queryN.txt`` holds one number per line, in g, at 10 kHz, the three axes
-    already combined by DFT321. ``Training/Images/IMG_5529.JPG`` and on are numbered through, all of
-    one class before the next, and carry no class in their names.
-
-    Args:
-        spec: What to write.
-        root: Folder to write to; missing or empty.
-    """
-    accel, images = root / "Training" / "Accel", root / "Training" / "Images"
-    accel.mkdir(parents=True)
-    images.mkdir()
-
-    def write(specimen: Specimen, index: int) -> None:
-        for recording in range(spec.recordings):
-            trace = dft321(torch.from_numpy(record(spec, specimen, index, recording)))
-            # Nine digits restore a float32 exactly.
-            lines = "\n".join([f"{value:.9g}" for value in trace.tolist()])
-            name = f"{specimen.material.name}_query{recording}.txt"
-            (accel / name).write_text(lines + "\n", encoding="ascii")
-            number = _FIRST_IMAGE + index * spec.recordings + recording
-            photo = photograph(spec, specimen, index, recording)
-            _write_jpeg(images / f"IMG_{number}.JPG", photo)
 
     _for_each_class(spec, write)
 

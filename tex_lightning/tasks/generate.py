@@ -7,30 +7,20 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.console import say
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.readers.synthetic import spec_of, with_conditions
-from tex_lightning.data.readers.tum import read_tum
 from tex_lightning.data.recordings import write_manifest
 from tex_lightning.errors import UserError
-from tex_lightning.synthetic import write_folder, write_tum
+from tex_lightning.synthetic import write_folder
 
 
 def run(config: Config, job: Job) -> None:
-    """Write ``data.classes`` surfaces to ``generate.out`` in the layout ``generate.layout``.
+    """Write ``data.classes`` surfaces to ``generate.out``, as ``data=folder`` reads them.
 
     A manifest beside them lists every file, as an example of the format.
     """
-    tum, sound = config.generate.layout == "tum", config.generate.sound
-    if tum and sound:
-        raise UserError(
-            "generate.sound=true needs generate.layout=folder: layout tum has no place for sounds."
-        )
     out = _new_folder(config.generate.out)
     spec = spec_of(config.data.classes, vars(config.data.synthetic))
-    if tum:
-        write_tum(spec, out)
-        recordings = read_tum(out)
-    else:
-        write_folder(spec, out, ("haptic", "image", *(["sound"] if sound else [])))
-        recordings = read_folder(out)
+    write_folder(spec, out, ("haptic", "image", *(["sound"] if config.generate.sound else [])))
+    recordings = read_folder(out)
     write_manifest(with_conditions(spec, recordings), out / "manifest.csv")
     say(f"{spec.classes} synthetic classes written to {out}.")
 

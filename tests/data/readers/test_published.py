@@ -1,6 +1,7 @@
 """Readers of published data sets, on small files under their real names."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -8,9 +9,20 @@ import numpy as np
 import pytest
 import soundfile
 from conftest import make_trace
-from haptic_sets import read
+from haptic_sets import (
+    RATE,
+    STROKES,
+    SURFACES,
+    read,
+    tone,
+    write_cluster,
+    write_hatt,
+    write_tum,
+)
 from PIL import Image
 
+from tex_lightning.data.decode import SignalDecoder
+from tex_lightning.data.recordings import overlap, write_manifest
 from tex_lightning.errors import UserError
 
 
@@ -22,63 +34,54 @@ def write_image(path: Path, seed: int, *size: int) -> None:
 
 
 def write_lmt108(root: Path, samples: int, *size: int) -> Path:
-    rng = np.random.default_rng(0)
-    for place, label in enumerate(("G1AluminiumMesh", "G2Brick")):
+    """Two classes of both halves; of the training half sounds and taps in one file each."""
+    for kind, label in enumerate(("G1AluminiumMesh", "G2Brick")):
         for mark, split in (("train", "Training"), ("test", "Testing")):
             for n in range(1, 11):
+                axes = make_trace(kind, n, 3 * samples / 10_000).reshape(3, -1).round(3)
                 folder = root / "AccelScansComponents" / "Movement" / split
                 folder.mkdir(parents=True, exist_ok=True)
-                for axis in "XYZ":
-                    values = rng.standard_normal(samples).round(3).tolist()
-                    file = folder / f"{label}_Movement_{axis}_{mark}{n}.txt"
-                    file.write_text("\n".join(map(str, values)))
-                photos = root / "ImageScans" / "NoFlash" / split
-                write_image(photos / f"{label}_Image_{n}_{mark}{n}.jpg", 10 * place + n, *size)
-                flash = root / "ImageScans" / "Flash" / split
-                write_image(flash / f"{label}_Image_{n}_{mark}{n}.jpg", 10 * place + n, 8, 8)
-    return root
-
-
-def write_more_of_lmt108(root: Path, samples: int) -> Path:
-    """Sounds, and taps in one file each, of the training half."""
-    for place, label in enumerate(("G1AluminiumMesh", "G2Brick")):
-        for n in range(1, 11):
-            sound = root / "SoundScans/Movement/Training" / f"{label}_Sound_Movement_train{n}.wav"
-            tap = root / "AccelScansComponents/Tapping/Training" / f"{label}_Tapping_train{n}.txt"
-            sound.parent.mkdir(parents=True, exist_ok=True)
-            tap.parent.mkdir(parents=True, exist_ok=True)
-            values = make_trace(place, n, samples / 10_000)
-            soundfile.write(sound, values, 44_100)
-            tap.write_text("\n".join(map(str, values.round(3).tolist())))
+                for axis, values in zip("XYZ", axes, strict=True):
+                    np.savetxt(folder / f"{label}_Movement_{axis}_{mark}{n}.txt", values, "%.9g")
+                for light in ("NoFlash", "Flash"):
+                    photos = root / "ImageScans" / light / split
+                    write_image(photos / f"{label}_Image_{n}_{mark}{n}.jpg", 10 * kind + n, *size)
+            if mark == "train":
+                sound = root / f"SoundScans/Movement/{split}/{label}_Sound_Movement_{mark}1.wav"
+                tap = root / f"AccelScansComponents/Tapping/{split}/{label}_Tapping_{mark}1.txt"
+                for path in (sound, tap):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                soundfile.write(sound, axes[0], 44_100)
+                np.savetxt(tap, axes[0])
     return root
 
 
 def write_kylberg(root: Path, *size: int) -> Path:
-    for place, label in enumerate(("blanket1", "canvas1")):
+    for kind, label in enumerate(("blanket1", "canvas1")):
         for patch in range(160):
             name = f"{label}-{'abcd'[patch // 40]}-p{patch % 40 + 1:03d}.png"
-            write_image(root / label / name, 1000 * place + patch, *size)
+            write_image(root / label / name, 1000 * kind + patch, *size)
     return root
 
 
-def write_kth(root: Path, *size: int) -> Path:
-    seed = 0
-    for label in ("cork", "wool"):
-        for sample in "abcd":
-            for scale in range(2, 11):
-                for image in range(1, 13):
-                    name = f"22{sample}-scale_{scale}_im_{image}_col.png"
-                    write_image(root / label / f"sample_{sample}" / name, seed, *size)
-                    seed += 1
+def write_kth(root: Path, *size: int, scales: int = 9) -> Path:
+    for kind, label in enumerate(("cork", "wool")):
+        for seed in range(4 * scales * 12):
+            sample, image = "abcd"[seed % 4], seed // 4
+            name = f"22{sample}-scale_{image // 12 + 2}_im_{image % 12 + 1}_col.png"
+            write_image(root / label / f"sample_{sample}" / name, 1000 * kind + seed, *size)
     return root
 
 
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("published")
+    write_tum(root / "tum", 3, 0.1, 16)
     write_lmt108(root / "lmt108", 5, 8, 8)
     write_kylberg(root / "kylberg", 4, 4)
-    write_kth(root / "kth_tips2b", 4, 4)
+    write_kth(root / "kth_tips2b", 4, 4, scales=1)
+    write_cluster(root / "cluster", 0.6, "accel", "force", "images")
+    write_hatt(root / "hatt", 1.8)
     return root
 
 
@@ -87,170 +90,255 @@ def copy(tiny, tmp_path) -> Path:
     return shutil.copytree(tiny, tmp_path / "data")
 
 
-def test_lmt108_has_one_recording_for_three_axes_and_a_photo_beside_it(tiny):
-    given = ["data=lmt108", f"data.root={tiny}/lmt108"]
-    rows = read(*given)
-    assert rows.classes == ["G1AluminiumMesh", "G2Brick"]
-    assert len(rows.of("haptic")) == len(rows.of("image")) == 20
-    assert {row.path.parent.name for row in rows} == {"Training"}
-    assert {row.path.parts[-3] for row in rows.of("image")} == {"NoFlash"}
-    for row in rows:
-        assert row.path.stem.endswith(f"_train{row.group + 1}")
-    assert {row.sampling_rate for row in rows.of("haptic")} == {10_000.0}
-    other = read(*given, "data.reader.split=testing")
-    assert {row.path.parent.name for row in other} == {"Testing"}
-    assert len(other) == 40
+def given(root: Path, name: str, *keys: str) -> list[str]:
+    return [f"data={name}", f"data.root={root / name}", *keys]
+
+
+def test_tum_takes_photo_classes_from_their_order(tiny):
+    rows = read(*given(tiny, "tum"))
+    assert rows.classes == ["S1", "S2", "S3"]
+    photos = [row for label in rows.classes for row in rows.of("image").in_classes([label])]
+    assert [row.path.name for row in photos] == [f"IMG_{5529 + i}.JPG" for i in range(30)]
+    assert [row.group for row in photos] == list(range(10)) * 3
+    assert {row.sampling_rate for row in rows.of("haptic")} == {10_000}
+
+
+def test_photos_of_tum_are_counted_or_named_by_a_manifest(copy):
+    photos = copy / "tum" / "Training" / "Images"
+    write_manifest(read(*given(copy, "tum")), copy / "m.csv")
+    shutil.copytree(photos, photos.with_name("ImageMagnified"))
+    assert len(read(*given(copy, "tum")).of("image")) == 30
+    shutil.copytree(photos, photos.with_name("Other"))
+    with pytest.raises(UserError, match="30 in Images and 30 in Other, but 3 classes need 30"):
+        read(*given(copy, "tum"))
+    assert len(read(*given(copy, "tum", f"data.manifest={copy}/m.csv")).of("image")) == 30
+    for folder in (photos, photos.with_name("Other")):
+        shutil.rmtree(folder)
+    assert len(read(*given(copy, "tum"))) == 30
 
 
 TAPPING = "+data.reader.folders.tapping=AccelScansComponents/Tapping"
 
 
-def test_lmt108_has_sounds_and_further_senses_beside_the_traces(copy):
-    root = write_more_of_lmt108(copy / "lmt108", 5)
-    given = ["data=lmt108", f"data.root={root}"]
-    rows = read(*given)
-    assert len(rows.of("sound")) == 20
-    assert {row.sampling_rate for row in rows.of("sound")} == {44_100.0}
+def test_lmt108_has_one_recording_for_three_axes_and_other_senses_beside_it(tiny):
+    rows = read(*given(tiny, "lmt108", TAPPING))
+    assert rows.classes == ["G1AluminiumMesh", "G2Brick"]
+    counts = {"haptic": 20, "image": 20, "sound": 2, "tapping": 2}
+    assert {sense: len(rows.of(sense)) for sense in counts} == counts
+    assert {row.path.parent.name for row in rows} == {"Training"}
+    assert {row.path.parts[-3] for row in rows.of("image")} == {"NoFlash"}
     assert all(row.path.stem.endswith(f"_train{row.group + 1}") for row in rows)
-    assert {row.modality for row in read(*given, "data.reader.folders.sound=null")} == {
-        "haptic",
-        "image",
-    }
-    taps = read(*given, TAPPING).of("tapping")
-    assert len(taps) == 20
-    assert {row.sampling_rate for row in taps} == {10_000.0}
+    rates = {row.modality: row.sampling_rate for row in rows}
+    assert rates == {"haptic": 10_000, "image": None, "sound": 44_100, "tapping": 10_000}
+    other = read(*given(tiny, "lmt108", "data.reader.split=testing"))
+    assert {row.path.parent.name for row in other} == {"Testing"}
+    assert len(other) == 40
+
+
+def test_kylberg_groups_by_patch_or_by_surface(copy):
+    rows = read(*given(copy, "kylberg"))
+    assert rows.classes == ["blanket1", "canvas1"]
+    assert sorted(row.group for row in rows) == sorted([*range(160)] * 2)
+    fold = {row.path.stem.split("-")[1] for row in rows if row.group % 10 == 3}
+    assert fold == set("abcd")
+    for row in read(*given(copy, "kylberg", "data.group_by=surface")):
+        assert row.path.stem.split("-")[1] == "abcd"[row.group]
+    patch = sorted((copy / "kylberg").rglob("*.png"))[5]
+    shutil.copy(patch, patch.with_name(f"{patch.stem}-r30.png"))
+    assert sum(row.group == 5 for row in read(*given(copy, "kylberg"))) == 3
+
+
+def test_a_sample_of_kth_tips2b_is_a_group(tiny):
+    rows = read(*given(tiny, "kth_tips2b"))
+    assert (rows.classes, len(rows)) == (["cork", "wool"], 2 * 4 * 12)
+    assert all(row.path.parent.name == f"sample_{'abcd'[row.group]}" for row in rows)
+
+
+FORCE = "+data.reader.folders.force=sensor_data/force"
+
+
+def test_strokes_of_cluster_have_conditions_and_the_rate_of_their_stamps(tiny):
+    rows = read(*given(tiny, "cluster", "data.folds=2", FORCE))
+    assert rows.classes == sorted(SURFACES, key=int)
+    for sense in ("haptic", "force"):
+        assert len(rows.of(sense)) == len(SURFACES) * len(STROKES)
+        for row in rows.of(sense):
+            assert row.path.stem == "_".join((row.label, *dict(row.conditions).values()))
+    first = rows.of("haptic").rows[0]
+    assert [name for name, _ in first.conditions] == ["direction", "speed", "force", "repetition"]
+    trace, source = SignalDecoder(RATE).decode(first.path)
+    assert source.source == "time column"
+    assert source.hz == pytest.approx(RATE, rel=2e-3)
+    np.testing.assert_allclose(trace.std(axis=1), tone(0, RATE, 0.6, 0, 3).std(axis=1), rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("group_by", "values"),
+    [("direction", "0 135"), ("speed", "20 60"), ("force", "500 1000"), ("repetition", "0 1")],
+)
+def test_a_group_of_cluster_is_a_value_and_has_a_strip_of_the_photo(tiny, group_by, values):
+    rows = read(*given(tiny, "cluster", f"data.group_by={group_by}", "data.folds=5"))
+    groups = {(row.group, dict(row.conditions)[group_by]) for row in rows.of("haptic")}
+    assert groups == set(enumerate(values.split()))
+    strips = rows.of("image").in_classes(["7"])
+    assert [(row.group, row.part) for row in strips] == [(0, (0, 0.5)), (1, (0.5, 1))]
+    (note,) = rows.notes
+    assert "divided into 2 strips" in note.text
+    assert {row.fold for row in rows} == {0, 1}  # no more than groups
+
+
+def test_recordings_of_hatt_are_read_in_both_layouts(tiny, tmp_path):
+    by = ["data=hatt", "data.group_by=recording"]
+    rows = read(*by, f"data.root={tiny}/hatt")
+    assert rows.classes == ["ABS Plastic", "Carpet 1", "Carpet 2"]
+    numbers = [(row.group, row.conditions) for row in rows.in_classes(["Carpet 2"])]
+    assert numbers == [(0, (("recording", "1"),)), (1, (("recording", "2"),))]
+    trace, source = SignalDecoder().decode(rows.rows[0].path)
+    np.testing.assert_allclose(trace, tone(0, 10_000, 1.8, 1, 3), rtol=1e-3, atol=1e-4)
+    assert source.hz == 10_000
+    folders = read(*by, f"data.root={write_hatt(tmp_path, 0.1, '{}/trial{}.xml')}")
+    assert [(row.label, row.group) for row in folders] == [(row.label, row.group) for row in rows]
+
+
+def test_stretches_of_hatt_are_disjoint_and_said_to_be_neighbours(tiny):
+    rows = read(*given(tiny, "hatt"))
+    assert len(rows) == 3 * 2 * 3
+    for path in {row.path for row in rows}:
+        parts = [row.part for row in rows if row.path == path]
+        assert not any(overlap(parts[i], parts[i + 1]) for i in (0, 1))
+    (note,) = rows.notes
+    assert "divided into 3 stretches" in note.text
 
 
 def rename(old: str, new: str):
     return lambda path: path.rename(path.with_name(path.name.replace(old, new)))
 
 
+LMT_TRACES = "AccelScansComponents/Movement/Training"
+
+
 @pytest.mark.parametrize(
-    ("given", "file", "damage", "message"),
+    ("name", "file", "damage", "message"),
     [
         (
-            "lmt108", "AccelScansComponents/Movement/Training/G2Brick_Movement_Y_train4.txt",
-            Path.unlink, "Recording 4 of G2Brick .*X_train4.txt, .*Z_train4.txt; a recording is",
+            "lmt108", f"{LMT_TRACES}/G2Brick_Movement_Y_train4.txt", Path.unlink,
+            "Recording 4 of G2Brick .*X_train4.txt, .*Z_train4.txt; a recording is",
         ),
         ("lmt108", "AccelScansComponents", shutil.rmtree, r"holds no LABEL_Movement_X_train1\.txt"),
         (
-            "lmt108", "ImageScans/NoFlash/Training/G2Brick_Image_1_train1.jpg",
-            rename("train1", "train2"), "Recording 2 of G2Brick .* is G2Brick_Image_1_train2.jpg,",
-        ),
-        (
             "lmt108", "ImageScans/NoFlash",
             lambda path: [*map(rename("Bri", "Br"), path.rglob("*.jpg"))],
-            "no photos of G2Brick; correct the names, or leave them out by data.reader.folders.im",
+            "no sound recordings of G2Brck; correct the names, or leave them out by data.reader",
         ),
+        ("tum", "Training/Accel", shutil.rmtree, "holds no LABEL_query0.txt files; check"),
         ("kylberg", "canvas1/canvas1-c-p011.png", rename("-c-", "-e-"), "not called canvas1-a"),
         (
-            "kth_tips2b", "cork/sample_b/22b-scale_6_im_8_col.png", rename("b-", "e-"),
+            "kth_tips2b", "cork/sample_b/22b-scale_2_im_8_col.png", rename("b-", "e-"),
             "is not called 22a-scale_2_im_1_col.png",
         ),
         ("kylberg", "", shutil.rmtree, r"holds no CLASS/canvas1-a-p001\.png; check data.root"),
+        ("cluster", "sensor_data/accel", shutil.rmtree, r"accel holds no ID/ID_DIR"),
+        (
+            "cluster", "images/images_scan_area/img7.jpg", rename("img", ""),
+            "7.jpg is not called img0.jpg or the like",
+        ),
+        (
+            "cluster", "sensor_data/accel/7/7_0_20_500_0.csv", rename("_500_0", ""),
+            "7_0_20.csv is not called 0_135_40_500_0.csv or the like",
+        ),
+        ("hatt", "", shutil.rmtree, "holds no TEXTURE/RECORDING.xml and no"),
     ],
 )  # fmt: skip
-def test_what_is_missing_or_misspelt_is_named(copy, given, file, damage, message):
-    damage(copy / given / file)
+def test_what_is_missing_or_misspelt_is_named(copy, name, file, damage, message):
+    damage(copy / name / file)
     with pytest.raises(UserError, match=message):
-        read(f"data={given}", f"data.root={copy}/{given}")
-
-
-def test_kylberg_groups_by_patch_or_by_surface(tiny):
-    given = ["data=kylberg", f"data.root={tiny}/kylberg"]
-    rows = read(*given)
-    assert rows.classes == ["blanket1", "canvas1"]
-    assert sorted(row.group for row in rows) == sorted([*range(160)] * 2)
-    fold = {row.path.stem.split("-")[1] for row in rows if row.group % 10 == 3}
-    assert fold == set("abcd")
-    surfaces = read(*given, "data.group_by=surface")
-    for row in surfaces:
-        assert row.path.stem.split("-")[1] == "abcd"[row.group]
-    turned = sorted((tiny / "kylberg").rglob("*.png"))[5]
-    turned = shutil.copy(turned, turned.with_name(f"{turned.stem}-r30.png"))
-    assert sum(row.group == 5 for row in read(*given)) == 3  # with the same patch
-    turned.unlink()
-
-
-def test_a_sample_of_kth_tips2b_is_a_group(tiny):
-    rows = read("data=kth_tips2b", f"data.root={tiny}/kth_tips2b")
-    assert rows.classes == ["cork", "wool"]
-    assert len(rows) == 2 * 4 * 108
-    assert all(row.path.parent.name == f"sample_{'abcd'[row.group]}" for row in rows)
+        read(*given(copy, name))
 
 
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["data=folder", "data.group_by=surface"], "is not read by data=folder"),
-        (["data=kylberg", "data.group_by=surfaces"], "did you mean surface?"),
+        (["data=kylberg", "data.group_by=surfaces"], r"did you mean surface\?"),
+        (["data=cluster", "data.group_by=velocity"], "choose speed, direction, force, repetition"),
         (["data=lmt108", "data.reader.split=both"], "choose training, testing"),
-        (["data=tum", "data.reader.splt=testing"], "data.reader.splt is no argument"),
-        (["data=folder", "data.resize=256"], "turn one off"),
-        (["data=cluster", "data.folds=2"], "give data.val_fold=null"),
-        (["task=evaluate", "checkpoint=a", "data.inverted=true", "data.test_fold=null"], "number"),
     ],
 )
-def test_keys_that_do_not_fit_are_refused(cli, tmp_path, overrides, message):
-    outcome = cli("data.root=.", *overrides, f"hydra.run.dir={tmp_path}")
-    assert outcome.status == 2
-    assert message in outcome.err
+def test_choices_of_readers_are_checked(overrides, message):
+    with pytest.raises(UserError, match=message):
+        read("data.root=.", *overrides)
 
 
-def run(cli, directory: Path, *arguments: str) -> dict:
-    outcome = cli(*arguments, "debug=tiny", "trainer.threads=1", f"hydra.run.dir={directory}")
+def results(cli, directory: Path, *arguments: str) -> dict:
+    outcome = cli(*arguments, "trainer.threads=1", f"hydra.run.dir={directory}")
     assert outcome.status == 0, outcome.err
     return json.loads((directory / "results.json").read_text())["networks"]
 
 
 @pytest.mark.slow
 def test_lmt108_end_to_end_with_predictions_from_one_axis_path(cli, tmp_path):
-    root = write_lmt108(tmp_path / "data", 24_000, 240, 320)
-    given = ["data=lmt108", f"data.root={root}"]
-    networks = run(cli, tmp_path / "run", "model=fusion", *given)
+    root = write_lmt108(tmp_path / "lmt108", 24_000, 240, 320)
+    data = given(tmp_path, "lmt108")
+    networks = results(cli, tmp_path / "run", "model=fusion", "debug=tiny", *data)
     assert networks["fusion"]["test_samples"] == 2
-    checkpoint = tmp_path / "run" / "checkpoints" / "haptic.ckpt"
-    x = root / "AccelScansComponents" / "Movement" / "Testing" / "G2Brick_Movement_X_test3.txt"
-    shares = []
+    checkpoint = f"checkpoint={tmp_path}/run/checkpoints/haptic.ckpt"
+    answers = []
     for axis in "XZ":
-        path = x.with_name(x.name.replace("_X_", f"_{axis}_"))
-        outcome = cli("task=predict", f"checkpoint={checkpoint}", f"haptic={path}")
+        path = root / f"AccelScansComponents/Movement/Testing/G2Brick_Movement_{axis}_test3.txt"
+        outcome = cli("task=predict", checkpoint, f"haptic={path}")
         assert outcome.status == 0, outcome.err
-        answer = json.loads(outcome.out)
-        shares.append(
-            {key: value for key, value in answer.items() if key not in ("haptic", "latency_ms")}
-        )
-    assert shares[0] == shares[1]
-    other = ["task=evaluate", f"checkpoint={checkpoint}", "data.reader.split=testing"]
-    everything = run(cli, tmp_path / "other", *other, *given, "data.test_fold=null")
-    assert everything["haptic"]["test_samples"] == 20
+        answers.append(json.loads(outcome.out)["probability"])
+    assert answers[0] == answers[1]
+    other = ["task=evaluate", checkpoint, "data.reader.split=testing", "data.test_fold=null"]
+    networks = results(cli, tmp_path / "other", *other, *data, "debug=tiny")
+    assert networks["haptic"]["test_samples"] == 20
 
 
 @pytest.mark.slow
 def test_kth_tips2b_end_to_end_in_both_protocols(cli, tmp_path):
-    root = write_kth(tmp_path / "data", 24, 24)
-    given = ["model=visual", "model.visual.width=0.1", "data=kth_tips2b", f"data.root={root}"]
-    modern = run(
-        cli,
-        tmp_path / "modern",
-        *given,
-        "data.resize=224",
-        "data.val_fold=2",
-        "data.inverted=false",
-    )
-    assert modern["visual"]["test_samples"] == 2 * 108
-    paper = [*given, "data.resize=224", "task=crossval", "data.inverted=true", "crossval.only=[1]"]
-    networks = run(cli, tmp_path / "paper", *paper)
-    assert networks["visual"]["test_samples"] == 3 * 2 * 108
+    write_kth(tmp_path / "kth_tips2b", 24, 24, scales=3)
+    keys = ["model=visual", "model.visual.width=0.1", "data.resize=224", "debug=tiny"]
+    keys += given(tmp_path, "kth_tips2b")
+    modern = results(cli, tmp_path / "modern", *keys, "data.val_fold=2", "data.inverted=false")
+    assert modern["visual"]["test_samples"] == 2 * 36
+    paper = ["task=crossval", "data.inverted=true", "crossval.only=[1]"]
+    networks = results(cli, tmp_path / "paper", *keys, *paper)
+    assert networks["visual"]["test_samples"] == 3 * 2 * 36
     csv = (tmp_path / "paper" / "folds" / "1" / "predictions" / "visual.csv").read_text()
-    assert "sample_b" not in csv
-    assert all(f"sample_{sample}" in csv for sample in "acd")
-    checkpoint = f"checkpoint={tmp_path}/paper/folds/1/checkpoints/visual.ckpt"
-    again = ["task=evaluate", "data=kth_tips2b", f"data.root={root}", checkpoint]
-    refused = cli(
-        *again, "data.test_fold=1", "data.inverted=false", f"hydra.run.dir={tmp_path}/again"
+    assert [sample for sample in "abcd" if f"sample_{sample}" in csv] == ["a", "c", "d"]
+
+
+@pytest.mark.slow
+def test_cluster_is_cross_validated_by_speed(cli, tiny, tmp_path):
+    keys = ["experiment=few/haptic", *given(tiny, "cluster"), "task=crossval", "data.folds=2"]
+    networks = results(cli, tmp_path / "crossval", *keys)
+    assert networks["haptic"]["correct"] == len(SURFACES) * len(STROKES)
+    table = (tmp_path / "crossval/folds/1/predictions/haptic.csv").read_text().splitlines()
+    assert {re.search(r"_(\d+)_\d+_\d\.csv", line)[1] for line in table[1:]} == {"60"}
+
+
+def test_hatt_is_fitted_and_other_stretches_of_a_recording_are_no_leak(cli, tiny, tmp_path):
+    data = given(tiny, "hatt")
+    fit = results(cli, tmp_path / "fit", "model=mfcc_nb", *data)
+    assert fit["haptic"]["correct"] == 6
+    again = ["task=evaluate", f"checkpoint={tmp_path}/fit", *data]
+    results(cli, tmp_path / "tested", *again)
+    leak = cli(*again, "data.folds=2", f"hydra.run.dir={tmp_path}/leak")
+    assert leak.status == 2
+    assert "has trained on 6 of the 6 test recordings" in leak.err
+
+
+def test_a_run_ends_with_all_defects_of_files(cli, copy, tmp_path):
+    damages = (
+        ("<SampleRate>10000", "<SampleRate>0", "has a sampling rate of 0 Hz"),
+        ("(?s)<AccelY.*AccelY>", "", "cannot be read .AccelX, AccelY, AccelZ have 18000, 0, 18000"),
+        ("(?s)<ForceX.*", "", "cannot be read .no element found"),
     )
-    assert refused.status == 2
-    assert (
-        "data.test_fold=1 data.inverted=true data.val_fold=null as in its training" in refused.err
-    )
+    files = sorted((copy / "hatt/RecordedData").iterdir())[:3]
+    for path, (old, new, _) in zip(files, damages, strict=True):
+        path.write_text(re.sub(old, new, path.read_text()))
+    keys = ["experiment=few/haptic", *given(copy, "hatt"), "data.folds=2", "data.val_fold=null"]
+    outcome = cli(*keys, "data.group_by=recording", f"hydra.run.dir={tmp_path}/run")
+    assert outcome.status == 2
+    assert "3 of 6 files cannot be used" in outcome.err
+    for path, (_, _, message) in zip(files, damages, strict=True):
+        assert re.search(f"{path.name} {message}", outcome.err), outcome.err

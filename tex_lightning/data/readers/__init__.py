@@ -1,17 +1,13 @@
 """Readers: each maps a data set on disk to the one table of recordings, which is checked here."""
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build
-from tex_lightning.config.keys import choice
 from tex_lightning.data.folds import check_conditions, with_folds
-from tex_lightning.data.recordings import Recording, Recordings, check_distinct, check_row, plural
-from tex_lightning.errors import UserError, listed
+from tex_lightning.data.recordings import Recordings, check_distinct, check_row
+from tex_lightning.errors import UserError
 
 
 def checked_table(made: Any, reader: str) -> Recordings:  # noqa: ANN401
@@ -19,7 +15,7 @@ def checked_table(made: Any, reader: str) -> Recordings:  # noqa: ANN401
 
     Raises:
         UserError: If it is no table, is empty, lists something twice, or a row is not as
-            :class:`Recording` says.
+            :class:`~tex_lightning.Recording` says.
     """
     if not isinstance(made, Recordings):
         raise UserError(
@@ -33,46 +29,6 @@ def checked_table(made: Any, reader: str) -> Recordings:  # noqa: ANN401
         raise UserError(f"{reader} (data.reader) found no recordings; check the keys of data.")
     check_distinct(f"{reader} (data.reader)", rows)
     return Recordings(rows, made.notes)
-
-
-@dataclass
-class GroupedReader:
-    """Reader of a data set whose recordings can be grouped in several ways.
-
-    Attributes:
-        root: Folder of the data set.
-        group_by: What makes a group, and so a fold.
-        groups: What ``group_by`` may be, and how many groups that usually makes.
-
-    Raises:
-        UserError: If ``group_by`` is unknown.
-    """
-
-    root: str
-    group_by: str
-    groups: Mapping[str, int]
-
-    def __post_init__(self) -> None:
-        for complaint in choice("data.group_by", self.group_by, tuple(self.groups)):
-            raise UserError(f"{complaint}.")
-
-
-def check_same_classes(root: Path, rows: Iterable[Recording]) -> None:
-    """Refuse senses that do not have the same classes.
-
-    Raises:
-        UserError: Naming the classes and the sense that lacks them.
-    """
-    found: dict[str, set[str]] = defaultdict(set)
-    for row in rows:
-        found[row.modality].add(row.label)
-    every = set[str]().union(*found.values())
-    for modality, names in reversed(found.items()):
-        if missing := sorted(every - names):
-            raise UserError(
-                f"Folder {root} has no {plural(modality)} of {listed(missing)}; correct the names, "
-                f"or leave them out by data.reader.folders.{modality}=null."
-            )
 
 
 class Reader(Protocol):
