@@ -31,16 +31,6 @@ def test_sub_samples_are_contiguous_pieces_of_their_own_spectrogram():
     assert (starts[indices == 1] <= 125).all()
 
 
-@pytest.mark.parametrize("shape", [(), (2,), (1, 4), (2, 3, 4)])
-def test_inputs_of_any_shape_are_cut_along_their_last_axis(shape):
-    whole = torch.arange(30.0).expand(*shape, 30) + torch.rand(*shape, 1)
-    cut = InputBank([whole], frames=10).cut(np.zeros(7, int), np.random.default_rng(0))["input"]
-    assert cut.shape == (7, *shape, 10)
-    for piece in cut:
-        places = [at for at in range(21) if torch.equal(whole[..., at : at + 10], piece)]
-        assert len(places) == 1
-
-
 def test_every_version_of_a_recording_is_cut_alike():
     versions = [
         spectrogram(20, 100 * number) for number in range(6)
@@ -65,12 +55,6 @@ def test_crops_are_pieces_of_the_photo(photos):
         if torch.equal(photo[:, top : top + 230, left : left + 230], crop)
     ]
     assert len(places) == 1
-
-
-def test_crops_are_turned_evenly_either_way(photos):
-    bank = PhotoBank(*photos, side=20, rotation=30.0)
-    degrees = bank.cut(np.zeros(3000, int), np.random.default_rng(0))["degrees"].numpy()
-    assert stats.kstest(degrees, stats.uniform(-30, 60).cdf).pvalue > 0.01
 
 
 def test_photos_too_small_are_mirrored_without_black(photos):

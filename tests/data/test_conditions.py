@@ -1,3 +1,4 @@
+import ast
 import shlex
 from pathlib import Path
 
@@ -65,22 +66,6 @@ def test_all_conditions_must_hold_and_numbers_are_compared_by_size(where, tested
     assert names(parts.train) == [f"a{n}.wav" for n in range(5) if n not in tested]
 
 
-@given(
-    speeds=st.lists(st.sampled_from("123"), min_size=1, max_size=30),
-    fold=st.one_of(st.none(), st.integers(0, 4)),
-    val=st.one_of(st.none(), st.integers(0, 4)),
-)
-def test_what_is_tested_is_decided_by_the_condition_alone(speeds, fold, val):
-    rows = Recordings(tuple(trace(n, speed=speed) for n, speed in enumerate(speeds)))
-    parts = split(rows, by({"speed": 2}, fold, val))
-    assert [dict(row.conditions)["speed"] for row in parts.test] == ["2"] * speeds.count("2")
-    assert {row.group % 5 for row in parts.val} <= {val}
-    assert val not in {row.group % 5 for row in parts.train}
-    assert sorted(map(len, (parts.train, parts.val, parts.test))) == sorted(
-        [len(rows) - len(parts.val) - len(parts.test), len(parts.val), len(parts.test)]
-    )
-
-
 def test_a_sense_without_the_condition_is_divided_by_folds():
     rows = Recordings((*STROKES, *(photo(n) for n in range(5))))
     parts = split(rows, by({"speed": 60}, test_fold=3, val_fold=4))
@@ -88,18 +73,6 @@ def test_a_sense_without_the_condition_is_divided_by_folds():
     assert names(parts.val) == ["a4.wav", "a4.jpg"]
     everything = split(rows, by({"speed": 60}, test_fold=None))
     assert names(everything.test) == ["a0.wav", "a1.wav", *(f"a{n}.jpg" for n in range(5))]
-
-
-def test_each_sense_is_asked_for_the_conditions_that_it_has():
-    rows = Recordings((trace(0, speed="60"), trace(1, speed="50"), photo(0, light="lamp")))
-    assert names(split(rows, by({"speed": 60, "light": "sun"})).test) == ["a0.wav"]
-
-
-def test_few_of_each_class_come_from_what_is_not_tested():
-    rows = Recordings(tuple(trace(n, speed=str(n % 3)) for n in range(12)))
-    few = split(rows, Folding(5, 2, None, False, 3, {"speed": 0}))
-    assert len(few.test) == 4
-    assert [row.group for row in few.train] == [2, 7, 8]  # the next ones from fold 2 on
 
 
 @pytest.mark.parametrize(
@@ -151,12 +124,4 @@ def test_a_number_is_one_value_however_it_is_written(number):
 def test_the_override_reads_back_through_a_shell_and_hydra(where):
     (argument,) = shlex.split(as_override(where))
     value = OverridesParser.create().parse_override(argument).value()
-    plain = {
-        str(key): [str(each) for each in item] if isinstance(item, list) else item
-        for key, item in value.items()
-    }
-    asked = {
-        key: [str(each) for each in item] if isinstance(item, list) else item
-        for key, item in where.items()
-    }
-    assert plain == asked
+    assert ast.literal_eval(str(value)) == where

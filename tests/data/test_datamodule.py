@@ -3,15 +3,13 @@ from dataclasses import replace
 import numpy as np
 import torch
 from conftest import ramp
-from scipy import stats
 
 from tex_lightning.data.banks import InputBank, PhotoBank
-from tex_lightning.data.datamodule import EpochSampler, SampleSet, TrainingBatches, _partners
+from tex_lightning.data.datamodule import EpochSampler, SampleSet, TrainingBatches
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.store import Store
-from tex_lightning.perturbations.table import Augmentation
 
 TRACES = np.array([2, 0, 1])  # their classes
 
@@ -74,52 +72,6 @@ def test_epochs_number_batches_through():
     assert [*sampler] == [0, 1, 2]
     epoch = 4
     assert [*sampler] == [12, 13, 14]
-
-
-def test_partners_have_the_label_and_are_drawn_evenly():
-    rng = np.random.default_rng(0)
-    pool = np.array([2, 0, 1, 0, 2, 0])
-    labels = np.repeat([0, 1, 2], 3000)
-    drawn = _partners(labels, pool, rng)
-    assert np.array_equal(pool[drawn], labels)
-    assert stats.chisquare(np.bincount(drawn[:3000], minlength=6)[[1, 3, 5]]).pvalue > 0.01
-    assert stats.chisquare(np.bincount(drawn[6000:], minlength=6)[[0, 4]]).pvalue > 0.01
-
-
-def test_perturbed_crops_keep_their_size_and_place_in_shares(surfaces, photos):
-    _, store = photos
-    clean = batches(surfaces, store)
-    perturbed = batches(surfaces, store)
-    names = ["darkness", "scale_down", "scale_up"]
-    perturbed.banks["visual"][0].augmentation = Augmentation.of(names)
-    whole, plain = (each[4]["visual"]["crop"] for each in (perturbed, clean))
-    assert whole.shape == plain.shape
-    assert (whole != plain).flatten(1).any(1).all()
-    shares = [replace(perturbed, share=slice(rank, None, 3))[4] for rank in range(3)]
-    crops = torch.stack([share["visual"]["crop"] for share in shares], dim=1)
-    assert torch.equal(crops.flatten(0, 1), whole)
-
-
-def numbered(count, labels):
-    """A bank whose every piece names its recording."""
-    return InputBank([torch.full((1, 10), number) for number in range(count)], 10), labels
-
-
-def test_of_three_senses_the_longest_leads_and_the_others_have_its_classes():
-    labels = {
-        "haptic": np.array([0, 1]),
-        "own": np.array([1, 1, 0, 0, 1]),
-        "sound": np.array([1, 0, 0]),
-    }
-    banks = {name: numbered(len(own), own) for name, own in labels.items()}
-    stream, led = TrainingBatches(banks, batch_size=4, seed=0), []
-    for step in range(5):
-        batch = stream[step]
-        for name, own in labels.items():
-            chosen = batch[name]["input"][:, 0, 0].int().numpy()
-            assert np.array_equal(own[chosen], batch["label"].numpy())
-            led += chosen.tolist() if name == "own" else []
-    assert sorted(led) == sorted([*range(5)] * 4)
 
 
 def test_a_whole_sample_has_the_recordings_of_all_its_modalities(surfaces, tmp_path):

@@ -55,13 +55,6 @@ def test_every_recording_is_tested_once_and_never_with_its_group_in_training(fol
     assert tested == len(rows)
 
 
-def test_ten_folds_of_numbered_recordings_are_their_numbers_modulo_ten():
-    rows = with_folds(table(a=(10, 40), b=(10, 40)), 10)
-    assert all(row.fold == row.group % 10 for row in rows)
-    shifted = Recordings(tuple(replace(row, group=row.group + 1, fold=None) for row in rows))
-    assert all(row.fold == row.group % 10 for row in with_folds(shifted, 10))
-
-
 @pytest.mark.parametrize("numbers", [range(5), [0, 2, 4, 6, 8], [0, 10, 20, 30, 40]])
 def test_ten_folds_of_five_groups_are_five(numbers):
     numbered = Recordings(tuple(Recording("a", "haptic", Path(), number) for number in numbers))
@@ -116,8 +109,7 @@ def test_inverted_swaps_training_and_test_and_leaves_validation_out_of_both():
     rows = table(a=(8, 0), b=(8, 0))
     plain, turned = (split(rows, by(4, 2, 1, inverted)) for inverted in (False, True))
     assert (turned.train, turned.val, turned.test) == (plain.test, plain.val, plain.train)
-    assert {row.group % 4 for row in turned.train} == {2}
-    assert {row.group % 4 for row in split(rows, by(4, 2, None, True)).test} == {0, 1, 3}
+    assert {row.group % 4 for row in turned.train} == {2}  # numbers decide, modulo the folds
 
 
 @given(folds=st.integers(2, 10), fold=st.integers(0, 9), count=st.integers(1, 12))
@@ -139,20 +131,6 @@ def test_every_fold_draws_other_recordings():
     assert drawn[9] == [0, 1]
 
 
-def test_pairs_go_through_the_longer_list():
-    samples = make_samples(table(a=(1, 4), b=(3, 2), c=(2, 0)), ("haptic", "image"))
-    assert [s.label for s in samples] == ["a"] * 4 + ["b"] * 3
-    assert {s.recordings["image"].path.name for s in samples if s.label == "a"} == {
-        f"a{i}.jpg" for i in range(4)
-    }
-    assert [[row.group for row in s.recordings.values()] for s in samples if s.label == "b"] == [
-        [0, 0],
-        [1, 1],
-        [2, 0],
-    ]
-    assert all(row.label == s.label for s in samples for row in s.recordings.values())
-
-
 def test_samples_of_three_modalities_have_a_recording_of_each():
     rows = table(a=(2, 3), b=(1, 1))
     sounds = [Recording("a", "sound", Path(f"s{i}.wav"), i) for i in range(5)]
@@ -162,9 +140,3 @@ def test_samples_of_three_modalities_have_a_recording_of_each():
     assert found == [[f"s{i}.wav", f"a{i % 3}.jpg", f"a{i % 2}.wav"] for i in range(5)]
     with pytest.raises(UserError, match="no sound recordings to train on for b"):
         check_split(split(rows, by(2, None, None)), ["b"], ["sound"], by(2, None, None))
-
-
-def test_an_empty_test_fold_is_said():
-    rows = table(a=(3, 0), b=(3, 0))
-    with pytest.raises(UserError, match="Fold 7 holds nothing"):
-        check_split(split(rows, by(10, 7, None)), rows.classes, ["haptic"], by(10, 7, None))

@@ -1,15 +1,25 @@
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tex_lightning.data.readers import checked_table
 from tex_lightning.data.recordings import (
     Recording,
     Recordings,
+    cut_part,
+    equal_parts,
     natural_key,
+    overlap,
     read_manifest,
+    read_part,
     write_manifest,
+    write_part,
 )
 from tex_lightning.errors import UserError
 
@@ -122,3 +132,101 @@ def test_classes_are_distinct_and_in_natural_order():
     assert Recordings(tuple(rows)).classes == ["c2", "c10"]
     alike = [Recording(label, "image", Path(), 0) for label in ("wood", "Wood", "a01", "a1")]
     assert Recordings(tuple(alike)).classes == ["a01", "a1", "Wood", "wood"]
+
+
+BORDERS = st.floats(0, 1).map(lambda x: round(x, 9))
+PARTS = st.tuples(BORDERS, BORDERS).filter(lambda part: part[0] < part[1])
+
+
+@given(PARTS)
+def test_text_gives_the_same_part_back(part):
+    assert read_part(write_part(part)) == part
+
+
+@given(PARTS, PARTS)
+def test_parts_overlap_if_they_share_a_point_inside(one, other):
+    shared = min(map(Fraction, (one[1], other[1]))) - max(map(Fraction, (one[0], other[0])))
+    assert overlap(one, other) == overlap(other, one) == (shared > 0)
+    assert overlap(one, None)
+    assert overlap(None, other)
+
+
+@given(st.integers(1, 12), st.integers(12, 60))
+def test_equal_parts_hold_every_sample_once(count, samples):
+    array, parts = np.arange(samples)[None], equal_parts(count)
+    pieces = [cut_part(array, part, Path("a.wav")) for part in parts]
+    np.testing.assert_array_equal(np.concatenate(pieces, axis=1), array)
+    assert max(piece.shape[1] for piece in pieces) - min(piece.shape[1] for piece in pieces) <= 1
+    assert not any(overlap(*pair) for pair in pairwise(parts))
+
+
+@pytest.mark.parametrize("text", ["0.5", "0.5-0.5", "-1-0", "0-2", "a-b", "0-nan"])
+def test_what_is_no_part_is_refused(text):
+    with pytest.raises(ValueError):  # noqa: PT011
+        read_part(text)
+
+
+ROWS = tuple(
+    Recording(label, "haptic", Path(f"{label}{group}.wav"), group)
+    for label in ("oak", "steel")
+    for group in range(3)
+)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        Recordings(ROWS),
+        Recordings([*ROWS]),
+        Recordings(row for row in ROWS),
+        Recordings(tuple(replace(row, group=np.int64(row.group)) for row in ROWS)),
+        Recordings(tuple(replace(row, group=f"session {row.group}") for row in ROWS)),
+        Recordings(tuple(replace(row, sampling_rate=np.float32(100)) for row in ROWS)),
+        Recordings(
+            tuple(
+                replace(row, part=part, group=2 * row.group + number)
+                for row in ROWS
+                for number, part in enumerate([(0, 0.5), (0.5, 1)])
+            )
+        ),
+    ],
+)
+def test_a_sound_table_is_taken(given):
+    assert {row.label for row in checked_table(given, "Mine")} == {"oak", "steel"}
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (None, r"Mine.read\(\) of data.reader returned NoneType"),
+        ([*ROWS], "returned list; let it return tex_lightning.Recordings"),
+        (Recordings(()), "found no recordings"),
+        (Recordings((("oak", "haptic"),)), "Record 1 of the table of Mine .* is tuple; make it"),
+        (Recordings(ROWS + ROWS), "lists oak0.wav in record 1 and in record 7; keep one"),
+        (
+            Recordings((*ROWS, replace(ROWS[2], group=7))),
+            "lists oak2.wav in record 3 and in record 7",
+        ),
+    ],
+)
+def test_what_is_no_table_is_refused(given, said):
+    with pytest.raises(UserError, match=said):
+        checked_table(given, "Mine")
+
+
+@pytest.mark.parametrize(
+    ("field", "values"),
+    [
+        ("label", ["", None, 1]),
+        ("modality", ["haptic sense/é,1", "", 3]),
+        ("path", ["a.wav", None]),
+        ("group", [-1, " ", 1.0, None, True, np.zeros(2)]),
+        ("sampling_rate", [0.0, -1, "100", float("nan"), float("inf"), True]),
+        ("conditions", [{"speed": "1"}, (("speed", 1),), ("speed",), None]),
+    ],
+)
+def test_a_wrong_field_is_named_with_its_record(field, values):
+    for value in values:
+        rows = (*ROWS[:4], replace(ROWS[4], **{field: value}))
+        with pytest.raises(UserError, match=rf"^Record 5 of .* Mine .* has {field} .*; give "):
+            checked_table(Recordings(rows), "Mine")

@@ -74,17 +74,8 @@ def test_a_column_of_time_gives_the_rate_and_is_no_axis(tmp_path, name, scale):
     trace, source = SignalDecoder(RATE, file_rate=77_000).decode(path)
     assert source.source == "time column"
     assert source.hz == pytest.approx(RATE, rel=1e-9)
-    assert not source.interpolated
     np.testing.assert_allclose(trace, AXES, rtol=1e-5)
     assert SignalDecoder(4 * RATE).decode(path)[0].shape == (3, 800)
-
-
-def test_time_may_stand_behind_a_single_axis_or_before_it(tmp_path):
-    for name, columns in (("x,time", [AXES[0], TIMES]), ("", [TIMES, AXES[0]])):
-        text = f"{name}\n" + lines(np.stack(columns), form="%.9g")
-        trace, source = SAME.decode(write(tmp_path, text))
-        np.testing.assert_allclose(trace, AXES[:1], rtol=1e-5)
-        assert source.source == "time column"
 
 
 @pytest.mark.parametrize("lost", [[], [700, 701, 702, 3000], [*range(1000, 1300)]])
@@ -95,7 +86,6 @@ def test_jitter_and_gaps_are_interpolated_to_the_usual_rate(tmp_path, caplog, ra
     wave = np.sin(2 * np.pi * rate / 150 * times)
     path = write(tmp_path, "time,x\n" + lines(np.stack([times, wave]), form="%.9g"))
     (trace,), source = SignalDecoder(rate).decode(path)
-    assert source.interpolated
     assert source.hz == pytest.approx(rate, rel=1e-3)
     assert len(trace) == pytest.approx(6000, abs=5)
     grid = times[0] + np.arange(len(trace)) / rate
@@ -105,12 +95,6 @@ def test_jitter_and_gaps_are_interpolated_to_the_usual_rate(tmp_path, caplog, ra
     assert np.abs(trace - even)[measured].max() < 0.15
     assert np.abs(trace - even)[measured].mean() < 0.02
     assert ("the largest of" in caplog.text) == (len(lost) > 10)
-
-
-def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
-    times = np.arange(5000) / 44_100
-    path = write(tmp_path, "t,x\n" + lines(np.stack([times, np.ones(5000)]), form="%.6f"))
-    assert SAME.decode(path)[1].hz == pytest.approx(44_100, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -134,11 +118,3 @@ def test_times_rounded_to_few_decimals_keep_the_mean_rate(tmp_path):
 def test_what_is_in_doubt_is_refused(tmp_path, text, message):
     with pytest.raises(UserError, match=message):
         SAME.decode(write(tmp_path, text))
-
-
-def test_axes_in_three_files_with_times_must_agree(tmp_path):
-    for axis, rate in zip("XYZ", (2500, 2500, 5000), strict=True):
-        columns = np.stack([np.arange(50) / rate, AXES[0, :50]])
-        (tmp_path / f"a_{axis}_1.txt").write_text("t,x\n" + lines(columns))
-    with pytest.raises(UserError, match="have 50 at 2,500 Hz, 50 at 2,500 Hz, 50 at 5,000 Hz"):
-        SAME.decode(tmp_path / "a_X_1.txt")

@@ -45,11 +45,6 @@ def test_layouts_give_the_same_samples(tmp_path, content):
     assert (source.hz, source.source) == (10_000, "header")
 
 
-def test_one_axis_may_stand_for_all(tmp_path):
-    trace, _ = SignalDecoder().decode(write(tmp_path, RATE + axis("Accel", SAMPLES[0])))
-    np.testing.assert_allclose(trace, SAMPLES[:1], rtol=1e-6)
-
-
 ENTITIES = '<!DOCTYPE a [<!ENTITY a "1 1"><!ENTITY b "&a;&a;">]>'
 XYZ = axes("AccelX", "AccelY", "AccelZ")
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-import torch
 from conftest import make_trace
 from PIL import Image
 
@@ -85,21 +84,6 @@ def test_what_lies_far_outside_of_the_training_is_said(surfaces, fused, tmp_path
     found = tl.load(fused / "checkpoints" / "visual.ckpt").predict(image=tmp_path / "dark.png")
     assert found.warnings == ("The photo is uniform, so it shows nothing; check the camera.",)
     assert found.probability == pytest.approx(1 / 3)
-
-
-def test_photos_may_be_halved_by_the_jpeg_decoder(cli, surfaces, fused, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with Image.open(surfaces / "beta" / "image" / "beta_0.png") as photo:
-        photo.resize((480, 480)).save("large.jpg", quality=95)
-    content = torch.load(fused / "checkpoints" / "visual.ckpt", weights_only=True)
-    content["hyper_parameters"]["card"]["senses"]["visual"]["decode"]["half_scale"] = True
-    torch.save(content, "halved.ckpt")
-    exact, fast = (
-        json.loads(cli("task=predict", "checkpoint=halved.ckpt", "image=large.jpg", *more).out)
-        for more in ((), ("predict.fast_decode=true",))
-    )
-    assert fast["fragments"] == exact["fragments"]
-    assert fast["label"] == exact["label"]
 
 
 def test_the_rate_of_bare_files_travels_with_the_checkpoint(cli, tmp_path):

@@ -47,7 +47,6 @@ READ_BY = {
     "enroll.only": ("enroll",),
     "frontier.only": ("frontier",),
     "optimized_metric": ("fit", "crossval"),
-    "predict.fast_decode": ("predict",),
     "predict.figure": ("predict",),
     "stability.severities": ("stability",),
     "stability.systems": ("stability",),

@@ -154,7 +154,6 @@ class EnrollConfig:
 class PredictConfig:
     """Prediction."""
 
-    fast_decode: bool = key("let the JPEG decoder halve photos: half the time, nearly the same")
     figure: str | None = key(
         "PNG file for a drawing of why the label was chosen (docs/predict.md); of several "
         "samples each has its own, FILE_NAME.png; null draws nothing",

@@ -44,12 +44,12 @@ Photo = npt.NDArray[np.uint8]
 
 
 class Decoder(ABC):
-    """How the files of one sense become arrays; its fields decide their content.
+    """Decoder of the files of one sense; its fields decide the content of the arrays.
 
     Attributes:
         suffixes: Suffixes of the files that it reads, in lower case.
         unit: Unit of :meth:`extent`.
-        precision: How that is written.
+        precision: Format of a number in that unit.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -58,7 +58,7 @@ class Decoder(ABC):
 
     @abstractmethod
     def decode(self, path: Path, rate: float | None = None) -> tuple[Array, SourceRate | None]:
-        """The array of a file, and at which rate it was sampled if it is a signal.
+        """Return the array of a file, and its own rate if it is a signal.
 
         Args:
             path: The file.
@@ -69,12 +69,12 @@ class Decoder(ABC):
         """
 
     def assuming(self, rate: float | None) -> Self:
-        """The same for files at another rate in Hz than those of the training; None for theirs."""
+        """Return the decoder for files at another rate in Hz than in training; None for theirs."""
         return self
 
     @abstractmethod
     def extent(self, array: Array) -> float:
-        """How long or large a decoded recording is."""
+        """Return how long or large a decoded recording is."""
 
 
 @dataclass(frozen=True)
@@ -168,20 +168,17 @@ def read_trace(
     The rate is the file's own, else the stated one, else the assumed ``data.file_rate``. Arguments
     and errors are those of :meth:`SignalDecoder.decode`.
     """
-    samples, own = read_samples(path, settings.channels)
+    samples, source = read_samples(path, settings.channels)
     check_samples(samples, f"Trace {path}")
-    if own is None:
-        own = (
-            SourceRate(settings.file_rate, "assumed")
-            if rate is None
-            else SourceRate(rate, "stated")
-        )
-    elif rate is not None and not same_rate(own.hz, rate):
+    if source is None:
+        assumed = SourceRate(settings.file_rate, "assumed")
+        return samples, assumed if rate is None else SourceRate(rate, "stated")
+    if rate is not None and not same_rate(source.hz, rate):
         raise UserError(
-            f"Trace {path} has {own.hz:,.6g} Hz by its {own.source}, but {rate:,.6g} Hz by the "
-            "manifest or reader; correct or remove one of them."
+            f"Trace {path} has {source.hz:,.6g} Hz by its {source.source}, but {rate:,.6g} Hz by "
+            "the manifest or reader; correct or remove one of them."
         )
-    return samples, own
+    return samples, source
 
 
 def to_rate(trace: npt.NDArray[np.floating], source: float, target: float, name: str) -> Trace:
@@ -216,15 +213,12 @@ def rate_ratio(source: float, target: float, name: str) -> Fraction:
     return Fraction(target / source).limit_denominator(10_000)
 
 
-def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> Photo:
+def decode_image(path: Path, settings: PhotoDecoder) -> Photo:
     """Read a photo as RGB, upright, halved or resized if so configured.
 
     Args:
         path: An image file.
         settings: Whether it is halved or resized.
-        fast: Let the JPEG decoder do the halving: it leaves out the upper half of each block's
-            frequencies, which takes half the time and is near the mean of 2x2 pixels, not equal
-            to it. Other formats, and photos that are not halved, are decoded as ever.
 
     Returns:
         uint8 array of shape (height, width, 3).
@@ -238,7 +232,6 @@ def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> P
         with suppress_warnings(), Image.open(path, formats=IMAGE_FORMATS) as image:
             if image.mode.startswith(("I", "F")):
                 raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
-            halved = fast and settings.half_scale and _decodes_halved(image)
             photo = _pixels(image)
     except UnidentifiedImageError as error:
         raise UserError(f"Image {path} is in no known image format; use JPEG or PNG.") from error
@@ -248,8 +241,6 @@ def decode_image(path: Path, settings: PhotoDecoder, *, fast: bool = False) -> P
         raise
     except Exception as error:  # damage shows in as many ways as there are formats
         raise UserError(f"Image {path} is damaged ({reason(error)}); replace the file.") from error
-    if halved and settings.resize is None:
-        return _middle(photo)
     return to_size(photo, settings, f"Image {path}")
 
 
@@ -285,14 +276,6 @@ def _middle(photo: Photo) -> Photo:
     kept = [min(size, MAX_PIXELS // min(MAX_SIDE, *sizes)) for size in sizes]
     top, left = ((size - each) // 2 for size, each in zip(sizes, kept, strict=True))
     return photo[top : top + kept[0], left : left + kept[1]].copy()
-
-
-def _decodes_halved(image: Image.Image) -> bool:
-    """Ask the decoder for half the size before it starts; only JPEG's can."""
-    width, height = image.size
-    if min(width, height) >= 2:
-        image.draft(None, (width // 2, height // 2))
-    return image.size != (width, height)
 
 
 def _pixels(image: Image.Image) -> Photo:
@@ -423,7 +406,7 @@ class Resampler:
         self.filter = scipy.signal.firwin(2 * self.half + 1, 1 / widest, window=KAISER)
         self.kept: Samples | None = None  # (axes, samples), begins at a multiple of `down`
         self.begin = 0  # of what is kept, in samples that came
-        self.given = 0  # samples that were given back
+        self.returned = 0  # samples of the new rate
 
     def push(self, samples: Samples) -> Trace:
         """Take samples (axes, samples); return those at the new rate that no later one changes.
@@ -431,27 +414,28 @@ class Resampler:
         They lag by ten samples of the lower rate.
         """
         kept = samples if self.kept is None else np.concatenate((self.kept, samples), axis=1)
-        came = self.begin + kept.shape[1]
-        known = max(self.given, math.ceil((came * self.up - self.half) / self.down))
-        found = self._between(kept, known)
-        first = max(0, (known * self.down - self.half) // self.up)  # that later ones need
+        arrived = self.begin + kept.shape[1]
+        end = max(self.returned, math.ceil((arrived * self.up - self.half) / self.down))
+        resampled = self._between(kept, end)
+        first = max(0, (end * self.down - self.half) // self.up)  # that later ones need
         begin = first // self.down * self.down
         self.kept, self.begin = kept[:, begin - self.begin :].copy(), begin
-        return found
+        return resampled
 
     def finish(self) -> Trace | None:
         """Return the last samples, as if silence followed; None if there are none."""
         if self.kept is None:
             return None
         end = math.ceil((self.begin + self.kept.shape[1]) * self.up / self.down)
-        return self._between(self.kept, end) if end > self.given else None
+        return self._between(self.kept, end) if end > self.returned else None
 
     def _between(self, kept: Samples, end: int) -> Trace:
-        """Samples of the new rate from those given back before up to ``end``."""
+        """Return the samples of the new rate after those returned before, up to ``end``."""
         offset = self.begin // self.down * self.up
-        found = np.empty((len(kept), 0))
-        if end > self.given:
-            found = scipy.signal.resample_poly(kept, self.up, self.down, axis=1, window=self.filter)
-            found = found[:, self.given - offset : end - offset]
-        self.given = end
-        return np.ascontiguousarray(found, dtype=np.float32)
+        resampled = np.empty((len(kept), 0))
+        if end > self.returned:
+            taps = self.filter
+            resampled = scipy.signal.resample_poly(kept, self.up, self.down, axis=1, window=taps)
+            resampled = resampled[:, self.returned - offset : end - offset]
+        self.returned = end
+        return np.ascontiguousarray(resampled, dtype=np.float32)

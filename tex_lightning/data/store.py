@@ -61,10 +61,10 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 
 
 FINGERPRINT_BYTES = 65_536
-LAYOUT = 5  # of an entry: what an earlier version decoded otherwise is decoded anew
+LAYOUT = 6  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
 EMPTIED = (FileNotFoundError, FileExistsError)  # its folder is deleted while an entry is written
-RATE_BYTES = 152  # of three numbers as .npy, which stand behind the array of a trace
+RATE_BYTES = 144  # of two numbers as .npy, which stand behind the array of a trace
 Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
 
@@ -145,8 +145,8 @@ class Store:
         try:
             with self._entry(recording).open("rb") as stream:
                 stream.seek(-RATE_BYTES, os.SEEK_END)
-                hz, source, interpolated = np.load(stream, allow_pickle=False).tolist()
-            return SourceRate(hz, SOURCES[int(source)], bool(interpolated))
+                hz, source = np.load(stream, allow_pickle=False).tolist()
+            return SourceRate(hz, SOURCES[int(source)])
         except UNREADABLE:
             _, rate = self._write(recording)
             assert rate is not None, "only a trace has a rate"
@@ -229,8 +229,8 @@ def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
     with path.open("wb") as stream:
         np.save(stream, array, allow_pickle=False)
         if rate is not None:
-            numbers = [rate.hz, SOURCES.index(rate.source), rate.interpolated]
-            np.save(stream, np.array(numbers, np.float64), allow_pickle=False)
+            numbers = np.array([rate.hz, SOURCES.index(rate.source)], np.float64)
+            np.save(stream, numbers, allow_pickle=False)
 
 
 def _map(entry: Path) -> npt.NDArray[Any]:

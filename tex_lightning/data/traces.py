@@ -55,12 +55,10 @@ class SourceRate:
     Attributes:
         hz: The rate.
         source: Who says so; ``stated`` is a manifest or a reader.
-        interpolated: Whether samples were interpolated, because their times are uneven.
     """
 
     hz: float
     source: RateSource
-    interpolated: bool = False
 
 
 Table = tuple[Array, SourceRate | None]  # samples in the order of the file, and what it says
@@ -343,9 +341,8 @@ def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Tabl
     gaps = steps > MISSING * median
     span = float(times[-1] - times[0])
     step = (span - float(steps[gaps].sum())) / int((~gaps).sum())
-    uneven = bool((np.abs(steps - median) > EVEN * median).any())
     axes = samples.T
-    if uneven:
+    if (np.abs(steps - median) > EVEN * median).any():
         count = round(span / step) + 1
         if count > MAX_FILLED * len(times):
             raise ValueError(
@@ -360,7 +357,7 @@ def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Tabl
             )  # fmt: skip
         grid = times[0] + np.arange(count) * step
         axes = np.stack([np.interp(grid, times, axis) for axis in samples.T])
-    return axes, SourceRate(1 / (step * unit), "time column", uneven)
+    return axes, SourceRate(1 / (step * unit), "time column")
 
 
 class _NoEntities(ElementTree.TreeBuilder):

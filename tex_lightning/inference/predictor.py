@@ -248,7 +248,7 @@ class Predictor:
         """Decoded recordings by modality, and what is wrong with them."""
         decoded: dict[str, tuple[Tensor, Quality]] = {}
         rate = self.config.data.file_rate if rate is None else rate
-        how = {"rate": rate, "colour": colour, "fast": self.config.predict.fast_decode}
+        how = {"rate": rate, "colour": colour}
         for sense in self.classifier.senses.values():
             name = sense.modality
             if name in given and name not in decoded:

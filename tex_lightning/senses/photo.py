@@ -129,12 +129,11 @@ class PhotoSense(Sense):
         ranges: Ranges,
         *,
         colour: str = "rgb",
-        fast: bool = False,
         **_: Any,  # noqa: ANN401
     ) -> tuple[Tensor, Quality]:
         """Decode a file or pixels; ``colour`` is the order of an array's colours."""
         if isinstance(given, str | Path):
-            photo = decode_image(Path(given).expanduser(), self.decoder, fast=fast)
+            photo = decode_image(Path(given).expanduser(), self.decoder)
         else:
             photo = as_photo(given, self.decoder, colour, self.modality)
         return torch.from_numpy(photo), photo_quality(photo, ranges, self.what)
