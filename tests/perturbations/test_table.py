@@ -28,10 +28,10 @@ RATE = 10_000.0
 TABLE = perturbations()
 SINGLE = [each for each in TABLE.values() if each.modality != "both"]
 # shapes change, or chance decides about whole recordings: a distance says nothing of these
-RESHAPED = {"wrong_rate", "stroke_velocity", "drifting_rate", "impact_left_in", "shorter_trace",
+RESHAPED = {"wrong_rate", "stroke_velocity", "impact_left_in", "shorter_trace",
             "scale_up", "scale_down", "smaller_crop"}  # fmt: skip
-# what has turned further is not more different, and half as many pixels fit the grid best
-TURNED = {"rotation", "rotated_axes", "nearer", "pixelate"}
+# what has turned further is not more different
+TURNED = {"rotation", "rotated_axes", "nearer"}
 STRIPED = {"defocus_blur", "motion_blur"}  # these may turn stripes round
 
 
@@ -51,7 +51,7 @@ def recording(perturbation) -> np.ndarray:
 
 
 def scene(seed: int = 0) -> Scene:
-    return Scene(np.random.default_rng(seed), RATE, lambda: make_trace(2, 1, 1.0)[None])
+    return Scene(np.random.default_rng(seed), RATE)
 
 
 def power(samples: np.ndarray) -> float:
@@ -95,7 +95,7 @@ def test_severer_is_further_from_the_original(perturbation):
         for severity in SEVERITIES
     ]
     assert all(left <= right * 1.03 for left, right in pairwise(gaps)), gaps
-    assert gaps[-1] > gaps[0] or perturbation.name == "swapped_axes"
+    assert gaps[-1] > gaps[0]
 
 
 @given(st.sampled_from(sorted(TABLE)), st.floats(0, 5), st.floats(0, 5))
@@ -109,14 +109,14 @@ def test_the_scale_is_monotone_and_goes_through_its_levels(name, one, other):
 
 
 def test_there_are_enough_of_them_and_some_are_held_out():
-    assert len(TABLE) >= 50
+    assert len(TABLE) >= 40
     assert all(len(each.levels) == 6 for each in TABLE.values())
     for modality in ("haptic", "image", "sound"):
         held = [each.held_out for each in TABLE.values() if each.modality == modality]
         assert 0 < sum(held) < len(held) / 2
 
 
-@pytest.mark.parametrize("name", ["white_noise", "mains_hum", "second_surface"])
+@pytest.mark.parametrize("name", ["white_noise", "mains_hum"])
 @pytest.mark.parametrize("severity", [0.5, 1, 3, 5])
 def test_noise_has_the_stated_ratio_to_the_signal(name, severity):
     clean = trace().astype(np.float64)
@@ -134,13 +134,12 @@ def test_the_hum_is_a_tone_of_50_hz():
 @pytest.mark.parametrize("severity", SEVERITIES)
 def test_shares_are_shares(severity):
     clean = np.random.default_rng(0).standard_normal((1, 50_000)).astype(np.float32)
-    for name in ("clipping", "dropped_samples", "dropped_stretch"):
+    for name in ("clipping", "dropped_stretch"):
         changed = (TABLE[name].apply(clean, severity, scene()) != clean).mean()
         assert changed == pytest.approx(TABLE[name].value(severity), abs=0.005)
     photo = np.random.default_rng(0).integers(1, 255, (300, 300, 3)).astype(np.uint8)
-    for name in ("dead_pixels", "impulse_noise"):
-        changed = (TABLE[name].apply(photo, severity, scene()) != photo).mean()
-        assert changed == pytest.approx(TABLE[name].value(severity), rel=0.1)
+    changed = (TABLE["impulse_noise"].apply(photo, severity, scene()) != photo).mean()
+    assert changed == pytest.approx(TABLE["impulse_noise"].value(severity), rel=0.1)
 
 
 def test_quantisation_leaves_so_many_steps():
@@ -223,7 +222,7 @@ def test_what_harms_a_sound_is_what_harms_a_trace(name, function):
 def test_a_low_pass_of_a_sound_leaves_what_lies_below():
     time = np.arange(44_100) / 44_100
     tones = (np.sin(2 * np.pi * 200 * time) + np.sin(2 * np.pi * 15_000 * time))[None]
-    at = Scene(np.random.default_rng(0), 44_100.0, sound)
+    at = Scene(np.random.default_rng(0), 44_100.0)
     spectrum = np.abs(np.fft.rfft(TABLE["sound_low_pass"].apply(tones, 4, at)[0])) / 22_050
     assert spectrum[200] == pytest.approx(1, abs=0.05)
     assert spectrum[15_000] < 0.01
@@ -232,7 +231,7 @@ def test_a_low_pass_of_a_sound_leaves_what_lies_below():
 def test_a_rooms_answer_comes_late_and_dies_within_half_a_second():
     click = np.zeros((1, 44_100))
     click[0, 4410] = 1
-    at = Scene(np.random.default_rng(0), 44_100.0, sound)
+    at = Scene(np.random.default_rng(0), 44_100.0)
     answer = TABLE["reverberation"].apply(click, 4, at)[0] - click[0]
     assert np.abs(answer[:4410]).max() < 1e-3 * np.abs(answer).max()
     assert np.abs(answer[4410 + 22_050 :]).max() < 0.01 * np.abs(answer).max()
@@ -243,7 +242,7 @@ def test_a_rooms_answer_comes_late_and_dies_within_half_a_second():
 
 def test_another_microphone_scales_each_frequency_and_keeps_the_mean():
     heard = np.random.default_rng(1).standard_normal((1, 44_100)) + 2
-    at = Scene(np.random.default_rng(0), 44_100.0, sound)
+    at = Scene(np.random.default_rng(0), 44_100.0)
     changed = TABLE["other_microphone"].apply(heard, 5, at)
     gain = 20 * np.log10(np.abs(np.fft.rfft(changed[0]) / np.fft.rfft(heard[0])))
     at_octaves = gain[2 ** np.arange(1, 15)]

@@ -293,7 +293,7 @@ def test_an_installed_package_brings_its_files_and_is_trusted(
 def test_a_users_function_changes_the_photo():
     own = read_severities(HERE / "my_ext" / "severities.yaml")["stains"]
     photo = np.full((40, 40, 3), 200, np.uint8)
-    scene = Scene(np.random.default_rng(0), 0.0, lambda: photo)
+    scene = Scene(np.random.default_rng(0), 0.0)
     stained = own.apply(photo, 4.5, scene)  # between 0.6 and 0.9
     assert (stained == 0).all(axis=2).mean() == pytest.approx(0.75, abs=0.05)
     assert (photo == 200).all()

@@ -5,7 +5,6 @@ done as there, but for any size of photo. Results are floats in 0 to 255 or uint
 rounds them.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,12 +23,10 @@ class Scene:
         rng: Generator of everything random, seeded by the recording and the perturbation and not by
             the severity, so that a severer one adds to a milder one instead of being drawn anew.
         rate: Sampling rate of a signal in Hz; 0 for a photo.
-        other: Gives a recording of the same modality and another class; for photos of any size.
     """
 
     rng: np.random.Generator
     rate: float
-    other: Callable[[], Array]
 
 
 def power(trace: Array) -> float:
@@ -43,9 +40,6 @@ def scaled(disturbance: Array, trace: Array, snr: float) -> Array:
     factor = np.sqrt(power(trace) / own / 10 ** (snr / 10)) if own > 0 else 0.0
     result: Array = disturbance * factor
     return result
-
-
-OCTAVES = 6  # of fog
 
 
 def gaussian_noise(photo: Array, deviation: float, scene: Scene) -> Array:
@@ -65,20 +59,11 @@ def impulse_noise(photo: Array, share: float, scene: Scene) -> Array:
     return np.where(draw < share / 2, 0, np.where(draw > 1 - share / 2, 255, photo))
 
 
-def speckle_noise(photo: Array, deviation: float, scene: Scene) -> Array:
-    """Noise in proportion to the value."""
-    return photo * (1 + deviation * _normal(photo, scene))
-
-
-def dead_pixels(photo: Array, share: float, scene: Scene) -> Array:
-    """A share of the pixels is black in all colours."""
-    dead = scene.rng.random(photo.shape[:2], dtype=np.float32) < share
-    return np.where(dead[..., None], 0, photo)
-
-
 def brightness(photo: Array, offset: float, scene: Scene) -> Array:
     """Value of hue, saturation and value raised by a share of full scale."""
-    return _with_hsv(photo, value_offset=offset)
+    hsv = cv2.cvtColor(photo.astype(np.float32) / 255, cv2.COLOR_RGB2HSV)
+    hsv[..., 2] = np.clip(hsv[..., 2] + offset, 0, 1)
+    return cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * 255
 
 
 def darkness(photo: Array, factor: float, scene: Scene) -> Array:
@@ -91,11 +76,6 @@ def contrast(photo: Array, factor: float, scene: Scene) -> Array:
     mean = photo.mean(axis=(0, 1), dtype=np.float32)
     flat: Array = mean + np.float32(factor) * (photo - mean)
     return flat
-
-
-def saturation(photo: Array, factor: float, scene: Scene) -> Array:
-    """Saturation of hue, saturation and value times ``factor``; 0 is grey."""
-    return _with_hsv(photo, saturation_factor=factor)
 
 
 def light_colour(photo: Array, change: float, scene: Scene) -> Array:
@@ -115,20 +95,6 @@ def light_gradient(photo: Array, loss: float, scene: Scene) -> Array:
     return photo * left[..., None]
 
 
-def fog(photo: Array, strength: float, scene: Scene) -> Array:
-    """A veil of noise with many octaves, as bright as ``strength`` times full scale."""
-    height, width = photo.shape[:2]
-    veil = np.zeros((height, width), np.float32)
-    for octave in range(OCTAVES):
-        grid = scene.rng.random((2**octave + 1, 2**octave + 1), dtype=np.float32)
-        veil += cv2.resize(grid, (width, height), interpolation=cv2.INTER_CUBIC) / 2**octave
-    veil = (veil - veil.min()) / max(float(np.ptp(veil)), 1e-6)
-    top = float(photo.max())
-    veiled = photo + 255 * np.float32(strength) * veil[..., None]
-    result: Array = veiled * (top / max(top + 255 * strength, 1))
-    return result
-
-
 def jpeg(photo: Array, quality: float, scene: Scene) -> Array:
     """Compression; the quality is rounded to a whole number."""
     options = [cv2.IMWRITE_JPEG_QUALITY, round(quality)]
@@ -146,16 +112,7 @@ def _normal(photo: Array, scene: Scene) -> Array:
     return scene.rng.standard_normal(photo.shape, dtype=np.float32)
 
 
-def _with_hsv(photo: Array, saturation_factor: float = 1, value_offset: float = 0) -> Array:
-    hsv = cv2.cvtColor(photo.astype(np.float32) / 255, cv2.COLOR_RGB2HSV)
-    hsv[..., 1] = np.clip(hsv[..., 1] * saturation_factor, 0, 1)
-    hsv[..., 2] = np.clip(hsv[..., 2] + value_offset, 0, 1)
-    return cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * 255
-
-
 BORDER = cv2.BORDER_REFLECT_101
-SMOOTH = 12.0  # pixels over which an elastic displacement changes
-ZOOMS = 12  # photos that a zoom blur averages
 
 
 def defocus_blur(photo: Array, radius: float, scene: Scene) -> Array:
@@ -176,30 +133,6 @@ def motion_blur(photo: Array, length: float, scene: Scene) -> Array:
     along, aside = x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle)
     inside = np.clip(length / 2 + 0.5 - np.abs(along), 0, 1)
     return _filtered(photo, inside * np.clip(1 - np.abs(aside), 0, 1))
-
-
-def zoom_blur(photo: Array, zoom: float, scene: Scene) -> Array:
-    """The mean of photos enlarged by 1 to ``zoom`` about the centre."""
-    total = np.zeros(photo.shape, np.float32)
-    for factor in np.linspace(1, zoom, ZOOMS):
-        total += _about_centre(photo, float(factor), 0.0)
-    return total / ZOOMS
-
-
-def pixelate(photo: Array, factor: float, scene: Scene) -> Array:
-    """Shrunk by ``factor`` and enlarged again in blocks."""
-    height, width = photo.shape[:2]
-    small = _resized(photo, factor)
-    return cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
-
-
-def elastic(photo: Array, displacement: float, scene: Scene) -> Array:
-    """Every pixel moves by ``displacement`` pixels (root mean square) to a place near by."""
-    height, width = photo.shape[:2]
-    across = np.arange(width)[None] + _displacement(photo, displacement, scene)
-    down = np.arange(height)[:, None] + _displacement(photo, displacement, scene)
-    places = across.astype(np.float32), down.astype(np.float32)
-    return cv2.remap(photo, places[0], places[1], cv2.INTER_LINEAR, borderMode=BORDER)
 
 
 def rotation(photo: Array, degrees: float, scene: Scene) -> Array:
@@ -249,13 +182,6 @@ def smaller_crop(photo: Array, share: float, scene: Scene) -> Array:
 def _grid(reach: float) -> tuple[Array, Array]:
     places = np.arange(-int(np.ceil(reach)), int(np.ceil(reach)) + 1)
     return places[:, None], places[None]
-
-
-def _displacement(photo: Array, size: float, scene: Scene) -> Array:
-    field = scene.rng.standard_normal(photo.shape[:2], dtype=np.float32)
-    smooth = cv2.GaussianBlur(field, (0, 0), SMOOTH, None, 0, BORDER)
-    moved: Array = smooth * (size / float(np.std(smooth)))
-    return moved
 
 
 def _filtered(photo: Array, kernel: Array) -> Array:

@@ -236,7 +236,7 @@ class Augmentation:
             return recording
         kind = self.kinds[int(rng.integers(len(self.kinds)))]
         severity = SEVERITIES[-1] * float(rng.random())
-        return kind.apply(recording, severity, Scene(rng, self.rate, _alone))
+        return kind.apply(recording, severity, Scene(rng, self.rate))
 
 
 def trainable(modality: str, medium: str = "signal") -> tuple[str, ...]:
@@ -247,7 +247,3 @@ def trainable(modality: str, medium: str = "signal") -> tuple[str, ...]:
         for name, each in {**perturbations(), **generic}.items()
         if each.modality == modality and not each.held_out and each.axes is None
     )
-
-
-def _alone() -> Array:
-    raise LookupError("a perturbation that mixes recordings cannot be trained on")

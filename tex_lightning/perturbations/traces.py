@@ -27,12 +27,6 @@ def mains_hum(trace: Array, snr: float, scene: Scene) -> Array:
     return trace + scaled(np.broadcast_to(tone, trace.shape), trace, snr)
 
 
-def second_surface(trace: Array, snr: float, scene: Scene) -> Array:
-    """A recording of another class, repeated to the same length."""
-    other = np.resize(scene.other()[0], trace.shape[1])
-    return trace + scaled(np.broadcast_to(other - other.mean(), trace.shape), trace, snr)
-
-
 def quieter(trace: Array, decibel: float, scene: Scene) -> Array:
     """Amplification too low."""
     return trace * 10 ** (-decibel / 20)
@@ -49,13 +43,6 @@ def clipping(trace: Array, share: float, scene: Scene) -> Array:
     bound = np.quantile(np.abs(trace - mean), 1 - share, axis=1, keepdims=True)
     clipped: Array = np.clip(trace - mean, -bound, bound) + mean
     return clipped
-
-
-def dropped_samples(trace: Array, share: float, scene: Scene) -> Array:
-    """Single samples lost at random; the mean stands in their place."""
-    lost = scene.rng.random(trace.shape[1]) < share
-    thinned: Array = np.where(lost, trace.mean(axis=1, keepdims=True), trace)
-    return thinned
 
 
 def dropped_stretch(trace: Array, share: float, scene: Scene) -> Array:
@@ -108,13 +95,6 @@ def reverberation(trace: Array, ratio: float, scene: Scene) -> Array:
     return trace + scaled(echoes, trace, ratio)
 
 
-def baseline_drift(trace: Array, strength: float, scene: Scene) -> Array:
-    """A slow wave of 0.5 Hz, ``strength`` times the trace's root mean square."""
-    time = np.arange(trace.shape[1]) / scene.rate
-    wave: Array = np.sin(2 * np.pi * (0.5 * time + scene.rng.random()))
-    return trace + wave * (strength * float(np.sqrt(2 * power(trace))))
-
-
 def silence(trace: Array, share: float, scene: Scene) -> Array:
     """A share of the recordings is silence, as of a sensor that is unplugged."""
     return np.zeros_like(trace) if scene.rng.random() < share else trace
@@ -138,15 +118,6 @@ def stroke_velocity(trace: Array, factor: float, scene: Scene) -> Array:
     return factor * _resampled(trace, 1 / factor)
 
 
-def drifting_rate(trace: Array, percent: float, scene: Scene) -> Array:
-    """The speed grows steadily from true to ``percent`` above it."""
-    samples = trace.shape[1]
-    speed = np.linspace(1, 1 + percent / 100, samples)
-    places = np.cumsum(speed) - speed[0]
-    places = places[places <= samples - 1]
-    return np.stack([scipy.ndimage.map_coordinates(axis, places[None], order=3) for axis in trace])
-
-
 def force(trace: Array, decibel: float, scene: Scene) -> Array:
     """A heavier hand: louder by ``decibel``, and half as many dB per decade darker.
 
@@ -165,11 +136,6 @@ def rotated_axes(trace: Array, degrees: float, scene: Scene) -> Array:
     turn = np.deg2rad(degrees) * direction / np.linalg.norm(direction)
     turned: Array = scipy.spatial.transform.Rotation.from_rotvec(turn).as_matrix() @ trace
     return turned
-
-
-def swapped_axes(trace: Array, share: float, scene: Scene) -> Array:
-    """In a share of the recordings the axes change places; three axes only."""
-    return np.roll(trace, 1, axis=0) if scene.rng.random() < share else trace
 
 
 def dead_axis(trace: Array, share: float, scene: Scene) -> Array:

@@ -61,7 +61,7 @@ class PerturbedDataset:
             self._now, self._perturbed = (perturbation, severity), {}
         if row not in self._perturbed:
             rng = make_rng(self.seed, perturbation.name, row)
-            scene = Scene(rng, self.rate, lambda: np.array(self.clean(self.partner(row, rng))))
+            scene = Scene(rng, self.rate)
             self._perturbed[row] = perturbation.apply(np.array(self.clean(row)), severity, scene)
         return self._perturbed[row]
 
