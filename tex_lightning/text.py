@@ -7,6 +7,8 @@ medium would not show as text.
 
 import json
 import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 FORMULA = re.compile(
@@ -31,6 +33,25 @@ def printable_lines(text: str) -> str:
 def to_markdown(text: str) -> str:
     """Return Markdown in one line that shows the text as it is, without images, links or HTML."""
     return MARKDOWN.sub(r"\\\g<0>", printable(text))
+
+
+def render(template: Path, context: Mapping[str, Any]) -> str:
+    """Return a document by a template of Jinja, whose filters are the functions of this module.
+
+    Args:
+        template: Values are escaped in one that ends in ``.html``.
+        context: Values by the names that the template uses.
+    """
+    from jinja2 import Environment, StrictUndefined  # slow, and only documents need it
+
+    environment = Environment(
+        autoescape=template.suffix == ".html",
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"md": to_markdown, "printable": printable}
+    return environment.from_string(template.read_text(encoding="utf-8")).render(context)
 
 
 def to_json(value: object, indent: int | None = None) -> str:

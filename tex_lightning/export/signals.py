@@ -2,20 +2,18 @@
 
 The transform of N = P Q samples is one of P samples, then one of Q for each of its outcomes (Cooley
 and Tukey 1965): for 2,205 samples a fifteenth of the arithmetic of one product, a hundredth of the
-constants in the file, and as near to the exact values as a fast Fourier transform. The movement
-begins, and DFT321 joins its axes, in a signal whose length is known only when the file runs.
+constants in the file, and as near to the exact values as a fast Fourier transform.
 """
 
 import math
-from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from tex_lightning.senses.features.dft321 import quick_length
+from tex_lightning.errors import UserError
 from tex_lightning.senses.features.proportions import FLOOR, OVERLAP, BandProportions
 from tex_lightning.senses.features.spectrogram import (
     IMPACT_FACTOR,
@@ -73,60 +71,8 @@ def movement(trace: Tensor, start: Tensor, least: int) -> Tensor:
     return trace[:, begin:]
 
 
-LONGEST = 2**24  # samples, of which the first are taken: 28 minutes at 10 kHz
-AXES = 3
-
-
-def joined_axes(trace: Tensor, least: int) -> Tensor:
-    """:func:`~tex_lightning.senses.features.dft321.dft321` of three axes; one axis stays as it is.
-
-    Transforms are of float64: ONNX Runtime's of any length (Bluestein 1970) lose half the digits.
-
-    Args:
-        trace: (axes, samples), without means.
-        least: Smallest promised value of :func:`quick_length` of these samples.
-
-    Returns:
-        (1, samples); of three axes as many as :func:`quick_length` says.
-    """
-    three = torch.scalar_tensor(trace.shape[0], dtype=torch.int64) == AXES
-    samples = torch.scalar_tensor(trace.shape[1], dtype=torch.int64)
-    lengths = torch.tensor(quick_lengths())
-    quick = torch.where(lengths <= samples, lengths, 1).max()
-    reduced = _reduced(trace[:, : _size(torch.where(three, quick, 1), trace, 1)])
-    kept = _size(torch.where(three, quick, samples), trace, least)
-    every = torch.cat((reduced, trace[0]))  # one axis has one sample of the first
-    found: Tensor = every.index_select(0, torch.where(three, 0, 1) + torch.arange(kept))
-    return found[None]
-
-
-def _size(count: Tensor, trace: Tensor, least: int) -> int:
-    size: int = count.item()  # type: ignore[assignment]
-    promise(size >= least)
-    promise(size <= trace.shape[1])
-    return size
-
-
-def _reduced(trace: Tensor) -> Tensor:
-    centred = (trace - trace.mean(dim=-1, keepdim=True)).double()
-    spectra = torch.view_as_real(torch.fft.fft(centred))  # (axes, samples, 2)
-    magnitude = spectra.square().sum(dim=(0, 2)).sqrt()
-    total = spectra.sum(dim=0)
-    length = total.square().sum(dim=1).sqrt()
-    one = torch.tensor([1.0, 0.0], dtype=total.dtype)  # where axes cancel any phase serves
-    phase = torch.where(length[:, None] > 0, total / length[:, None], one)
-    product = torch.view_as_complex(magnitude[:, None] * phase)
-    return torch.view_as_real(torch.fft.ifft(product))[:, 0].float()
-
-
-@cache
-def quick_lengths() -> list[int]:
-    """All results of :func:`quick_length`, up to the longest."""
-    found, length = [], LONGEST
-    while length >= 1:
-        found.append(quick_length(length))
-        length = found[-1] - 1
-    return found[::-1]
+# network input (1, ..., frames), and the first sample of steady movement, int64 (), if looked for
+Heard = tuple[Tensor, Tensor | None]
 
 
 class BandPower(nn.Module):
@@ -205,16 +151,6 @@ def _angles(turns: Tensor, length: int) -> Tensor:
     return (turns % length).double() * (-2 * math.pi / length)
 
 
-class Heard(NamedTuple):
-    """Network input (1, ..., frames) of a signal, and the first sample of its steady movement.
-
-    The latter, int64 (), is None where it is not looked for.
-    """
-
-    x: Tensor
-    start: Tensor | None
-
-
 class SpectrogramGraph(nn.Module):
     """:class:`.SpectrogramFeatures` by products of matrices.
 
@@ -228,8 +164,7 @@ class SpectrogramGraph(nn.Module):
         channels = features.window_length // 2 + 1
         linear = features.scale == "linear"
         filters = torch.eye(features.bands, channels) if linear else features.filters.T
-        centred = features.axes == "frame"
-        self.power = BandPower(features.window, features.hop_length, filters, centred=centred)
+        self.power = BandPower(features.window, features.hop_length, filters, centred=True)
 
     def forward(self, trace: Tensor) -> Heard:
         """Trace (axes, samples) to network input (1, 1, bands, frames)."""
@@ -238,10 +173,8 @@ class SpectrogramGraph(nn.Module):
             start = traced_start(trace, features.sampling_rate)
             trace = movement(trace, start, features.window_length)
         trace = trace - trace.mean(dim=-1, keepdim=True)
-        if features.axes == "trace":
-            trace = joined_axes(trace, features.window_length)
         magnitudes = self.power(trace).sqrt()
-        return Heard(features.normalise(magnitudes)[None, None], start)
+        return features.normalise(magnitudes)[None, None], start
 
 
 class ProportionsGraph(nn.Module):
@@ -271,7 +204,7 @@ class ProportionsGraph(nn.Module):
         responses = [self._responses(trace, index) for index in range(len(features.lengths))]
         fragments = self._fragments(samples, responses)
         parts = [self._proportions(each, index, fragments) for index, each in enumerate(responses)]
-        return Heard(torch.cat(parts)[None, None], start)
+        return torch.cat(parts)[None, None], start
 
     def _responses(self, trace: Tensor, index: int) -> Tensor:
         """(channels, frames) of one window."""
@@ -315,12 +248,21 @@ class OwnSignalGraph(nn.Module):
 
     def forward(self, trace: Tensor) -> Heard:
         """Trace (axes, samples) to network input (1, ..., frames)."""
-        return Heard(self.features(trace), None)
+        return self.features(trace), None
 
 
 def signal_graph(features: nn.Module) -> nn.Module:
-    """The module that maps a decoded signal to :class:`Heard`."""
+    """Return the module that maps a decoded signal to :data:`Heard`.
+
+    Raises:
+        UserError: If the features join the axes of the whole recording.
+    """
     if isinstance(features, SpectrogramFeatures):
+        if features.axes == "trace":
+            raise UserError(
+                "Features with axes=trace join the axes of a whole recording, which no exported "
+                "file does; train with axes=frame."
+            )
         return SpectrogramGraph(features)
     if isinstance(features, BandProportions):
         return ProportionsGraph(features)

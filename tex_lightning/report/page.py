@@ -3,12 +3,9 @@
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from statistics import fmean
 from typing import Any
-
-from jinja2 import Environment, StrictUndefined
 
 from tex_lightning.core.files import read_rows, write_text
 from tex_lightning.report.document import comparison_tables, read_systems
@@ -24,8 +21,9 @@ from tex_lightning.report.table import (
     run_overrides,
     run_settings,
 )
-from tex_lightning.text import to_markdown
+from tex_lightning.text import render
 
+TEMPLATES = Path(__file__).parent
 METRICS = {
     "train/loss": "training loss",
     "train/fragment_accuracy": "fragment accuracy in training",
@@ -68,10 +66,11 @@ def write_report(
         "notes": NOTES if systems else "",
         "tables": comparison_tables(systems),
         "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
+        "embedded": embedded,
         "directory": directory,
     }
     if systems:
-        write_text(directory / "report.md", _rendered("report.md.jinja", context, html=False))
+        write_text(directory / "report.md", render(TEMPLATES / "report.md.jinja", context))
     networks = facts(results)
     further = {
         "networks": networks,
@@ -83,17 +82,8 @@ def write_report(
         "environment": results.get("environment", {}),
         "seconds": results.get("wall_seconds"),
     }
-    page = _rendered("page.html", {**context, **further}, html=True)
+    page = render(TEMPLATES / "page.html", {**context, **further})
     write_text(directory / "report.html", page)
-
-
-def _rendered(name: str, context: dict[str, Any], *, html: bool) -> str:
-    environment = Environment(
-        autoescape=html, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {"md": to_markdown, "embedded": embedded}
-    source = files("tex_lightning.report").joinpath(name).read_text(encoding="utf-8")
-    return environment.from_string(source).render(context)
 
 
 def _file_table(path: Path) -> Table:
