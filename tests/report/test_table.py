@@ -54,16 +54,14 @@ def test_results(printed, tmp_path):
 
 
 def test_what_was_asked_for_is_shown_beside_chance(printed, tmp_path):
-    votes = {"correct": 5, "test_samples": 6, "vote_accuracy": 5 / 6}
     unknown = {"rate": 0.05, "threshold": 1.0, "novelty_auroc": 0.98765,
                "false_rejections": {"count": 2, "of": 40, "share": 0.05},
                "accepted_unknown": {"count": 3, "of": 20, "share": 0.15}}  # fmt: skip
     selective = {"reject_below": 0.9, "coverage": 0.75, "selective_accuracy": None}
-    asked = dict(old_classes=votes, new_classes=votes, unknown=unknown, selective=selective)
+    asked = dict(unknown=unknown, selective=selective)
     table.print_results({**RUN, "networks": {"a": NETWORK, "b": {**NETWORK, **asked}}}, tmp_path)
     rows = {line[:27].strip(): line[27:].split() for line in printed().splitlines()}
     assert rows["chance"] == ["33.3%", "33.3%"]
-    assert rows["old classes"] == rows["new classes"] == ["83.3%", "(5/6)"]
     assert rows["false rejections"] == ["2/40", "(5.0%)"]
     assert rows["accepted unknown"] == ["3/20", "(15.0%)"]
     assert rows["AUROC of unknown"] == ["0.988"]

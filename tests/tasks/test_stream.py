@@ -14,10 +14,12 @@ from scipy.signal import resample_poly
 
 from tex_lightning.inference.sense_stream import SenseStream
 
+KEYS = ("label", "confidence", "fragments")
+
 
 @pytest.fixture
-def checkpoint(fused):
-    return fused / "checkpoints" / "haptic.ckpt"
+def stream(fused, tmp_path):
+    return [f"checkpoint={fused}/checkpoints/haptic.ckpt", f"hydra.run.dir={tmp_path / 'run'}"]
 
 
 def lines(outcome) -> list[dict]:
@@ -25,81 +27,77 @@ def lines(outcome) -> list[dict]:
     return [json.loads(line) for line in outcome.out.splitlines()]
 
 
-def test_a_replayed_file_ends_with_the_label_of_predict(cli, checkpoint, tmp_path):
-    wav = tmp_path / "a.wav"
-    soundfile.write(wav, make_trace(1, 42, seconds=3.05), RATE, subtype="FLOAT")
-    common = [f"checkpoint={checkpoint}", f"haptic={wav}", f"hydra.run.dir={tmp_path / 'run'}"]
-    said = lines(cli("task=stream", *common, "stream.chunk=0.25"))
-    (whole,) = lines(cli("task=predict", *common))
-    assert [line["time"] for line in said] == [*(0.25 * n for n in range(1, 13)), 3.05]
-    assert said[0]["label"] is None
-    assert said[0]["fragments"] == 0
-    assert {key: said[-1][key] for key in ("label", "confidence", "fragments")} == {
-        key: whole[key] for key in ("label", "confidence", "fragments")
-    }
+def write(tmp_path, trace, rate=RATE) -> str:
+    soundfile.write(tmp_path / "a.wav", trace, rate, subtype="FLOAT")
+    return f"haptic={tmp_path / 'a.wav'}"
 
 
 def pipe(monkeypatch, content: bytes) -> None:
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content)))
 
 
-def test_samples_from_standard_input(cli, checkpoint, tmp_path, monkeypatch):
+def test_a_replayed_file_ends_with_the_label_of_predict(cli, stream, tmp_path):
+    file = write(tmp_path, make_trace(1, 42, seconds=3.05))
+    said = lines(cli("task=stream", *stream, file, "stream.chunk=0.25"))
+    (whole,) = lines(cli("task=predict", *stream, file))
+    assert [line["time"] for line in said] == [*(0.25 * n for n in range(1, 13)), 3.05]
+    assert (said[0]["label"], said[0]["fragments"]) == (None, 0)
+    assert [said[-1][key] for key in KEYS] == [whole[key] for key in KEYS]
+    rejected = lines(cli("task=stream", *stream, file, "decision.reject_below=1"))
+    assert (rejected[0]["rejected"], rejected[-1]["rejected"]) == (False, True)
+    assert rejected[-1]["label"] is None
+
+
+def test_samples_from_standard_input(cli, stream, tmp_path, monkeypatch):
     samples = np.stack([make_trace(0, n, seconds=2.5) for n in range(3)])
     np.save(tmp_path / "a.npy", samples)
     pipe(monkeypatch, samples.T.astype("<f4").tobytes())
-    common = [f"checkpoint={checkpoint}", f"hydra.run.dir={tmp_path / 'run'}"]
-    said = lines(cli("task=stream", *common, "haptic=-", "stream.axes=3"))
-    (whole,) = lines(cli("task=predict", *common, f"haptic={tmp_path / 'a.npy'}"))
+    said = lines(cli("task=stream", *stream, "haptic=-", "stream.axes=3"))
+    (whole,) = lines(cli("task=predict", *stream, f"haptic={tmp_path / 'a.npy'}"))
     assert len(said) == 25
-    assert (said[-1]["label"], said[-1]["fragments"]) == (whole["label"], whole["fragments"])
+    assert [said[-1][key] for key in KEYS] == [whole[key] for key in KEYS]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("content", "arguments", "said"),
     [
-        (["haptic=/no.wav"], "/no.wav does not exist"),
-        (["haptic=[a.wav,b.wav]"], "give one file"),
-        (["haptic=-", "stream.chunk=0"], "stream.chunk is 0: choose more than 0"),
-        (["haptic=-", "engine.precision=bf16"], "computed in float32"),
-        (["haptic=-", "image=a.jpg"], "does not look at image"),
-        (["haptic=-", "sound=-"], "only one signal can be standard input"),
-        (["haptic=-", "stream.window=2"], "too soon for a vote"),
-        (["haptic=-", "data.file_rate=1"], "data.file_rate is 1"),
-        (["haptic=-"], "record a longer stroke"),
-        ([], "give haptic=FILE, or haptic=-"),
+        ([], ["haptic=/no.wav"], "/no.wav does not exist"),
+        ([], ["haptic=[a.wav,b.wav]"], "give one file"),
+        ([], ["haptic=-", "engine.precision=bf16"], "computed in float32"),
+        ([], ["haptic=-", "image=a.jpg"], "does not look at image"),
+        ([], ["haptic=-", "sound=-"], "only one signal can be standard input"),
+        ([], ["haptic=-", "stream.window=2"], "too soon for a vote"),
+        ([], ["haptic=-"], "record a longer stroke"),
+        ([], [], "give haptic=FILE, or haptic=-"),
+        ([np.nan] * 500, ["haptic=-"], "NaN, infinity or a number beyond 1e+09 at sample 0"),
     ],
 )
-def test_mistakes_are_told(cli, checkpoint, tmp_path, monkeypatch, arguments, said):
-    pipe(monkeypatch, b"")
-    run = f"hydra.run.dir={tmp_path / 'run'}"
-    outcome = cli("task=stream", f"checkpoint={checkpoint}", run, *arguments)
+def test_mistakes_are_told(cli, stream, monkeypatch, content, arguments, said):
+    pipe(monkeypatch, np.array(content, "<f4").tobytes())
+    outcome = cli("task=stream", *stream, *arguments)
     assert outcome.status == 2
     assert said in outcome.err
     assert "Traceback" not in outcome.err
 
 
-def test_another_rate_is_resampled_on_the_way(cli, checkpoint, tmp_path, monkeypatch):
-    wav, rate = tmp_path / "a.wav", 16_000
+def test_another_rate_is_resampled_on_the_way(cli, stream, tmp_path, monkeypatch):
+    rate = 16_000
     samples = resample_poly(make_trace(1, 42, seconds=3.05), rate, RATE).astype("<f4")
-    soundfile.write(wav, samples, rate, subtype="FLOAT")
+    file = write(tmp_path, samples, rate)
     pipe(monkeypatch, samples.tobytes())
-    common = [f"checkpoint={checkpoint}", f"hydra.run.dir={tmp_path / 'run'}"]
-    from_file = lines(cli("task=stream", *common, f"haptic={wav}"))
-    from_pipe = lines(cli("task=stream", *common, "haptic=-", f"data.file_rate={rate}"))
-    (whole,) = lines(cli("task=predict", *common, f"haptic={wav}"))
-    keys = ("label", "confidence", "fragments")
+    from_file = lines(cli("task=stream", *stream, file))
+    from_pipe = lines(cli("task=stream", *stream, "haptic=-", f"data.file_rate={rate}"))
+    (whole,) = lines(cli("task=predict", *stream, file))
     for said in (from_file, from_pipe):
         assert [line["time"] for line in said[-3:]] == [3.0, 3.05, 3.05]  # the last of the filter
-        assert [said[-1][key] for key in keys] == [whole[key] for key in keys]
+        assert [said[-1][key] for key in KEYS] == [whole[key] for key in KEYS]
         assert said[-1]["probability"] == pytest.approx(whole["probability"], abs=1e-6)
 
 
 def test_the_label_of_a_window_follows_the_tool(cli, bands, tmp_path):
     trace = np.concatenate([make_trace(0, 42, 4.0), make_trace(1, 42, 4.0)])
-    soundfile.write(tmp_path / "a.wav", trace, RATE, subtype="FLOAT")
-    run = f"hydra.run.dir={tmp_path / 'run'}"
-    common = [f"checkpoint={bands}", f"haptic={tmp_path / 'a.wav'}", run]
-    said = lines(cli("task=stream", *common, "stream.window=1"))
+    given = [f"checkpoint={bands}", write(tmp_path, trace), f"hydra.run.dir={tmp_path / 'run'}"]
+    said = lines(cli("task=stream", *given, "stream.window=1"))
     labels = [line["label"] for line in said]
     assert set(labels[2:40]) == {"alpha"}
     assert set(labels[50:]) == {"beta"}
@@ -107,22 +105,20 @@ def test_the_label_of_a_window_follows_the_tool(cli, bands, tmp_path):
 
 
 def test_a_photo_and_two_files_are_joined_with_the_live_trace(cli, untrained, tmp_path):
-    soundfile.write(tmp_path / "a.wav", make_trace(1, 42, seconds=3.0), RATE, subtype="FLOAT")
     Image.fromarray(make_photo(1, 0)).save(tmp_path / "a.png")
     fusion = untrained / "checkpoints" / "fusion.ckpt"
     common = ["task=stream", f"checkpoint={fusion}", f"hydra.run.dir={tmp_path / 'run'}"]
-    trace, photo = f"haptic={tmp_path / 'a.wav'}", f"image={tmp_path / 'a.png'}"
+    trace = write(tmp_path, make_trace(1, 42, seconds=3.0))
+    photo = f"image={tmp_path / 'a.png'}"
     for more in ([], ["stream.window=1"]):
-        said = lines(cli(*common, trace, photo, *more))
-        assert [line["time"] for line in said] == [round(0.1 * n, 1) for n in range(1, 31)]
+        said = lines(cli(*common, trace, photo, "stream.chunk=0.5", *more))
+        assert [line["time"] for line in said] == [0.5, 1, 1.5, 2, 2.5, 3]
         assert said[-1]["fragments"] == 50
-    assert lines(cli(*common, trace))[-1]["fragments"] < 50
-    for wrong, why in ((photo, "give a signal too"), ("sound=-", "does not look at sound")):
-        outcome = cli(*common, wrong)
-        assert (outcome.status, why in outcome.err) == (2, True)
+    assert lines(cli(*common, trace, "stream.chunk=0.5"))[-1]["fragments"] < 50
+    assert "give a signal too" in cli(*common, photo).err
 
 
-def test_ctrl_c_ends_it_as_elsewhere(cli, checkpoint, surfaces, tmp_path, monkeypatch):
+def test_ctrl_c_ends_it_as_elsewhere(cli, stream, surfaces, monkeypatch):
     push = SenseStream.push
 
     def interrupted(self, chunk):
@@ -131,27 +127,7 @@ def test_ctrl_c_ends_it_as_elsewhere(cli, checkpoint, surfaces, tmp_path, monkey
         return push(self, chunk)
 
     monkeypatch.setattr(SenseStream, "push", interrupted)
-    wav, run = surfaces / "alpha" / "haptic" / "alpha_0.wav", f"hydra.run.dir={tmp_path / 'run'}"
-    outcome = cli("task=stream", f"checkpoint={checkpoint}", f"haptic={wav}", run)
+    outcome = cli("task=stream", *stream, f"haptic={surfaces}/alpha/haptic/alpha_0.wav")
     assert outcome.status == 130
     assert len(outcome.out.splitlines()) == 11
     assert "epoch" not in outcome.err
-
-
-def test_not_a_number_on_standard_input_is_refused(cli, checkpoint, tmp_path, monkeypatch):
-    pipe(monkeypatch, np.full(5000, np.nan, "<f4").tobytes())
-    run = f"hydra.run.dir={tmp_path / 'run'}"
-    outcome = cli("task=stream", f"checkpoint={checkpoint}", "haptic=-", run)
-    assert outcome.status == 2
-    assert "NaN, infinity or a number beyond 1e+09 at sample 0" in outcome.err
-
-
-def test_a_label_that_is_not_sure_is_rejected_as_in_predict(cli, checkpoint, tmp_path):
-    wav = tmp_path / "a.wav"
-    soundfile.write(wav, make_trace(1, 42, seconds=3.05), RATE, subtype="FLOAT")
-    common = [f"checkpoint={checkpoint}", f"haptic={wav}", f"hydra.run.dir={tmp_path / 'run'}"]
-    said = lines(cli("task=stream", *common, "decision.reject_below=1"))
-    (whole,) = lines(cli("task=predict", *common, "decision.reject_below=1"))
-    assert (whole["label"], whole["rejected"]) == (None, True)
-    assert (said[-1]["label"], said[-1]["rejected"]) == (None, True)
-    assert said[0]["rejected"] is False

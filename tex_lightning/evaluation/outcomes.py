@@ -21,7 +21,6 @@ from tex_lightning.core.files import read_rows, write_rows, write_text
 
 RANDOM = "random weights"  # in place of the file that weights came from
 FILES = "files"
-KEPT_CLASSES = 128  # whose probabilities are kept of a sample
 LIBRARIES = ("torch", "lightning", "kornia", "hydra-core", "numpy", "scipy")
 
 
@@ -39,8 +38,7 @@ class Outcome:
         latency_ms: Time from decoded recordings to the label.
         votes: Number of fragments for each class that has any, as JSON.
         relative_macs: Arithmetic done, as a share of what all fragments take.
-        probabilities: Mean class probabilities of the fragments, as JSON: those of the 128 most
-            probable classes, the true one and the one that won.
+        probabilities: Mean class probabilities of the fragments, as JSON.
         novelty: How unlike the training the sample is, from 0; NaN if not known.
         rates: Sampling rates in Hz of the files of signals by modality, as JSON.
         group: Group of its recordings; several of different groups in one string.
@@ -201,7 +199,6 @@ def _cpu_name() -> str:
     return next(names, "") or platform.processor() or platform.machine()
 
 
-Shares = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 
 

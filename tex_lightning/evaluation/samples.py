@@ -4,8 +4,6 @@ import math
 import time
 from collections.abc import Sequence
 
-from torch import Tensor
-
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.core.devices import synchronise
@@ -13,7 +11,7 @@ from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.store import Store, load_sample
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.outcomes import KEPT_CLASSES, Outcome
+from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.text import to_json
 
 WARM_UP = 2
@@ -67,9 +65,7 @@ def run_test(
                 latency_ms=latency,
                 votes=_votes(vote, classes),
                 relative_macs=vote.relative_macs,
-                probabilities=kept_probabilities(
-                    vote.probabilities, classes, {vote.label, truth} - {NOT_TRAINED}
-                ),
+                probabilities=to_json(dict(zip(classes, vote.probabilities.tolist(), strict=True))),
                 novelty=math.nan if vote.novelty is None else vote.novelty,
                 rates=_rates(sample, store),
                 group=" ".join({str(row.group): None for row in sample.recordings.values()}),
@@ -77,20 +73,6 @@ def run_test(
             )
         )
     return outcomes
-
-
-def kept_probabilities(probabilities: Tensor, classes: Sequence[str], also: set[int]) -> str:
-    """As JSON those of the most probable classes and of others, since all are too many.
-
-    Args:
-        probabilities: (classes,), each 0 to 1.
-        classes: Their names.
-        also: Indices of further classes.
-    """
-    most = probabilities.topk(min(len(classes), KEPT_CLASSES)).indices.tolist()
-    kept = sorted({*most, *also})
-    values = probabilities[kept].tolist()
-    return to_json({classes[at]: value for at, value in zip(kept, values, strict=True)})
 
 
 def _votes(vote: Vote, classes: list[str]) -> str:

@@ -1,9 +1,10 @@
 """Confusion matrices."""
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from tex_lightning.evaluation.outcomes import Counts, Shares
+from tex_lightning.evaluation.outcomes import Counts
 from tex_lightning.report.figures import draw_shares
 from tex_lightning.report.style import brief, styled
 
@@ -24,7 +25,7 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     side = 4.5 + (0.1 * min(len(classes), MAX_LABELLED) if many else 0.28 * len(classes))
     figure = Figure(figsize=(side, side), layout="constrained")
     axes = figure.subplots()
-    shares: Shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    shares: npt.NDArray[np.float64] = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     cells = [] if many else np.argwhere(counts).tolist()
     texts = {(row, column): str(counts[row, column]) for row, column in cells}
     names = [brief(name, MAX_CHARACTERS) for name in classes]

@@ -19,8 +19,6 @@ from tex_lightning.evaluation.conditions import KEY
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
 WIDE = 1000  # columns, for which no table is too wide
-OLD, NEW = "old_classes", "new_classes"  # of an entry of task=enroll
-ENROLLED = {OLD: "old classes", NEW: "new classes"}
 CONDITIONS_FILE = "conditions.csv"
 CONDITIONS_COLUMNS = (
     "condition", "value", "network", "correct", "test_samples", "vote_accuracy", "ci_low",
@@ -65,9 +63,6 @@ def facts(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
             "correct": f"{network['correct']}/{network['test_samples']}",
             "95 % interval": "{:.1%} to {:.1%}".format(*network["vote_ci95"]),
             "chance": f"{1 / len(results['classes']):.1%}",
-            **{
-                key.replace("_", " "): counted(network[key]) for key in (OLD, NEW) if key in network
-            },
             **_rejections(network),
             "fragments": f"{network['fragment_accuracy']:.1%}",
             "ms/sample": f"{network['latency_ms']['median']:.1f}",

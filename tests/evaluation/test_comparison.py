@@ -1,0 +1,95 @@
+"""Tests between systems, pairs of their samples, and the choice of one."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from tex_lightning.evaluation.comparison import (
+    MIN_SAMPLES,
+    Candidate,
+    correct_shares,
+    mcnemar,
+    one_standard_error,
+    pair,
+    pareto,
+    partner,
+)
+from tex_lightning.evaluation.outcomes import Outcome
+
+
+def marks(pattern: str) -> list[bool]:
+    return [mark == "+" for mark in pattern]
+
+
+def test_p_value_is_twice_the_binomial_tail():
+    one, other = marks("+++++++-+-" + "++++"), marks("--------+-" + "++++")
+    only_one, only_other, p = mcnemar(one, other)
+    assert (only_one, only_other) == (7, 0)
+    assert p == mcnemar(other, one)[2] == pytest.approx(2 * binom.cdf(0, 7, 0.5))
+    assert mcnemar(marks("+-+"), marks("+-+")) == (0, 0, 1.0)
+
+
+def candidate(name: str, cost: float, votes: str) -> Candidate:
+    """Votes on numbered samples, + where they are correct."""
+    return Candidate(name, cost, {(0, str(i)): mark for i, mark in enumerate(marks(votes))})
+
+
+@pytest.mark.parametrize("n", [1, MIN_SAMPLES - 1, MIN_SAMPLES, 500])
+def test_one_error_more_suffices_only_where_there_are_many_samples(n):
+    """One discordant sample of n: the mean difference is 1/n and so is its standard error."""
+    best, small = candidate("best", 10, "+" * n), candidate("small", 1, "+" * (n - 1) + "-")
+    expected = "small" if n >= MIN_SAMPLES else "best"
+    assert one_standard_error([best, small]).name == expected
+
+
+def test_pairing_counts_only_what_differs():
+    """Equal accuracies of 1/2 on the same samples leave no doubt that one extra error matters."""
+    best = candidate("best", 10, "+" * 30 + "-" * 30)
+    worse = candidate("worse", 1, "+" * 20 + "-" * 40)
+    differences = np.array([1] * 10 + [0] * 50)
+    assert differences.mean() > differences.std(ddof=1) / np.sqrt(60)
+    assert one_standard_error([best, worse]).name == "best"
+
+
+@pytest.mark.parametrize("folds", [3, 4, 10, 11])
+def test_every_fold_has_another_one_for_a_partner(folds):
+    partners = {fold: partner(fold, folds) for fold in range(folds)}
+    assert sorted(partners.values()) == list(range(folds))
+    assert all(fold != other for fold, other in partners.items())
+    if folds % 2 == 0:
+        assert all(partners[other] == fold for fold, other in partners.items())
+
+
+@given(
+    st.dictionaries(
+        st.text(min_size=1), st.tuples(st.integers(1, 9), st.integers(0, 9)), min_size=1
+    )
+)
+def test_pareto_line_is_what_nobody_beats(points):
+    line = pareto(points)
+    assert line
+    for name, (cost, accuracy) in points.items():
+        beaten = any(
+            (c <= cost and a > accuracy) or (c < cost and a >= accuracy) for c, a in points.values()
+        )
+        assert (name in line) == (not beaten)
+
+
+def outcome(correct: bool, **files: str) -> Outcome:
+    return Outcome(files, "oak", "oak" if correct else "ash", 1.0, 1, int(correct), 1.0)
+
+
+def test_votes_are_those_on_the_joint_samples():
+    photos = [outcome(n != 1, image=f"p{n}") for n in range(4)]
+    both = [outcome(True, haptic=f"t{n % 2}", image=f"p{n}") for n in range(4)]
+    assert correct_shares(photos, both) == {"t0": 1.0, "t1": 0.5}
+    assert correct_shares(both, both) == {"t0": 1.0, "t1": 1.0}
+
+
+def test_samples_that_are_not_in_the_joint_ones_stand_for_themselves():
+    sounds = [outcome(n == 0, sound=f"s{n}") for n in range(2)]
+    traces = [outcome(True, haptic="t0")]
+    assert correct_shares(sounds, traces) == {"s0": 1.0, "s1": 0.0}
+    assert pair(sounds, traces) is None
