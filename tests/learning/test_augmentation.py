@@ -16,7 +16,7 @@ INVERT = {"_target_": "kornia.augmentation.RandomInvert", "p": 1.0}  # 1 - x of 
 def module(augmentation: dict | None) -> SurfaceModule:
     card = make_card("visual", trunk=trunk_node("tcnn"), width=0.05)
     fit = {"head_factor": 1.0, "augmentation": augmentation}
-    return SurfaceModule(card.to_dict(), fit, 0, {"visual": 224})
+    return SurfaceModule(card, fit, 0, {"visual": 224})
 
 
 @pytest.fixture

@@ -40,7 +40,7 @@ def test_no_trunk_in_channels_last_has_such_a_convolution(name):
 
 def test_inputs_have_the_layout_of_the_weights(monkeypatch):
     fit = {"head_factor": 1.0}
-    module = SurfaceModule(make_card("visual", width=0.1).to_dict(), fit, 0, {"visual": 40})
+    module = SurfaceModule(make_card("visual", width=0.1), fit, 0, {"visual": 40})
     crop = torch.zeros(2, 3, 60, 60, dtype=torch.uint8)
     batch = {"visual": {"crop": crop, "degrees": torch.zeros(2)}}
     (sense,) = module.classifier.senses.values()

@@ -48,7 +48,7 @@ def module_of(classes, probe=PROBE, trunk="efficientnet_lite0"):
     card = make_card("visual", classes=names, trunk=trunk, width=0.1, norm="none", head=[])
     torch.manual_seed(0)
     fit = {"head_factor": 1.0, "probe": probe}
-    return SurfaceModule(card.to_dict(), fit, 0, {"visual": 224})
+    return SurfaceModule(card, fit, 0, {"visual": 224})
 
 
 def scores(module, photo):

@@ -17,8 +17,7 @@ from tex_lightning.data.folds import make_samples, split
 from tex_lightning.data.readers.folder import read_folder
 from tex_lightning.data.store import Store
 from tex_lightning.evaluation.outcomes import read_outcomes
-from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.metrics import update_metrics, vote_metrics
+from tex_lightning.learning.base import SurfaceModule, update_metrics, vote_metrics
 from tex_lightning.learning.trainer import quiet_lightning
 
 

@@ -42,7 +42,7 @@ def module(kind: str, **changes) -> SurfaceModule:
     torch.manual_seed(0)
     make = SurfaceModule if len(senses) == 1 else FusionModule
     pieces = {name: PIECES[name] for name in senses}
-    return make(card.to_dict(), {**FIT, **changes}, 0, pieces)
+    return make(card, {**FIT, **changes}, 0, pieces)
 
 
 def quiet(model: SurfaceModule) -> SurfaceModule:

@@ -29,7 +29,7 @@ def visual_module(norm: str = "none") -> SurfaceModule:
     probe = {"steps": 60, "passes": 1, "batch_size": 8, "learning_rate": 1e-2}
     fit = {"label_smoothing": 0.0, "head_factor": 1.0, "probe": probe}
     torch.manual_seed(0)
-    return SurfaceModule(card.to_dict(), fit, 0, {"visual": 224})
+    return SurfaceModule(card, fit, 0, {"visual": 224})
 
 
 @pytest.mark.parametrize("norm", ["none", "batch"])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from conftest import make_card
 
 from tex_lightning.baselines.classifier import BaselineClassifier
@@ -79,7 +80,7 @@ def test_features_that_break_their_contract(world, spoil, said):
         ({"spoil": "nan"}, "gave NaN or infinity"),
         ({"spoil": "detached"}, "without a gradient, so nothing can be trained"),
         ({"spoil": "blind"}, "score_layer that turns 4 features into 2 scores, and .* 2 features"),
-        ({"spoil": "outside"}, "gives other scores once it is saved and loaded"),
+        ({"spoil": "outside"}, "gives other outputs once it is saved and loaded"),
     ],
 )
 def test_networks_that_break_their_contract(world, network, said):
@@ -112,7 +113,7 @@ def test_what_is_fitted_to_buffers_needs_no_gradient(world):
     try_branch(card(network=nearest), {**FIT, "epochs": 0}, 20, *world)
     with pytest.raises(UserError, match="without a gradient"):
         try_branch(card(network=nearest), FIT, 20, *world)
-    with pytest.raises(UserError, match="gives other scores once it is saved and loaded"):
+    with pytest.raises(UserError, match="gives other outputs once it is saved and loaded"):
         try_branch(card(network={**nearest, "outside": True}), {**FIT, "epochs": 0}, 20, *world)
 
 
@@ -125,7 +126,7 @@ def try_loudness(spoil: str) -> None:
     rng = np.random.default_rng(0)
     traces = [level * rng.standard_normal(900).astype(np.float32) for level in (1, 9, 1)]
     classifier.baseline.fit(traces, np.array([0, 1, 0]), seed=0, groups="aab")
-    try_baseline(classifier, traces)
+    try_baseline(classifier, [torch.from_numpy(trace)[None] for trace in traces])
 
 
 @pytest.mark.parametrize(
@@ -137,9 +138,9 @@ def try_loudness(spoil: str) -> None:
         ("flat", r"returned a Tensor of float\d+ of shape \(2,\) for"),
         ("whole", "returned a Tensor of int64"),
         ("nan", "gave NaN or infinity"),
-        ("more", "gave 4 scores, and there are 2 classes"),
+        ("more", "gave 4 scores at each position, and there are 2 classes"),
         ("arrays", "has a state that is a dict of other things than tensors"),
-        ("outside", "gives other scores once it is saved and loaded"),
+        ("outside", "gives other outputs once it is saved and loaded"),
     ],
 )
 def test_baselines_that_break_their_contract(spoil, said):

@@ -129,6 +129,16 @@ class FittedBaseline(nn.Module):
         self.baseline = baseline
         self.min_size = (baseline.min_side, baseline.min_side)
 
+    def get_extra_state(self) -> dict[str, Tensor]:
+        """Return what was fitted."""
+        with calling(*as_part(self.baseline)):
+            return self.baseline.state()
+
+    def set_extra_state(self, state: dict[str, Tensor]) -> None:
+        """Load what was fitted."""
+        with calling(*as_part(self.baseline)):
+            self.baseline.load_state(state)
+
     def features(self, x: Tensor, level: Level) -> Tensor:
         """Class scores (1, classes, fragments) of (1, 1, samples) or (1, 3, height, width)."""
         return self.scores(as_baseline_takes_it(x))[None]

@@ -8,7 +8,13 @@ import torch
 from lightning import LightningModule
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
-from torchmetrics import MetricCollection
+from torchmetrics import Metric, MetricCollection
+from torchmetrics.classification import (
+    BinaryAUROC,
+    BinaryCalibrationError,
+    MulticlassAccuracy,
+    MulticlassConfusionMatrix,
+)
 
 from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint
 from tex_lightning.classifier.classifier import SurfaceClassifier, own_state
@@ -18,12 +24,14 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
+from tex_lightning.evaluation.calibration import BINS
 from tex_lightning.learning.loggers import log_figures
-from tex_lightning.learning.metrics import CONFUSION, accuracy, update_metrics, vote_metrics
 from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.report.confusion import confusion_figure
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
+CONFUSION = "confusion"  # a matrix, which is drawn and not logged
+THRESHOLDS = 1000  # of the ROC curve, so that its memory does not grow with the samples
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
 
 
@@ -35,23 +43,20 @@ class SurfaceModule(LightningModule):
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
     with a validation fold ``val/loss`` and the metrics of
-    :func:`~tex_lightning.learning.metrics.vote_metrics`; the same of testing as ``test/...``.
+    :func:`vote_metrics`; the same of testing as ``test/...``.
 
     Args:
-        card: :class:`Card` as a dictionary.
+        card: What is trained.
         fit: The training recipe as a dictionary of plain values.
         seed: Seed of dropout; batches have their own.
         pieces: By sense the length or side of the pieces.
     """
 
-    def __init__(
-        self, card: dict[str, Any], fit: dict[str, Any], seed: int, pieces: dict[str, int]
-    ) -> None:
+    def __init__(self, card: Card, fit: dict[str, Any], seed: int, pieces: dict[str, int]) -> None:
         super().__init__()
-        kept = {"card": card, "fit": fit, "seed": seed, "pieces": pieces}
+        kept = {"card": card.to_dict(), "fit": fit, "seed": seed, "pieces": pieces}
         self.save_hyperparameters(kept, logger=False)
-        self.classifier = SurfaceClassifier(Card(**card))
-        self.kind = self.classifier.card.kind
+        self.classifier, self.kind = SurfaceClassifier(card), card.kind
         self.layout = training_layout(self.classifier)
         if self.kind != FUSION:
             self.network.to(memory_format=self.layout)
@@ -61,7 +66,7 @@ class SurfaceModule(LightningModule):
         self.fit_seconds = 0.0
         self.val_loss: float | None = None
         self.left_out: dict[str, list[float]] = {}
-        classes = len(self.classifier.card.classes)
+        classes = len(card.classes)
         self.train_accuracy = accuracy(classes)
         self.val_metrics = vote_metrics(classes, "val")
         self.test_metrics = vote_metrics(classes, "test")
@@ -87,10 +92,9 @@ class SurfaceModule(LightningModule):
         path = Path(checkpoint_path).expanduser()
         content = read_checkpoint(path)
         classifier = SurfaceClassifier.from_content(path, content)
-        stored = content["hyper_parameters"]
+        stored = {key: content["hyper_parameters"][key] for key in ("fit", "seed", "pieces")}
         fit = {key: value for key, value in stored["fit"].items() if not isinstance(value, dict)}
-        kept = {"fit": fit, "seed": stored["seed"], "pieces": stored["pieces"], **kwargs}
-        module = cls(classifier.card.to_dict(), **kept)
+        module = cls(classifier.card, **{**stored, "fit": fit, **kwargs})
         module.classifier = classifier
         return module if map_location is None else module.to(map_location)
 
@@ -242,6 +246,50 @@ class SurfaceModule(LightningModule):
         checkpoint["fit_seconds"] = self.fit_seconds
         checkpoint["val_loss"] = self.val_loss
         checkpoint[LEFT_OUT] = self.left_out
+
+
+def accuracy(classes: int) -> MulticlassAccuracy:
+    """Make the share of correct predictions."""
+    return MulticlassAccuracy(classes, average="micro", validate_args=False)
+
+
+def vote_metrics(classes: int, stage: str) -> MetricCollection:
+    """Make the metrics of whole samples, see :func:`update_metrics`.
+
+    ``fragment_accuracy`` and ``vote_accuracy`` are shares of all fragments and of all samples,
+    ``ece`` is the expected calibration error of the probability of the class that won (lower is
+    better), and ``auroc`` the area under the ROC curve of all class probabilities, each class
+    against the rest and pooled: unlike the mean over classes it exists where one has no sample.
+
+    Args:
+        classes: Their number.
+        stage: ``val`` or ``test``; the names begin with it. Testing counts confusions as well.
+    """
+    metrics: dict[str, Metric | MetricCollection] = {
+        "fragment_accuracy": accuracy(classes),
+        "vote_accuracy": accuracy(classes),
+        "ece": BinaryCalibrationError(BINS, validate_args=False),
+        "auroc": BinaryAUROC(thresholds=THRESHOLDS, validate_args=False),
+    }
+    if stage == "test":
+        metrics[CONFUSION] = MulticlassConfusionMatrix(classes, validate_args=False)
+    return MetricCollection(metrics, prefix=f"{stage}/", compute_groups=False)
+
+
+def update_metrics(metrics: MetricCollection, vote: Vote, label: Tensor) -> None:
+    """Add the vote on a sample of class ``label`` () to :func:`vote_metrics`."""
+    # a mean probability may be rounded to more than 1, which torchmetrics would take for a logit
+    probabilities = vote.probabilities.clamp(max=1).float().to(label.device)
+    fragments = vote.fragments.to(label.device)
+    winner = torch.full_like(label, vote.label)[None]
+    correct = (label == vote.label).long()[None]
+    one_hot = nn.functional.one_hot(label, len(probabilities))
+    metrics["fragment_accuracy"].update(fragments, label.expand_as(fragments))
+    metrics["vote_accuracy"].update(winner, label[None])
+    metrics["ece"].update(probabilities[vote.label][None], correct)
+    metrics["auroc"].update(probabilities, one_hot)
+    if CONFUSION in metrics:
+        metrics[CONFUSION].update(winner, label[None])
 
 
 def training_layout(classifier: nn.Module) -> torch.memory_format:

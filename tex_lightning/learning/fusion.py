@@ -10,6 +10,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
+from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.fusionnet import FusionLayer
@@ -22,9 +23,7 @@ class FusionModule(SurfaceModule):
     the network says how small that is.
     """
 
-    def __init__(
-        self, card: dict[str, Any], fit: dict[str, Any], seed: int, pieces: dict[str, int]
-    ) -> None:
+    def __init__(self, card: Card, fit: dict[str, Any], seed: int, pieces: dict[str, int]) -> None:
         super().__init__(card, fit, seed, pieces)
         senses = self.classifier.senses.items()
         self.pieces = {name: sense.piece_size(pieces[name]) for name, sense in senses}

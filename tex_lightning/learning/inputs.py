@@ -1,7 +1,6 @@
 """Batches of network inputs and labels, for training loops of one's own."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -35,36 +34,27 @@ class InputData(SurfaceData):
 
     def train_dataloader(self) -> Any:  # noqa: ANN401
         """Return an iterable over one epoch."""
-        return _Mapped(super().train_dataloader(), self._pieces)
+        loader: Any = super().train_dataloader()
+        loader.collate_fn = self._pieces
+        return loader
 
     def _whole(self, samples: SampleSet | None) -> Any:  # noqa: ANN401
-        return _Mapped(super()._whole(samples), self._recordings) if samples else []
+        loader: Any = super()._whole(samples)
+        if samples:
+            loader.collate_fn = self._recording
+        return loader
 
     @torch.no_grad()
     def _pieces(self, batch: Batch) -> tuple[Any, torch.Tensor]:
-        return self._joined(self._cut_inputs(batch)), batch["label"]
+        return self._by_sense(self._cut_inputs(batch)), batch["label"]
 
     @torch.no_grad()
-    def _recordings(self, batch: Batch) -> tuple[Any, torch.Tensor]:
+    def _recording(self, batch: Batch) -> tuple[Any, torch.Tensor]:
         senses = self.classifier.senses.values()
         inputs = [sense(batch["recordings"][sense.modality]) for sense in senses]
-        return self._joined(inputs), batch["label"][None]
+        return self._by_sense(inputs), batch["label"][None]
 
-    def _joined(self, inputs: Sequence[torch.Tensor]) -> Any:  # noqa: ANN401
+    def _by_sense(self, inputs: Sequence[torch.Tensor]) -> Any:  # noqa: ANN401
         if len(inputs) == 1:
             return inputs[0]
         return dict(zip(self.classifier.senses, inputs, strict=True))
-
-
-@dataclass
-class _Mapped:
-    """A loader whose batches are changed as they come."""
-
-    loader: Any
-    change: Callable[[Batch], Any]
-
-    def __iter__(self) -> Iterator[Any]:
-        return map(self.change, self.loader)
-
-    def __len__(self) -> int:
-        return len(self.loader)

@@ -56,7 +56,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
     start = starting_classifier(source, classifier.card)
     if start is not None:
         trunk.load_state_dict(start.network.get_submodule("trunk").state_dict())
-        return f"Trunk from {source}, {_describe(start.card)}."
+        return f"Trunk from {name_source(source)}."
     if not isinstance(trunk, Trunk):
         raise UserError(
             f"weights: {type(network).__name__} starts from a checkpoint, and {source} does "
@@ -66,7 +66,7 @@ def start_trunk(classifier: SurfaceClassifier, source: str) -> str:
 
 
 def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
-    """The classifier in a checkpoint whose trunk can become that of ``card``.
+    """Return the classifier in a checkpoint whose trunk can become that of ``card``.
 
     Args:
         source: As for :func:`start_trunk`.
@@ -85,24 +85,16 @@ def starting_classifier(source: str, card: Card) -> SurfaceClassifier | None:
     ours, theirs = _shape(card), _shape(start.card)
     other = {key: value for key, value in theirs.items() if ours.get(key) != value}
     if other:
-        said = " ".join(f"model.{card.kind}.{key}={_said(value)}" for key, value in other.items())
-        said = said.replace(f"model.{card.kind}.sampling_rate", "data.sampling_rate")
+        said = " ".join(f"model.{card.kind}.{key}={value}" for key, value in other.items())
         raise UserError(f"weights: the trunk in {source} is another; set {said} as it was trained.")
     return start
 
 
 def _shape(card: Card) -> dict[str, Any]:
-    """The settings that the trunk's weights depend on."""
+    """Return the settings that the trunk's weights depend on."""
     node = card.senses[card.kind]
-    rate = {key: value for key, value in node["decode"].items() if key == "sampling_rate"}
+    rate = {"decode.sampling_rate": node["decode"].get("sampling_rate")}
     return {**rate, **{key: value for key, value in node.items() if key not in HEADS}}
-
-
-def _said(value: Any) -> str:  # noqa: ANN401
-    """A value as typed on the command line."""
-    if not isinstance(value, dict):
-        return str(value)
-    return "{" + ",".join(f"{key}:{_said(each)}" for key, each in value.items()) + "}"
 
 
 def name_source(source: str) -> str:
@@ -110,14 +102,7 @@ def name_source(source: str) -> str:
     if Path(source).suffix != SUFFIX:
         return source
     stored = read_checkpoint(source)["hyper_parameters"]["card"]
-    return f"{source} ({_describe(Card.from_dict(stored))})"
-
-
-def _describe(card: Card) -> str:
-    begun = [
-        f", its trunk begun from {name}" for name in card.trained_on.get("trunks", {}).values()
-    ]
-    return f"trained on {len(card.trained_on['seen'])} recordings{''.join(begun)}"
+    return f"{source} (trained on {len(stored['trained_on']['seen'])} recordings)"
 
 
 def start_network(

@@ -1,8 +1,12 @@
-"""Measure feature statistics of every class, and the novelties that set ``decision.unknown``."""
+"""Measure what a trained network's checkpoint keeps beside its weights.
 
-import math
+These are statistics of the features of every class, and on the validation fold the temperature,
+thresholds, and the novelties that set ``decision.unknown``.
+"""
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import cast
 
 import torch
 from torch import Tensor
@@ -10,11 +14,15 @@ from torch import Tensor
 from tex_lightning.classifier.card import NOVELTIES, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
+from tex_lightning.config import Config
+from tex_lightning.core.devices import pick_device
 from tex_lightning.core.groups import leave_out
 from tex_lightning.core.progress import track
 from tex_lightning.data.folds import Sample, Split, make_samples
 from tex_lightning.data.recordings import Recording, Recordings, class_indices, plural
 from tex_lightning.data.store import Store, load_recording, load_sample
+from tex_lightning.evaluation.calibration import calibrated_card
+from tex_lightning.learning.start import fits_probabilities
 
 
 def keep_statistics(
@@ -34,13 +42,13 @@ def keep_statistics(
     classes = classifier.card.classes
     classifier.eval()
     for name, sense in classifier.senses.items():
-        own = rows.of(sense.modality).rows
-        labels = torch.tensor(class_indices([row.label for row in own], classes))
-        means = [each.mean(dim=1) for each in position_features(classifier, name, own, store)]
-        features = torch.stack(means)
-        found = FeatureStatistics.of(features, labels, len(classes))
-        classifier.statistics[name] = found.to(classifier.device)
-        groups = [row.group_key for row in own]
+        recordings = rows.of(sense.modality).rows
+        labels = torch.tensor(class_indices([row.label for row in recordings], classes))
+        positions = position_features(classifier, name, recordings, store)
+        features = torch.stack([each.mean(dim=1) for each in positions])
+        statistics = FeatureStatistics.of(features, labels, len(classes))
+        classifier.statistics[name] = statistics.to(classifier.device)
+        groups = [row.group_key for row in recordings]
         novelties[name] = left_out_novelties(features, labels, len(classes), groups)
     return novelties
 
@@ -60,12 +68,12 @@ def left_out_novelties(
         Nothing where a class has but one group, which cannot be left out.
     """
     parts = torch.tensor(leave_out(labels.tolist(), groups))
-    found = torch.empty(len(parts))
+    novelties = torch.empty(len(parts))
     for part in set(parts.tolist()):
         out = parts == part
         statistics = FeatureStatistics.of(features[~out], labels[~out], classes)
-        found[out] = statistics.novelty(features[out])
-    return [float(each) for each in found]
+        novelties[out] = statistics.novelty(features[out])
+    return novelties.tolist()
 
 
 @torch.inference_mode()
@@ -85,58 +93,54 @@ def position_features(
         yield classifier.embedding(name, load_recording(row, store)).cpu()
 
 
-MOST = 1000  # samples; a thousandth is finer than any rate that is asked for
-
-
-def card_with_novelties(
+def complete_card(
+    config: Config,
     classifier: SurfaceClassifier,
-    novelties: Mapping[str, Sequence[float]],
+    left_out: Mapping[str, Sequence[float]],
     parts: Split,
     store: Store,
 ) -> Card:
-    """Return the card with what ``decision.unknown`` is set by: novelties of known samples.
+    """Complete the card of a trained network by what is set on the validation fold.
 
-    They are those of the validation fold, and where no layer before the scores was trained also
-    those of training recordings that were left out of the statistics in turn. Trained features fit
-    their training recordings too well: of new ones a third would lie above their 95 %
-    (docs/calibration.md).
+    That is the temperature, the threshold of sequential decisions, and the novelties of known
+    samples that ``decision.unknown`` is set by. Where no layer before the scores was trained, those
+    of training recordings that were left out of the statistics in turn are known samples, too;
+    trained features fit their training recordings too well: of new ones a third would lie above
+    their 95 % (docs/unknown.md).
 
     Args:
-        classifier: Trained, in evaluation mode.
-        novelties: By sense those of training recordings that were left out of the statistics.
-        parts: Parts of the recordings.
-        store: Their recordings decoded.
+        config: How it is decided.
+        classifier: Trained, on the CPU, where it is left.
+        left_out: By sense novelties of training recordings, see :class:`.Trained`.
+        parts: Recordings by part.
+        store: Decoded files.
     """
-    card = classifier.card
-    if card.novelties or not classifier.statistics:
-        return card
-    left_out = _left_out(novelties, classifier, parts)
-    validated = _measured(classifier, make_samples(parts.val, card.modalities), store)
-    rows = [*left_out, *validated]
-    rows = rows[:: max(1, math.ceil(len(rows) / MOST))]
-    if rows:
-        columns = dict(zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True))
-        card = replace(card, calibration={**card.calibration, NOVELTIES: columns})
+    classifier.to(pick_device(config.trainer.accelerator))
+    samples = make_samples(parts.val, classifier.card.modalities)
+    fitted = any(left_out.values()) and fits_probabilities(classifier)
+    card = calibrated_card(classifier, samples, store, config, fitted=fitted)
+    if classifier.statistics and not card.novelties:
+        rows = [*_left_out(left_out, classifier, parts), *_validated(classifier, samples, store)]
+        if rows:
+            columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
+            card = replace(card, calibration={**card.calibration, NOVELTIES: dict(columns)})
+    classifier.cpu().card = card
     return card
 
 
-def _measured(
+@torch.inference_mode()
+def _validated(
     classifier: SurfaceClassifier, samples: Sequence[Sample], store: Store
 ) -> list[list[float]]:
-    """Of every sample the novelties of all senses."""
-    found = []
-    for sample in samples:
-        with torch.inference_mode():
-            sensed = classifier.sense_outputs(**load_sample(sample, store))
-        known = [sensed[name].novelty for name in classifier.card.sense_names]
-        found.append([float(each) for each in known if each is not None])
-    return found
+    """Return the novelties of every sample by all senses."""
+    outputs = [classifier.sense_outputs(**load_sample(sample, store)) for sample in samples]
+    return [[float(cast(Tensor, each.novelty)) for each in by.values()] for by in outputs]
 
 
 def _left_out(
     novelties: Mapping[str, Sequence[float]], classifier: SurfaceClassifier, parts: Split
 ) -> list[list[float]]:
-    """The same of the samples of the training, as far as it was measured there."""
+    """Return the same for samples of the training, as far as it was measured there."""
     if not all(novelties.get(name) for name in classifier.card.sense_names):
         return []
     modalities = {name: sense.modality for name, sense in classifier.senses.items()}

@@ -5,7 +5,7 @@ import json
 import logging
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,20 +22,19 @@ from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read
 from tex_lightning.config import Config
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import unwritable, write_atomically
+from tex_lightning.core.files import write_atomically
 from tex_lightning.core.progress import hidden
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.callbacks import ProgressBar
 from tex_lightning.learning.fusion import FusionModule, start_fusion
 from tex_lightning.learning.inputs import InputData
-from tex_lightning.learning.start import fits_probabilities, start_network
-from tex_lightning.learning.statistics import card_with_novelties, keep_statistics
+from tex_lightning.learning.start import start_network
+from tex_lightning.learning.statistics import complete_card, keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
 
 log = logging.getLogger(__name__)
@@ -86,8 +85,7 @@ def train_network(
         groups = [row.group_key for row in parts.train.of(card.modalities[0]).rows]
         start_network(config, module, batches, groups)
     data = _with_samples(config, card, parts, store, batches)
-    preparation = time.perf_counter() - begin
-    validated = bool(data.validation)
+    preparation, validated = time.perf_counter() - begin, bool(data.validation)
     with quiet_lightning():
         trainer, timer, keeper = make_trainer(config, card.kind, directory, validated, watchers)
         _fit(trainer, module, data, last if resumed else None)
@@ -96,8 +94,8 @@ def train_network(
         if trainer.is_global_zero:
             _complete(config, module, parts, store, unimodal, calibrated)
         trainer.save_checkpoint(final, weights_only=True)
-    if trainer.is_global_zero:  # what a resumption would need goes
-        shutil.rmtree(working, ignore_errors=True)
+        if trainer.is_global_zero:  # what a resumption would need goes
+            shutil.rmtree(working, ignore_errors=True)
     seconds, loss = module.fit_seconds, module.val_loss
     return Trained(module.classifier, final, seconds, loss, module.left_out)
 
@@ -115,8 +113,7 @@ def _prepare(
     torch.manual_seed(config.seed)
     fit, seed = config.model.fit_values(card.kind), config.seed
     pieces = {name: config.model.sense(name).fit.piece for name in card.sense_names}
-    make = FusionModule if card.kind == FUSION else SurfaceModule
-    module = make(card.to_dict(), fit, seed, pieces)
+    module = (FusionModule if card.kind == FUSION else SurfaceModule)(card, fit, seed, pieces)
     if isinstance(module, FusionModule) and unimodal:
         starts = {name: start.classifier for name, start in unimodal.items()}
         start_fusion(module, starts, config.model.fusion.head_start)
@@ -213,47 +210,17 @@ def _complete(
 ) -> None:
     """Add statistics of the features and what is set on the validation fold."""
     begin, classifier = time.perf_counter(), module.classifier
-    left_out = keep_statistics(
-        classifier.to(pick_device(config.trainer.accelerator)), parts.train, store
-    )
-    untrained = module.fit_config["epochs"] == 0 and all(
-        start.left_out for start in unimodal.values()
-    )
-    if untrained:  # no layer before the scores was fitted to the labels: else they fit too well
-        module.left_out = left_out
+    classifier.to(pick_device(config.trainer.accelerator))
+    left_out = keep_statistics(classifier, parts.train, store)
+    if module.fit_config["epochs"] == 0 and all(start.left_out for start in unimodal.values()):
+        module.left_out = left_out  # no layer before the scores was fitted to the labels
     classifier.cpu()
     module.fit_seconds += time.perf_counter() - begin
     for part in classifier.trained_modules():
         part.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
     if calibrated:
-        module.hparams["card"] = calibrate(
-            config, classifier, module.left_out, parts, store
-        ).to_dict()
-
-
-def calibrate(
-    config: Config,
-    classifier: SurfaceClassifier,
-    left_out: Mapping[str, Sequence[float]],
-    parts: Split,
-    store: Store,
-) -> Card:
-    """Complete the card of a trained network by what is set on the validation fold.
-
-    Args:
-        config: How it is decided.
-        classifier: Trained, on the CPU, where it is left.
-        left_out: By sense novelties of training recordings, see :class:`.Trained`.
-        parts: Recordings by part.
-        store: Decoded files.
-    """
-    classifier.to(pick_device(config.trainer.accelerator))
-    validation = make_samples(parts.val, classifier.card.modalities)
-    fitted = any(left_out.values()) and fits_probabilities(classifier)
-    classifier.card = calibrated_card(classifier, validation, store, config, fitted=fitted)
-    classifier.card = card_with_novelties(classifier, left_out, parts, store)
-    classifier.cpu()
-    return classifier.card
+        card = complete_card(config, classifier, module.left_out, parts, store)
+        module.hparams["card"] = card.to_dict()
 
 
 def train_once(
@@ -268,19 +235,8 @@ def train_once(
     """Train in a folder of the family unless it was trained there, and copy the checkpoint.
 
     Weights depend on the seed, the card (with the recordings they see), the recipe and the start,
-    so these name the place; those of a FusionNet on its parts, too.
-
-    Args:
-        config: As for :func:`train_network`, like those that follow.
-        card: Card of the classifier to train.
-        parts: Recordings by part.
-        store: Decoded files.
-        directory: The run folder.
-        unimodal: By sense the networks that FusionNet starts from.
-        folder: The folder of the family; made if it does not exist.
-
-    Raises:
-        UserError: If it cannot be made.
+    so these name the place; those of a FusionNet on its parts, too. Arguments are those of
+    :func:`train_network`, and the folder of the family.
     """
     final = checkpoint_of(directory, card.kind)
     if final.is_file():
@@ -297,21 +253,16 @@ def train_once(
         recipe["starts"] = [_digest(start.classifier) for start in unimodal.values()]
     digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
     home = folder / f"{card.kind}-{digest}"
-    try:
-        home.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
     trained = train_network(config, card, parts, store, home, unimodal, calibrated=False)
     content = read_checkpoint(trained.checkpoint)
-    classifier, left_out = trained.classifier, trained.left_out
-    complete = calibrate(config, classifier, left_out, parts, store)
+    complete = complete_card(config, trained.classifier, trained.left_out, parts, store)
     content["hyper_parameters"]["card"] = complete.to_dict()
     write_atomically(final, lambda partial: torch.save(content, partial))
     return replace(trained, checkpoint=final)
 
 
 def _digest(classifier: SurfaceClassifier) -> str:
-    """Digest of the weights alone, since another calibration changes the rest."""
+    """Return the digest of the weights alone, since another calibration changes the rest."""
     digest = hashlib.sha256()
     for name, value in classifier.cpu().state_dict().items():
         digest.update(name.encode())

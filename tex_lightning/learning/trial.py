@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_part
+from tex_lightning.baselines.classifier import BaselineClassifier, FittedBaseline, as_part
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import OWN
-from tex_lightning.core.contract import breach, calling, describe
+from tex_lightning.core.contract import Part, breach, calling, describe
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
@@ -27,9 +27,6 @@ log = logging.getLogger(__name__)
 
 FITTED = 4  # recordings of a class on which a fit in closed form is tried
 BATCH = 2
-LEARNT_OUTSIDE = "once it is saved and loaded, since it has learnt something outside of its "
-
-Part = tuple[str, str, object]  # key, kind and object, as a contract names them
 
 
 def try_branch(
@@ -47,18 +44,16 @@ def try_branch(
     Raises:
         UserError: If a part does not keep its contract.
     """
-    module = SurfaceModule(card.to_dict(), dict(fit), 0, {card.kind: piece})
-    classifier, network = module.classifier, module.network
-    sense = classifier.senses[card.kind]
-    features: Part = f"model.{card.kind}.features", "features", sense.features
-    scored: Part = f"model.{card.kind}.network", "network", network
+    module = SurfaceModule(card, dict(fit), 0, {card.kind: piece})
+    (sense,), network = module.classifier.senses.values(), module.network
+    features, scored = _parts(sense)
     rows = _largest(recordings.of(sense.modality), store, FITTED if hasattr(network, "fit") else 1)
     labels = np.array(class_indices([row.label for row in rows], card.classes))
     bank = sense.bank(rows, store, fit, size=piece, seed=0, learn=True)
     if hasattr(network, "fit"):
         with calling(*scored):
             fit_closed_form(network, bank, labels, [row.group_key for row in rows])
-    if any(each.requires_grad for each in sense.features.parameters()):
+    if any(weight.requires_grad for weight in sense.features.parameters()):
         log.warning(
             "%s (%s) has parameters, and training does not change those of features; put layers "
             "that learn into model.%s.network.", features[0], type(sense.features).__name__,
@@ -67,25 +62,47 @@ def try_branch(
     batch = TrainingBatches({card.kind: (bank, labels)}, BATCH, 0)[0]
     _check_numbers(module.train().inputs(batch)[0], features)
     scores = module.scores(batch)
-    _check_scores(scores, scored, len(card.classes), dim=1)
+    _check_scores(scores[0], scored, len(card.classes))
     if fit["epochs"]:  # else what has only buffers is fitted in closed form
         _check_gradient(scores, sense, scored)
-    classifier.eval()
-    decoded = [as_tensor(store.load(row)) for row in rows[:BATCH]]
-    with torch.inference_mode():
-        for recording in decoded:
-            _check_scores(sense.positions(recording, "fc3"), scored, len(card.classes), dim=0)
-            _check_score_layer(sense, recording, scored, len(card.classes))
-        _check_rebuilt(classifier, decoded, features, scored)
+    _check_outputs(module.classifier.eval(), [as_tensor(store.load(row)) for row in rows[:BATCH]])
+
+
+def try_baseline(classifier: BaselineClassifier, recordings: Sequence[Tensor]) -> None:
+    """Check what a user's fitted baseline gives, and that its state is all that it has learnt.
+
+    Args:
+        classifier: Holds it.
+        recordings: Decoded ones that it was fitted to.
+
+    Raises:
+        UserError: If it does not keep its contract.
+    """
+    if type(classifier.baseline).__module__.startswith(OWN):
+        return
+    part = as_part(classifier.baseline)
+    with calling(*part):
+        state: object = classifier.baseline.state()
+    if not isinstance(state, dict) or not all(isinstance(x, Tensor) for x in state.values()):
+        raise breach(*part, f"has a state that is {describe(state)} of other things than tensors")
+    _check_outputs(classifier.eval(), recordings[:BATCH])
+
+
+def _parts(sense: Sense) -> tuple[Part, Part]:
+    """Features and network, as a contract names them."""
+    key, network = f"model.{sense.name}", sense.network
+    if isinstance(network, FittedBaseline):
+        return (f"{key}.features", "features", sense.features), as_part(network.baseline)
+    return (f"{key}.features", "features", sense.features), (f"{key}.network", "network", network)
 
 
 def _largest(recordings: Recordings, store: Store, count: int) -> list[Recording]:
     """Return so many recordings of each class, the largest ones."""
-    found: list[Recording] = []
+    largest: list[Recording] = []
     for label in recordings.classes:
         rows = [row for row in recordings.rows if row.label == label]
-        found += sorted(rows, key=store.extent, reverse=True)[:count]
-    return found
+        largest += sorted(rows, key=store.extent, reverse=True)[:count]
+    return largest
 
 
 def _check_numbers(found: Tensor, part: Part) -> None:
@@ -95,11 +112,10 @@ def _check_numbers(found: Tensor, part: Part) -> None:
         raise breach(*part, "gave NaN or infinity")
 
 
-def _check_scores(scores: Tensor, part: Part, classes: int, *, dim: int) -> None:
-    if scores.shape[dim] != classes:
+def _check_scores(scores: Tensor, part: Part, classes: int) -> None:
+    if len(scores) != classes:
         raise breach(
-            *part,
-            f"gave {scores.shape[dim]} scores at each position, and there are {classes} classes",
+            *part, f"gave {len(scores)} scores at each position, and there are {classes} classes"
         )
     _check_numbers(scores, part)
 
@@ -112,6 +128,22 @@ def _check_gradient(scores: Tensor, sense: Sense, part: Part) -> None:
     gradients = [each.grad for each in sense.network.parameters() if each.grad is not None]
     if not all(bool(each.isfinite().all()) for each in gradients):
         raise breach(*part, "gave scores with a gradient that is NaN or infinite")
+
+
+@torch.inference_mode()
+def _check_outputs(classifier: SurfaceClassifier, recordings: Sequence[Tensor]) -> None:
+    """Check the scores of recordings, and that they are the same once a checkpoint is loaded."""
+    rebuilt = type(classifier)(Card.from_dict(classifier.card.to_dict())).eval()
+    rebuilt.load_state_dict(_saved(classifier.state_dict()))
+    (sense,), (again,) = classifier.senses.values(), rebuilt.senses.values()
+    (features, scored), classes = _parts(sense), len(classifier.card.classes)
+    for recording in recordings:
+        _check_same(partial(sense, recording), partial(again, recording), features)
+        scores = sense.positions(recording, "fc3")
+        _check_scores(scores, scored, classes)
+        _check_score_layer(sense, recording, scored, classes)
+        positions = partial(sense.positions, recording, "fc3")
+        _check_same(positions, partial(again.positions, recording, "fc3"), scored)
 
 
 def _check_score_layer(sense: Sense, recording: Tensor, part: Part, classes: int) -> None:
@@ -127,73 +159,24 @@ def _check_score_layer(sense: Sense, recording: Tensor, part: Part, classes: int
         )
 
 
-def _check_rebuilt(
-    classifier: SurfaceClassifier, recordings: Sequence[Tensor], features: Part, scored: Part
-) -> None:
-    """Check that a classifier of one sense gives the same once it is rebuilt from what is saved."""
-    rebuilt = SurfaceClassifier(Card.from_dict(classifier.card.to_dict()))
-    rebuilt.load_state_dict(_saved(classifier.state_dict()))
-    senses = [*classifier.senses.values(), *rebuilt.eval().senses.values()]
-    for recording in recordings:
-        if not _same([partial(each, recording) for each in senses]):
-            raise breach(
-                *features, f"gives other outputs {LEARNT_OUTSIDE}parameters and buffers: "
-                "register_buffer keeps it",
-            )  # fmt: skip
-        if not _same([partial(each.positions, recording, "fc3") for each in senses]):
-            raise breach(
-                *scored, f"gives other scores {LEARNT_OUTSIDE}parameters and buffers: "
-                "register_buffer keeps it",
-            )  # fmt: skip
-
-
-def _saved(state: dict[str, Tensor]) -> dict[str, Tensor]:
+def _saved(state: dict[str, Any]) -> dict[str, Any]:
+    """Return a state as it comes out of a file."""
     file = io.BytesIO()
     torch.save(state, file)
     file.seek(0)
-    found: dict[str, Tensor] = torch.load(file, weights_only=True)
-    return found
+    loaded: dict[str, Any] = torch.load(file, weights_only=True)
+    return loaded
 
 
-def _same(functions: Sequence[Callable[[], Tensor]]) -> bool:
-    """Return whether two functions give the same but for rounding."""
-    found = []
-    for function in functions:
+def _check_same(run: Callable[[], Tensor], again: Callable[[], Tensor], part: Part) -> None:
+    """Check that two calls give the same but for rounding."""
+    outputs = []
+    for call in (run, again):
         torch.manual_seed(0)  # of what draws
-        found.append(function().double())
-    one, other = found
-    return one.shape == other.shape and torch.allclose(one, other, rtol=1e-3, atol=1e-4)
-
-
-@torch.inference_mode()
-def try_baseline(classifier: BaselineClassifier, recordings: Loaded) -> None:
-    """Check what a user's fitted baseline gives, and that its state is all that it has learnt.
-
-    Args:
-        classifier: Holds it.
-        recordings: What it was fitted to.
-
-    Raises:
-        UserError: If it does not keep its contract.
-    """
-    if type(classifier.baseline).__module__.startswith(OWN):
-        return
-    part, classes = as_part(classifier.baseline), len(classifier.card.classes)
-    with calling(*part):
-        state: object = classifier.baseline.state()
-    if not isinstance(state, dict) or not all(isinstance(x, Tensor) for x in state.values()):
-        raise breach(*part, f"has a state that is {describe(state)} of other things than tensors")
-    rebuilt = BaselineClassifier(Card.from_dict(classifier.card.to_dict()))
-    with calling(*part):
-        rebuilt.baseline.load_state(_saved(state))
-        counts = [each.baseline.count_parameters() for each in (classifier, rebuilt)]
-    if not all(isinstance(count, int) for count in counts) or counts[0] != counts[1]:
-        raise breach(*part, f"counts parameters as {counts[0]!r} and loaded as {counts[1]!r}")
-    networks: list[Any] = [each.network for each in (classifier, rebuilt)]
-    for recording in recordings[:BATCH]:
-        scores = networks[0].scores(recording)
-        if len(scores) != classes:
-            raise breach(*part, f"gave {len(scores)} scores, and there are {classes} classes")
-        _check_numbers(scores, part)
-        if not _same([partial(each.scores, recording) for each in networks]):
-            raise breach(*part, f"gives other scores {LEARNT_OUTSIDE}state")
+        outputs.append(call().double())
+    one, other = outputs
+    if one.shape != other.shape or not torch.allclose(one, other, rtol=1e-3, atol=1e-4):
+        raise breach(
+            *part, "gives other outputs once it is saved and loaded: of what it learns only "
+            "parameters, buffers (register_buffer) and the state() of a baseline are kept",
+        )  # fmt: skip

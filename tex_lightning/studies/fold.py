@@ -22,6 +22,7 @@ from tex_lightning.core.progress import steps
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
+from tex_lightning.data.store import load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM
@@ -76,7 +77,7 @@ def fit_baseline(dataset: Dataset, card: Card, parts: Split, directory: Path) ->
         more = {"groups": groups} if "groups" in inspect.signature(fit).parameters else {}
         fit(recordings, labels, config.seed, **more)
     seconds = time.perf_counter() - begin
-    try_baseline(classifier, recordings)
+    try_baseline(classifier, [load_recording(row, store) for row in rows[:2]])
     validation = make_samples(parts.val, card.modalities)
     classifier.card = calibrated_card(classifier, validation, store, config)
     classifier.save(final, seconds)
