@@ -73,17 +73,9 @@ class SignalFitConfig(FitConfig):
 
 @dataclass
 class ProbeConfig:
-    """Training of VisualNet's head alone, on features of pretrained weights, before the network.
+    """Fit of VisualNet's FC3 to the features of whole photos, where ``head`` is empty."""
 
-    A head without hidden layers is fitted with ``strength`` to whole photos, and to pieces of
-    ``side`` pixels of large ones; other heads take ``steps`` on patches. Both make ``passes``
-    passes.
-    """
-
-    steps: int = key("optimiser steps on patches; 0 leaves it out", least=0, most=1_000_000)
     passes: int = key("passes over the training photos, cut anew each time", least=1, most=1000)
-    batch_size: int = key("patches in a step", **BATCH)
-    learning_rate: float = key("learning rate of those steps", **RATE)
     strength: float = key(
         "inverse of regularisation of the fit for head=[]", above=0, most=1_000_000
     )

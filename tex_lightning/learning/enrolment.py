@@ -116,25 +116,20 @@ def add_classes(
         UserError: If it has no statistics, or its class scores are no layer of their own.
     """
     check_extensible(classifier)
-    statistics = {
-        name: _with_classes(classifier, name, features[name])
-        for name in classifier.card.sense_names
-    }
-    temperature, fusion = classifier.card.temperature, classifier.fusion
-    state: State = {}
-    if fusion is None or "fc3" in fusion.levels:
-        for name in classifier.card.sense_names:
-            layer = _score_layer(classifier, name)
-            weight, bias = _values(layer)
-            new = fit_new_class_weights(
-                statistics[name], weight.flatten(1), bias, features[name],
-                temperature=temperature, new_bias=None,
-            )  # fmt: skip
-            state |= _appended(classifier, layer, *new)
-        if fusion is not None:
-            state |= _with_scores(classifier, fusion, len(names))
+    senses, fusion = classifier.card.sense_names, classifier.fusion
+    statistics = {name: _with_classes(classifier, name, features[name]) for name in senses}
+    temperature = classifier.card.temperature
+    if fusion is None:
+        (name,) = senses
+        weight, bias = _values(layer := _score_layer(classifier, name))
+        new = fit_new_class_weights(
+            statistics[name], weight.flatten(1), bias, features[name],
+            temperature=temperature, new_bias=None,
+        )  # fmt: skip
     else:
-        state |= _with_features(classifier, fusion, statistics, features, temperature)
+        layer = fusion.head
+        new = _fusion_rows(fusion, statistics, features, temperature)
+    state = _appended(classifier, layer, *new)
     for layer in _unused_layers(classifier):
         weight, bias = _values(layer)
         size = len(names), *weight.shape[1:]
@@ -143,22 +138,16 @@ def add_classes(
 
 
 def keep_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
-    """Copy a classifier with only some of its classes."""
+    """Copy a classifier with only some of its classes; errors are those of :func:`add_classes`."""
+    _check_layers(classifier)
     kept = torch.tensor([classifier.card.classes.index(name) for name in names])
     senses, fusion = classifier.card.sense_names, classifier.fusion
-    scored = [name for name in senses if classifier.level(name) == "fc3"]
-    layers: list[ScoreLayer] = [_score_layer(classifier, name) for name in scored]
-    layers += _unused_layers(classifier)
+    layers = [_score_layer(classifier, senses[0]) if fusion is None else fusion.head]
     state: State = {}
-    for layer in layers if fusion is None else [*layers, fusion.head]:
+    for layer in [*layers, *_unused_layers(classifier)]:
         weight, bias = (values[kept] for values in _values(layer))
         state |= _named(classifier, layer, weight, bias)
-    if fusion is not None and scored:
-        weight, bias = (values[kept] for values in _values(fusion.head))
-        blocks = [block[:, kept] for block in torch.split(weight, fusion.sizes, dim=1)]
-        state |= _named(classifier, fusion.head, torch.cat(blocks, dim=1), bias)
-    known = {name: classifier.statistics_of(name) for name in senses}
-    statistics = {name: each.only(kept) for name, each in known.items() if each is not None}
+    statistics = {name: _statistics(classifier, name).only(kept) for name in classifier.statistics}
     return _rebuilt(classifier, names, state, statistics)
 
 
@@ -173,10 +162,17 @@ def check_extensible(classifier: SurfaceClassifier) -> None:
             "The checkpoint keeps no statistics of its features, which stand for its old "
             "recordings; train it anew with task=fit."
         )
-    for name in classifier.card.sense_names:
-        if classifier.level(name) == "fc3":
-            _score_layer(classifier, name)
-    _unused_layers(classifier)
+    _check_layers(classifier)
+
+
+def _check_layers(classifier: SurfaceClassifier) -> None:
+    for name in classifier.card.sense_names if classifier.fusion is None else ():
+        _score_layer(classifier, name)
+    if classifier.fusion is not None and "fc3" in classifier.fusion.levels:
+        raise UserError(
+            "This FusionNet fuses class scores, and classes are added to one that fuses FC2; train "
+            "it anew with all recordings, or with model.fusion.level=fc2."
+        )
 
 
 def _score_layer(classifier: SurfaceClassifier, name: str) -> ScoreLayer:
@@ -209,20 +205,22 @@ def _values(layer: ScoreLayer) -> tuple[Tensor, Tensor]:
 def _with_classes(
     classifier: SurfaceClassifier, name: str, features: Fragments
 ) -> FeatureStatistics:
-    means = [torch.stack([each.mean(dim=1) for each in own]).mean(dim=0) for own in features]
-    counts = torch.tensor([len(own) for own in features])
-    statistics = cast(FeatureStatistics, classifier.statistics_of(name))
-    return statistics.with_classes(torch.stack(means), counts)
+    means = [torch.stack([each.mean(dim=1) for each in rows]).mean(dim=0) for rows in features]
+    counts = torch.tensor([len(rows) for rows in features])
+    return _statistics(classifier, name).with_classes(torch.stack(means), counts)
 
 
-def _with_features(
-    classifier: SurfaceClassifier,
+def _statistics(classifier: SurfaceClassifier, name: str) -> FeatureStatistics:
+    return cast(FeatureStatistics, classifier.statistics_of(name))
+
+
+def _fusion_rows(
     fusion: FusionLayer,
     statistics: Mapping[str, FeatureStatistics],
     features: Mapping[str, Fragments],
     temperature: float,
-) -> State:
-    """The head of a fusion of features: each sense has its columns, and they are fitted apart.
+) -> tuple[Tensor, Tensor]:
+    """Return rows and biases of the head of a fusion: each sense has its columns, fitted apart.
 
     The sum then knows what all senses say, and a part of the senses is right by itself. The only
     bias is in the partial logits of the last sense; the new classes have the mean of the old ones',
@@ -230,33 +228,15 @@ def _with_features(
     """
     weight, whole = _values(fusion.head)
     blocks = torch.split(weight, fusion.sizes, dim=1)
-    last, rows, mean = classifier.card.sense_names[-1], [], float(whole.mean())
-    for name, block in zip(classifier.card.sense_names, blocks, strict=True):
+    last, rows, mean = [*statistics][-1], [], float(whole.mean())
+    for (name, known), block in zip(statistics.items(), blocks, strict=True):
         bias = whole if name == last else torch.zeros_like(whole)
         new, biases = fit_new_class_weights(
-            statistics[name], block, bias, features[name],
+            known, block, bias, features[name],
             temperature=temperature, new_bias=mean if name == last else 0.0,
         )  # fmt: skip
         rows.append(new)
-    return _appended(classifier, fusion.head, torch.cat(rows, dim=1), biases)
-
-
-def _with_scores(classifier: SurfaceClassifier, fusion: FusionLayer, added: int) -> State:
-    """The head of a fusion of scores: a new row is what the old ones are on average.
-
-    The old rows do without the new scores.
-    """
-    known, blocks = fusion.classes, []
-    weight, bias = _values(fusion.head)
-    for block in torch.split(weight, fusion.sizes, dim=1):
-        own = block.diagonal().mean()
-        other = (block.sum() - block.diagonal().sum()) / (known * (known - 1))
-        wider = other.expand(known + added, known + added).clone()
-        wider.diagonal().copy_(own.expand(known + added))
-        wider[:known] = nn.functional.pad(block, (0, added))
-        blocks.append(wider)
-    biases = torch.cat([bias, bias.mean().expand(added)])
-    return _named(classifier, fusion.head, torch.cat(blocks, dim=1), biases)
+    return torch.cat(rows, dim=1), biases
 
 
 def _appended(
@@ -279,7 +259,7 @@ def _rebuilt(
     changed: State,
     statistics: Mapping[str, FeatureStatistics],
 ) -> SurfaceClassifier:
-    """The same with other classes.
+    """Return the classifier with other classes.
 
     Raises:
         UserError: If something else in the network depends on their number.

@@ -21,7 +21,7 @@ _OPEN: dict[tuple[Path, str], list[Logger]] = {}  # of networks that are not tes
 
 
 def open_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
-    """The configured loggers of one network, the same ones for its training and its test.
+    """Return the configured loggers of one network, the same for its training and its test.
 
     Args:
         nodes: ``logger`` of the configuration. Where a class takes them, it gets the run folder as
@@ -46,18 +46,11 @@ def make_loggers(nodes: Nodes, directory: Path, name: str) -> list[Logger]:
     ]
 
 
-def close_loggers(directory: Path, name: str) -> None:
-    """Write what loggers still hold."""
-    for logger in _OPEN.pop((directory, name), ()):
-        logger.finalize("success")
-
-
 def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Logger:
     offered = {"save_dir": str(directory), "run_name": name}
     logger: Logger = build_derived(where, node, Logger, **offered, version=name)
-    earlier = Path(logger.log_dir or "").is_dir() if isinstance(logger, CSVLogger) else False
-    if earlier:  # it would write over them
-        count = len(list(Path(str(logger.log_dir)).parent.glob(f"{name}*")))
+    if isinstance(logger, CSVLogger) and (earlier := Path(logger.log_dir)).is_dir():
+        count = len(list(earlier.parent.glob(f"{name}*")))  # it would write over that one
         again = f"{name}_resumed{count}"
         logger = build_derived(where, node, Logger, **offered, version=again)
     return logger
@@ -121,11 +114,12 @@ def log_test(
         else:
             logger.log_hyperparams(parameters)
             logger.log_metrics(metrics)
-    close_loggers(directory, name)
+        logger.finalize("success")
+    del _OPEN[directory, name]
 
 
 def _hyper_parameters(config: dict[str, Any], name: str) -> dict[str, Any]:
-    """Flat plain values of what this network was trained with, or of what it is tested on."""
+    """Return flat plain values of what this network was trained with, or is tested on."""
     chosen = {"seed": config["seed"], "data": config["data"]}
     if "model" in config:
         chosen[name] = config["model"][name]

@@ -1,9 +1,7 @@
 """Start a trunk from given weights: ImageNet's, or those of a checkpoint of this package."""
 
 import inspect
-import itertools
 import logging
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -22,7 +20,7 @@ from tex_lightning.data.banks import Bank, Indices, InputBank, PhotoBank
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.visual_head import fit_linear_head, probe_head
+from tex_lightning.learning.visual_head import fit_linear_head
 from tex_lightning.networks.linear import LinearNet
 from tex_lightning.networks.trunks import Trunk
 from tex_lightning.networks.visualnet import VisualNet
@@ -132,17 +130,12 @@ def start_network(
     if hasattr(network, "fit"):
         with calling(f"model.{module.kind}.network", "network", network):
             fit_closed_form(network, bank, labels, groups)
-    if not isinstance(network, VisualNet):
-        return
-    module.to(pick_device(config.trainer.accelerator))
-    if not network.has_hidden_layers:
+    if isinstance(network, VisualNet) and not network.has_hidden_layers:
         if weights is None:
             warn_of_random_weights(network.trunk)
+        module.to(pick_device(config.trainer.accelerator))
         fit_linear_head(module, cast(PhotoBank, bank), labels, groups)
-    elif weights is not None and module.fit_config["probe"]["steps"]:
-        count = math.ceil(module.fit_config["probe"]["passes"] * len(labels) / batches.batch_size)
-        probe_head(module, map(batches.__getitem__, itertools.count()), count, module.seed)
-    module.to("cpu")
+        module.to("cpu")
 
 
 def fits_probabilities(classifier: SurfaceClassifier) -> bool:

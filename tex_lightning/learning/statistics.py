@@ -106,7 +106,7 @@ def complete_card(
     samples that ``decision.unknown`` is set by. Where no layer before the scores was trained, those
     of training recordings that were left out of the statistics in turn are known samples, too;
     trained features fit their training recordings too well: of new ones a third would lie above
-    their 95 % (docs/unknown.md).
+    their 95 % (docs/calibration.md).
 
     Args:
         config: How it is decided.

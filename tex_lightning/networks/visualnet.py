@@ -111,12 +111,6 @@ class VisualNet(nn.Module):
         return self.head.score_layer
 
     @property
-    def fc1(self) -> nn.Conv2d:
-        """FC1, the first convolution on the trunk's features."""
-        layer: nn.Conv2d = self.head.hidden.get_submodule("0.0")  # type: ignore[assignment]
-        return layer
-
-    @property
     def has_hidden_layers(self) -> bool:
         """Whether there are FC1 and FC2 before FC3."""
         return len(self.head.hidden) > 0
