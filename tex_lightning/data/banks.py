@@ -1,8 +1,7 @@
 """Recordings, in memory or mapped to it, from which training batches are cut."""
 
 import tempfile
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -66,20 +65,7 @@ WHOLE = slice(None)
 MAX_MAPS = 768  # photos; many systems allow a process 1024 open files, macOS and Windows fewer
 
 
-class Bank(ABC):
-    """All training recordings of one sense."""
-
-    @abstractmethod
-    def cut(
-        self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
-    ) -> Mapping[str, Tensor]:
-        """Cut a random piece of each indexed recording: tensors (batch, ...) by name.
-
-        Only a ``share`` of them is cut, but all are drawn.
-        """
-
-
-class InputBank(Bank):
+class InputBank:
     """Network inputs (..., frames) of unequal length in one tensor, cut in one indexing step.
 
     Args:
@@ -117,7 +103,10 @@ class InputBank(Bank):
     def cut(
         self, indices: Indices, rng: np.random.Generator, share: slice = WHOLE
     ) -> dict[str, Tensor]:
-        """Cut ``input``, sub-samples (batch, ..., frames); see the base class."""
+        """Cut ``input``, a sub-sample (batch, ..., frames) of each indexed recording.
+
+        Only a ``share`` of them is cut, but all are drawn.
+        """
         if self.versions > 1:
             version = rng.integers(0, self.versions, len(indices))
             indices = indices + version * (len(self.lengths) // self.versions)
@@ -127,7 +116,7 @@ class InputBank(Bank):
 
 
 @dataclass
-class PhotoBank(Bank):
+class PhotoBank:
     """Square crops of stored photos.
 
     A crop is copied row by row out of a memory map, in a loop over the samples: for photos of any
@@ -167,7 +156,7 @@ class PhotoBank(Bank):
     ) -> dict[str, Tensor]:
         """Cut ``crop`` (batch, 3, side, side) uint8, and draw ``degrees`` (batch,) to rotate it by.
 
-        Photos too small are mirrored outwards; see the base class.
+        Photos too small are mirrored outwards. Only a ``share`` is cut, but all are drawn.
         """
         places = [
             (index, *random_corner(self.photo(index), self.side, rng)) for index in indices.tolist()
@@ -189,6 +178,9 @@ class PhotoBank(Bank):
             return crop
         changed = self.augmentation(np.array(crop), np.random.default_rng(seed))
         return mirrored(changed[: self.side, : self.side], self.side)
+
+
+Bank = InputBank | PhotoBank  # all training recordings of one sense
 
 
 def _at_least(inputs: Tensor, frames: int) -> Tensor:

@@ -5,7 +5,6 @@ as arrays are brought to the same form.
 """
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -43,42 +42,8 @@ Trace = npt.NDArray[np.float32]
 Photo = npt.NDArray[np.uint8]
 
 
-class Decoder(ABC):
-    """Decoder of the files of one sense; its fields decide the content of the arrays.
-
-    Attributes:
-        suffixes: Suffixes of the files that it reads, in lower case.
-        unit: Unit of :meth:`extent`.
-        precision: Format of a number in that unit.
-    """
-
-    suffixes: ClassVar[tuple[str, ...]]
-    unit: ClassVar[str]
-    precision: ClassVar[str]
-
-    @abstractmethod
-    def decode(self, path: Path, rate: float | None = None) -> tuple[Array, SourceRate | None]:
-        """Return the array of a file, and its own rate if it is a signal.
-
-        Args:
-            path: The file.
-            rate: Rate in Hz, if the manifest or the reader knows it.
-
-        Raises:
-            UserError: If the file cannot be used.
-        """
-
-    def assuming(self, rate: float | None) -> Self:
-        """Return the decoder for files at another rate in Hz than in training; None for theirs."""
-        return self
-
-    @abstractmethod
-    def extent(self, array: Array) -> float:
-        """Return how long or large a decoded recording is."""
-
-
 @dataclass(frozen=True)
-class SignalDecoder(Decoder):
+class SignalDecoder:
     """Decoder of signals: traces and sounds, (axes, samples) float32.
 
     Attributes:
@@ -122,16 +87,16 @@ class SignalDecoder(Decoder):
         return to_rate(samples, source.hz, self.sampling_rate, f"Trace {path}"), source
 
     def assuming(self, rate: float | None) -> Self:
-        """As the base class."""
+        """Return the decoder for files at another rate in Hz than in training; None for theirs."""
         return self if rate is None else replace(self, file_rate=rate)
 
     def extent(self, array: Array) -> float:
-        """Length in seconds."""
+        """Return the length of a signal in :attr:`unit`."""
         return float(array.shape[1] / self.sampling_rate)
 
 
 @dataclass(frozen=True)
-class PhotoDecoder(Decoder):
+class PhotoDecoder:
     """Decoder of photos, (height, width, 3) uint8.
 
     Attributes:
@@ -150,9 +115,16 @@ class PhotoDecoder(Decoder):
         """Decode a photo as :func:`decode_image` does."""
         return decode_image(path, self), None
 
+    def assuming(self, rate: float | None) -> Self:
+        """Return the decoder itself; photos have no rate."""
+        return self
+
     def extent(self, array: Array) -> float:
-        """Size in megapixels."""
+        """Return the size of a photo in :attr:`unit`."""
         return float(array.shape[0] * array.shape[1] / 1e6)
+
+
+Decoder = SignalDecoder | PhotoDecoder  # its fields decide the content of the arrays
 
 
 def _are_channels(channels: Sequence[Any]) -> bool:

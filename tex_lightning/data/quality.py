@@ -5,9 +5,10 @@ certainty. So the card of a checkpoint keeps the ranges of its training recordin
 (:func:`training_ranges`), and every prediction says what its input lacks.
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -34,21 +35,15 @@ UNIFORM = 0.5  # standard deviation in grey levels of 255, below which a photo s
 PHOTO_SIDE = 256  # pixels of a photo that are looked at, along each side
 
 
-@dataclass(frozen=True)
-class Quality:
-    """Faults found in an input.
-
-    Attributes:
-        warnings: One sentence each; empty if nothing is wrong.
-        empty: Whether nothing at all was measured.
-    """
+class Quality(NamedTuple):
+    """Faults of an input, a sentence each, and whether nothing at all was measured."""
 
     warnings: tuple[str, ...] = ()
     empty: bool = False
 
 
 def level(samples: Array) -> float:
-    """Root of the mean square of all axes (axes, samples) together, each without its mean."""
+    """Return the root mean square of all axes (axes, samples) together, each without its mean."""
     return float(np.sqrt(samples.var(axis=1, dtype=np.float64).sum()))
 
 
@@ -94,7 +89,7 @@ class TraceMonitor:
         return float(np.sqrt(np.maximum(variances, 0).sum()))
 
     def quality(self, ranges: Ranges, **measures: float) -> Quality:
-        """Say what is wrong with the trace so far.
+        """Name the faults of the trace so far.
 
         Args:
             ranges: Ranges of the training; what they lack is not compared.
@@ -106,18 +101,18 @@ class TraceMonitor:
             return Quality(
                 (f"The {self.what} is {how}, so nothing was measured; check the sensor.",), True
             )
-        found = [
+        warnings = [
             f"Axis {axis + 1} of the {self.what} is constant; check the sensor."
             for axis in np.flatnonzero(constant)
         ]
         flat = float(np.where(constant, 0, self.flat).max())
         clipped = flat / self.count
         if flat >= MIN_FLAT and clipped >= FLAT_SHARE:
-            found.append(
+            warnings.append(
                 f"The {self.what} is clipped, {clipped:.0%} of it at its largest or smallest "
                 "value; lower the sensor's gain."
             )
-        return Quality((*found, *_unlike(ranges, self.what, measures)))
+        return Quality((*warnings, *_unlike(ranges, self.what, measures)))
 
 
 def trace_measures(trace: Trace, rate: float, sampling_rate: float) -> dict[str, float]:
@@ -141,14 +136,14 @@ def photo_quality(photo: Photo, ranges: Ranges, what: str) -> Quality:
 
 def together(qualities: Iterable[Quality]) -> Quality:
     """Join the faults of all inputs of one sample."""
-    found = list(qualities)
-    warnings = tuple(warning for each in found for warning in each.warnings)
-    return Quality(warnings, all(each.empty for each in found))
+    inputs = list(qualities)
+    warnings = tuple(chain.from_iterable(quality.warnings for quality in inputs))
+    return Quality(warnings, all(quality.empty for quality in inputs))
 
 
 def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[float]]:
     """Measure training recordings of one modality: each measure's ends, by quantiles."""
-    found: dict[str, list[float]] = {}
+    values: dict[str, list[float]] = defaultdict(list)
     for row in rows:
         decoder, recording = store.decoders[row.modality], store.load(row)
         if isinstance(decoder, SignalDecoder):
@@ -156,8 +151,8 @@ def training_ranges(rows: Iterable[Recording], store: Store) -> dict[str, list[f
         else:
             measures = _photo_measures(recording)
         for name, value in measures.items():
-            found.setdefault(name, []).append(value)
-    return {name: np.quantile(values, QUANTILES).tolist() for name, values in found.items()}
+            values[name].append(value)
+    return {name: np.quantile(numbers, QUANTILES).tolist() for name, numbers in values.items()}
 
 
 def _photo_measures(photo: Photo) -> dict[str, float]:
@@ -169,12 +164,12 @@ def _photo_measures(photo: Photo) -> dict[str, float]:
 
 def limits(ranges: Ranges) -> dict[str, tuple[float, float, str]]:
     """Smallest and largest usual value of each measure, and the warning for others."""
-    found = {}
+    usual = {}
     for name, (low, high) in ranges.items():
         factor, remedy = MEASURES[name]
         advice = f"and the training had {low:.5g} to {high:.5g}; {remedy}."
-        found[name] = (low / factor, high * factor, advice)
-    return found
+        usual[name] = (low / factor, high * factor, advice)
+    return usual
 
 
 def _unlike(ranges: Ranges, what: str, measures: dict[str, float]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -136,7 +136,8 @@ class Recordings:
 
     Attributes:
         rows: The recordings.
-        notes: Files that were skipped or divided on reading; they do not belong to the table.
+        notes: Notes on files that were skipped or divided on reading, which count for nothing when
+            tables are compared.
 
     Example:
         >>> import tex_lightning as tl
@@ -180,19 +181,14 @@ class Recordings:
         return replace(self, rows=tuple(row for row in self.rows if keep(row)))
 
 
-@dataclass(frozen=True)
-class Note:
+class Note(NamedTuple):
     """Something in the data that was not read, or was read in another form.
 
     Attributes:
-        what: Its name in the singular, to count by, such as ``stray file``.
-        count: How many there are; 0 if nothing is left out.
         text: A sentence for a warning.
         modality: The modality that it concerns; None is all.
     """
 
-    what: str
-    count: int
     text: str
     modality: str | None = None
 

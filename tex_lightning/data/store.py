@@ -12,9 +12,8 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -34,30 +33,24 @@ from tex_lightning.errors import UserError
 MAX_LINES = 20
 
 
-@dataclass(frozen=True)
-class Unusable:
-    """A recording that cannot be decoded, or gives no fragment.
-
-    Attributes:
-        recording: Its row in the table.
-        reason: A sentence that names the file.
-    """
+class Unusable(NamedTuple):
+    """A recording that cannot be decoded, or gives no fragment, and a sentence that says why."""
 
     recording: Recording
     reason: str
 
 
 def list_files(unusable: Sequence[Unusable]) -> list[str]:
-    """A line for each file, up to a number that a terminal shows."""
-    lines = [f"- {each.reason}" for each in unusable[:MAX_LINES]]
+    """Return a line for each file, up to a number that a terminal shows."""
+    lines = [f"- {recording.reason}" for recording in unusable[:MAX_LINES]]
     if len(unusable) > MAX_LINES:
         lines.append(f"… and {len(unusable) - MAX_LINES} more")
     return lines
 
 
 def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
-    """Entry of ``results.json`` for the files that were left out."""
-    return [{"path": each.recording.source, "reason": each.reason} for each in unusable]
+    """Return the entry of ``results.json`` for the files that were left out."""
+    return [{"path": recording.source, "reason": reason} for recording, reason in unusable]
 
 
 FINGERPRINT_BYTES = 65_536
@@ -69,7 +62,7 @@ Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
 
 def cache_root(configured: str | None) -> Path:
-    """The configured cache folder, else the user's own, made if it does not exist.
+    """Return the configured cache folder, else the user's own, made if it does not exist.
 
     It may be one that can only be read, as long as it has what is needed.
     """
@@ -89,7 +82,7 @@ def _unwritable(root: Path, error: OSError) -> UserError:
 
 
 def fingerprint(path: Path) -> str:
-    """Digest of a recording's size and ends: the same for a copy, another for another recording.
+    """Return a digest of a recording's size and ends, which is the same for a copy.
 
     Args:
         path: Its file, or that of any axis if they lie apart.
@@ -122,26 +115,24 @@ class Store:
         self.entries: dict[Recording, Path] = {}  # of what it was filled with, as it was then
 
     def load(self, recording: Recording) -> npt.NDArray[Any]:
-        """A recording as a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
+        """Return a read-only map: (axes, samples) float32 or (height, width, 3) uint8."""
         try:
             return _map(self._entry(recording))
         except UNREADABLE:
             array, _ = self._write(recording)
             array.flags.writeable = False
-            with suppress(*UNREADABLE):  # someone is emptying the cache
-                array = _map(self._entry(recording))
             return array
 
     def extent(self, recording: Recording) -> float:
-        """How long or large a recording is, in the unit of its decoder."""
+        """Return how long or large a recording is, in the unit of its decoder."""
         return self.decoders[recording.modality].extent(self.load(recording))
 
     def is_signal(self, recording: Recording) -> bool:
-        """Whether a recording has a rate."""
+        """Return whether a recording has a rate."""
         return isinstance(self.decoders[recording.modality], SignalDecoder)
 
     def rate(self, recording: Recording) -> SourceRate:
-        """The sampling rate of a trace's file, and its source."""
+        """Return the sampling rate of a trace's file, and its source."""
         try:
             with self._entry(recording).open("rb") as stream:
                 stream.seek(-RATE_BYTES, os.SEEK_END)
@@ -163,10 +154,11 @@ class Store:
         with computing_threads(1), ThreadPoolExecutor(os.cpu_count()) as pool:
             jobs = [pool.submit(self._try, row) for row in rows]
             try:
-                return [found for job in track(jobs, "Decoding") if (found := job.result())]
+                results = [job.result() for job in track(jobs, "Decoding")]
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
+        return [result for result in results if result is not None]
 
     def _try(self, recording: Recording) -> Unusable | None:
         """Decode a file unless the cache has it; a full disk is no fault of the file."""
@@ -185,7 +177,7 @@ class Store:
         return self.entries.get(recording) or self._identify(recording)
 
     def _identify(self, recording: Recording) -> Path:
-        """The entry of a recording's files as they are now."""
+        """Return the entry of a recording's files as they are now."""
         files = axis_files(recording.path)
         identity = {
             "fingerprint": fingerprint(files[0]),  # a copy may bring its time along

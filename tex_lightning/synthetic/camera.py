@@ -105,15 +105,13 @@ def _shade(specimen: Specimen, lighting: dict[str, Any]) -> Field:
     highlight = direct * np.float32(skin.gloss) * cv2.pow(facing, skin.shininess)
     shading = direct * lit + diffuse * specimen.occlusion
     radiance: Field = specimen.albedo * shading[..., None] + highlight[..., None]
-    coloured: Field = radiance * lighting["colour"]
-    return coloured
+    return radiance * lighting["colour"]
 
 
 def _facing(specimen: Specimen, direction: tuple[float, ...]) -> Field:
     """Multiply the (unnormalised) surface normals with a direction."""
     x, y, z = np.asarray(direction, np.float32)
-    facing: Field = z - x * specimen.slope_x - y * specimen.slope_y
-    return facing
+    return z - x * specimen.slope_x - y * specimen.slope_y
 
 
 def _falloff(rng: np.random.Generator, size: tuple[int, int]) -> Field:

@@ -85,11 +85,9 @@ def _ring_board(source: Signal, voice: Voice, rate: int) -> Signal:
 def _room(count: int, rate: int, rng: np.random.Generator) -> Signal:
     """Noise of fixed level: the room's, which is low, and the microphone's own."""
     low = _filtered(rng.standard_normal(count), _ROOM_HZ, rate, "lowpass")
-    noise: Signal = _ROOM * low / low.std() + _SELF_NOISE * rng.standard_normal(count)
-    return noise
+    return _ROOM * low / low.std() + _SELF_NOISE * rng.standard_normal(count)
 
 
 def _filtered(source: Signal, hertz: float, rate: int, kind: str) -> Signal:
     b, a = signal.butter(1, hertz, kind, fs=rate)
-    passed: Signal = signal.lfilter(b, a, source)
-    return passed
+    return signal.lfilter(b, a, source)

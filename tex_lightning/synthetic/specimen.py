@@ -84,8 +84,7 @@ def _frequencies(points: int, pitch: float) -> tuple[Field, Field, Field]:
 
 def _scaled(field: NDArray[np.floating], deviation: float) -> Field:
     centred = field - field.mean()
-    scaled: Field = np.asarray(centred * (deviation / centred.std()), np.float32)
-    return scaled
+    return np.asarray(centred * (deviation / centred.std()), np.float32)
 
 
 def _band(
@@ -95,8 +94,7 @@ def _band(
 
     def gain(_: Field, __: Field, k: Field) -> Field:
         distance = np.log(np.maximum(k, 1e-6) * wavelength) / width
-        shaped: Field = (np.exp(-0.5 * distance**2) / np.maximum(k, 1e-6)).astype(np.float32)
-        return shaped
+        return (np.exp(-0.5 * distance**2) / np.maximum(k, 1e-6)).astype(np.float32)
 
     return shaped_noise(rng, points, pitch, gain)
 
@@ -114,22 +112,19 @@ def _cells(rng: np.random.Generator, wavelength: float, jitter: float) -> tuple[
 
 def _grooved(rng: np.random.Generator, wavelength: float) -> Field:
     x, _ = _cells(rng, wavelength, 0.06)
-    ridges: Field = np.tanh(2.5 * np.sin(2 * np.pi * x))
-    return ridges
+    return np.tanh(2.5 * np.sin(2 * np.pi * x))
 
 
 def _woven(rng: np.random.Generator, wavelength: float) -> Field:
     x, y = _cells(rng, wavelength, 0.06)
     across, along = np.abs(np.sin(np.pi * x)), np.abs(np.sin(np.pi * y))
     warp_on_top = (np.floor(x) + np.floor(y)) % 2 == 0
-    threads: Field = np.where(warp_on_top, np.sqrt(across) * along, across * np.sqrt(along))
-    return threads
+    return np.where(warp_on_top, np.sqrt(across) * along, across * np.sqrt(along))
 
 
 def _mesh(rng: np.random.Generator, wavelength: float) -> Field:
     x, y = _cells(rng, wavelength, 0.03)
-    wires: Field = np.tanh(3 * np.maximum(np.cos(2 * np.pi * x), np.cos(2 * np.pi * y)) - 1.8)
-    return wires
+    return np.tanh(3 * np.maximum(np.cos(2 * np.pi * x), np.cos(2 * np.pi * y)) - 1.8)
 
 
 def _domes(rng: np.random.Generator, spacing: float, radius: float, jitter: float) -> Field:
@@ -144,8 +139,7 @@ def _domes(rng: np.random.Generator, spacing: float, radius: float, jitter: floa
     wrapped = np.pad(empty, margin, mode="wrap")
     distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     distance = distance[margin:-margin, margin:-margin] * np.float32(PITCH / radius)
-    domes: Field = np.sqrt(np.maximum(1 - distance**2, 0))
-    return domes
+    return np.sqrt(np.maximum(1 - distance**2, 0))
 
 
 def _granular(rng: np.random.Generator, wavelength: float) -> Field:
@@ -160,8 +154,7 @@ def _fibrous(rng: np.random.Generator, wavelength: float) -> Field:
     def gain(x: Field, y: Field, _: Field) -> Field:
         across = ((x * wavelength - 1) / 0.5) ** 2
         along = (15 * wavelength * y) ** 2
-        amplitude: Field = np.exp(-0.5 * (across + along))
-        return amplitude
+        return np.exp(-0.5 * (across + along))
 
     return shaped_noise(rng, TILE, PITCH, gain)
 
@@ -176,8 +169,7 @@ def _rough(rng: np.random.Generator, wavelength: float) -> Field:
 def _creased(rng: np.random.Generator, wavelength: float) -> Field:
     # Zero crossings of a band of noise lie half a wavelength apart and meander like creases.
     noise = _band(rng, TILE, PITCH, 2 * wavelength, width=0.3)
-    crests: Field = np.sqrt(np.abs(noise))
-    return crests
+    return np.sqrt(np.abs(noise))
 
 
 _SHAPES: dict[str, Callable[[np.random.Generator, float], Field]] = {
@@ -229,8 +221,7 @@ class Specimen:
         wavelength = self.material.relief.wavelength
         # Sky visibility is estimated from how far a point lies below its surroundings.
         sunk = (smooth(self.height, wavelength / 2) - self.height) / np.float32(wavelength)
-        seen: Field = np.exp(-6 * np.maximum(sunk, 0) - 2 * np.clip(sunk, -0.1, 0))
-        return seen
+        return np.exp(-6 * np.maximum(sunk, 0) - 2 * np.clip(sunk, -0.1, 0))
 
     @cached_property
     def albedo(self) -> Field:
@@ -258,8 +249,7 @@ class Specimen:
 
 
 def _slope(height: Field, axis: int) -> Field:
-    slope: Field = (np.roll(height, -1, axis) - np.roll(height, 1, axis)) / np.float32(2 * PITCH)
-    return slope
+    return (np.roll(height, -1, axis) - np.roll(height, 1, axis)) / np.float32(2 * PITCH)
 
 
 def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
@@ -281,5 +271,4 @@ def _pattern(height: Field, skin: Skin, rng: np.random.Generator) -> Field:
 
 
 def _step(level: Field, sharpness: float) -> Field:
-    share: Field = 0.5 + 0.5 * np.tanh(np.float32(sharpness) * level)
-    return share
+    return 0.5 + 0.5 * np.tanh(np.float32(sharpness) * level)

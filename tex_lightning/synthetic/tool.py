@@ -116,8 +116,7 @@ def slide_tool(
     turn = spatial.transform.Rotation.random(rng=rng).as_matrix()
     trace = turn @ surface / GRAVITY
     trace += 0.006 * rng.standard_normal(trace.shape)
-    clipped: NDArray[np.float32] = np.clip(trace, -RANGE, RANGE).astype(np.float32)
-    return clipped
+    return np.clip(trace, -RANGE, RANGE).astype(np.float32)
 
 
 def accelerate(specimen: Specimen, stroke: Stroke, rng: np.random.Generator) -> Signal:
@@ -146,10 +145,9 @@ def _sample(tile: Field, points: Signal) -> Signal:
     """Read the height of a tile under the tip, in mm, shape (T,)."""
     # Without the prefilter the cubic spline smooths a little more, and stays free of kinks, which
     # the second derivative would turn into noise.
-    heights: Signal = ndimage.map_coordinates(
+    return ndimage.map_coordinates(
         tile, points[::-1], np.float64, order=3, mode="grid-wrap", prefilter=False
     )
-    return heights
 
 
 def _contact_frequency(specimen: Specimen, stroke: Stroke) -> float:
@@ -162,8 +160,7 @@ def _contact(specimen: Specimen, stroke: Stroke, acceleration: Signal) -> Signal
     omega = _contact_frequency(specimen, stroke)
     loss = 2 * specimen.material.body.damping * omega
     b, a = signal.bilinear([loss, omega**2], [1, loss, omega**2], stroke.sampling_rate)
-    followed: Signal = signal.lfilter(b, a, acceleration)
-    return followed
+    return signal.lfilter(b, a, acceleration)
 
 
 def _bound_fall(acceleration: Signal, limit: Signal) -> Signal:
@@ -178,8 +175,7 @@ def _impact(specimen: Specimen, stroke: Stroke, rng: np.random.Generator) -> Sig
     since = np.maximum(np.arange(len(stroke.speed)) - stroke.landing, 0) / stroke.sampling_rate
     approach = rng.uniform(0.03, 0.06)  # m/s
     decay = np.exp(-damping * omega * since)
-    bounce: Signal = approach * omega * decay * np.sin(omega * np.sqrt(1 - damping**2) * since)
-    return bounce
+    return approach * omega * decay * np.sin(omega * np.sqrt(1 - damping**2) * since)
 
 
 def _stick_slip(
@@ -199,14 +195,12 @@ def _stick_slip(
     omega = 2 * np.pi * _BENDING_HZ * grip
     poles = [1, 2 * _BENDING_DAMPING * omega, omega**2]
     b, a = signal.bilinear([1, 0, 0], poles, stroke.sampling_rate)
-    released: Signal = signal.lfilter(b, a, force / MASS)
-    return released
+    return signal.lfilter(b, a, force / MASS)
 
 
 def _ring(acceleration: Signal, hertz: float, sampling_rate: int) -> Signal:
     b, a = signal.iirpeak(hertz, _BODY_QUALITY, sampling_rate)
-    rung: Signal = signal.lfilter(b, a, acceleration)
-    return rung
+    return signal.lfilter(b, a, acceleration)
 
 
 def drift(rng: np.random.Generator, count: int, sampling_rate: int, hertz: float = 0.8) -> Signal:
@@ -214,8 +208,7 @@ def drift(rng: np.random.Generator, count: int, sampling_rate: int, hertz: float
     knots = int(2 * hertz * count / sampling_rate) + 4
     values = np.clip(rng.standard_normal(knots), -2, 2)
     at = np.linspace(1.0, knots - 2.0, count)
-    drifted: Signal = ndimage.map_coordinates(values, at[None], order=3, mode="nearest")
-    return drifted
+    return ndimage.map_coordinates(values, at[None], order=3, mode="nearest")
 
 
 def _ramp(position: Signal) -> Signal:

@@ -1,7 +1,7 @@
 """Readers: each maps a data set on disk to the one table of recordings, which is checked here."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from tex_lightning.config import DataConfig
 from tex_lightning.config.instantiation import build
@@ -31,13 +31,6 @@ def checked_table(made: Any, reader: str) -> Recordings:  # noqa: ANN401
     return Recordings(rows, made.notes)
 
 
-class Reader(Protocol):
-    """A data set: its fields are its keys, ``data.reader.FIELD``."""
-
-    def read(self) -> Recordings:
-        """The table of its recordings."""
-
-
 def read_recordings(
     config: DataConfig, modalities: Sequence[str] | None = None, *, least: int = 2
 ) -> Recordings:
@@ -56,7 +49,7 @@ def read_recordings(
     node = config.reader
     if modalities is not None and "senses" in node:
         node = {**node, "senses": list(modalities)}
-    reader: Reader = build("data.reader", node)
+    reader = build("data.reader", node)
     recordings = checked_table(reader.read(), type(reader).__name__)
     classes = recordings.classes
     if config.classes is not None and config.classes > len(classes):

@@ -110,10 +110,10 @@ def _read_class(directory: Path) -> tuple[list[Recording], list[Note]]:
 def _passed_over(directory: Path, rows: list[Recording], stray: list[str]) -> Iterator[Note]:
     if not rows:
         text = f"Class folder {directory} is skipped: there is no trace and no photo in it."
-        yield Note("class folder", 1, text)
+        yield Note(text)
     if stray:
         text = f"{directory} has folders for its senses, so {stray[0]} beside them is not read."
-        yield Note("stray file", len(stray), text)
+        yield Note(text)
 
 
 def suffixes_of(modality: str) -> tuple[str, ...]:

@@ -144,7 +144,7 @@ def _divided(what: str, into: str, verb: str, modality: str | None = None) -> No
         f"Each {what} is divided into {into}, one for each fold: what is tested {verb} beside what "
         "was trained on, which overestimates figures."
     )
-    return Note(f"divided {what}", 0, text, modality)
+    return Note(text, modality)
 
 
 @dataclass
