@@ -105,4 +105,3 @@ def test_a_tested_sample_of_a_class_that_was_not_trained_is_wrong():
     outcomes = run_test(classifier, [Sample("a", {}), Sample("z", {})], None)
     assert [(each.predicted, each.correct_fragments) for each in outcomes] == [("a", 2), ("a", 0)]
     assert outcomes[0].class_probabilities == {"a": 0.75, "b": 0.25}
-    assert outcomes[0].fragment_votes == {"a": 2, "b": 1}
