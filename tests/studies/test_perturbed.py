@@ -69,8 +69,8 @@ def asked(system: PerturbedSystem, perturbation: str, severity: float, monkeypat
     """The recordings, and the number of tuples, that samples are decided by."""
     given = []
 
-    def label(rows, see, count=None):
-        given.append((dict(rows), count))
+    def label(rows, *_, pairs=None):
+        given.append((dict(rows), pairs))
 
     monkeypatch.setattr(system.folds[0], "label", label)
     system.decide(TABLE[perturbation], severity)
@@ -128,7 +128,7 @@ def test_any_of_three_senses_decide_as_the_part_of_them(make, level):
             part = {MODALITIES[sense]: tensors[MODALITIES[sense]] for sense in senses}
             rows = {name: sample.recordings[name] for name in part}
             expected = classifier.with_senses(senses).classify(**part).label
-            assert fold.label(rows, fold._see) == expected
+            assert fold.label(rows) == expected
     assert system.decide()[0] == classifier.classify(**tensors).label
 
 
@@ -136,4 +136,4 @@ def test_what_is_too_small_is_refused_and_not_guessed(make, monkeypatch):
     (fold,) = make("haptic", "visual").folds
     load = Arrays.load
     monkeypatch.setattr(Arrays, "load", lambda self, row: load(self, row)[:, :9000])
-    assert fold.clean()[0] is None
+    assert fold.labels()[0] is None

@@ -120,20 +120,6 @@ def test_all_files_that_cannot_be_used_are_listed_at_once(cli, bad, tmp_path):
     assert not (tmp_path / "run" / "checkpoints").exists()
 
 
-def test_a_long_list_ends_with_the_number_of_the_others(cli, tmp_path):
-    for label in ("a", "b"):
-        (tmp_path / "data" / label).mkdir(parents=True)
-        for n in range(12):
-            np.save(tmp_path / "data" / label / f"{n}.npy", np.ones(100))
-    outcome = cli("model=haptic", *options(tmp_path / "data", tmp_path))
-    assert "24 of 24 files cannot be used" in outcome.err
-    assert outcome.err.count("The trace has") == 20
-    assert "… and 4 more" in outcome.err
-    skipped = cli("model=haptic", "data.skip_bad=true", *options(tmp_path / "data", tmp_path))
-    assert skipped.status == 2
-    assert "There are no traces to train on for a, b" in skipped.err
-
-
 def assert_skipped(found: list[dict], root: Path, *names: str) -> None:
     assert {item["path"]: item["path"] in item["reason"] for item in found} == {
         f"{root}/{name}": True for name in names
@@ -166,26 +152,3 @@ def test_every_task_can_go_on_without_bad_files(cli, bad, tmp_path):
     )
     assert stable.status == 0, stable.err
     assert_skipped(results(tmp_path, "stable")["skipped"], bad, NAMES[2])
-
-
-def test_folds_and_families_can_go_on_without_bad_files(cli, bad, tmp_path):
-    skip, only = "data.skip_bad=true", "crossval.only=[0]"
-    crossed = cli("task=crossval", "model=haptic", skip, only, *options(bad, tmp_path))
-    assert crossed.status == 0, crossed.err
-    assert_skipped(results(tmp_path)["skipped"], bad, NAMES[0], NAMES[2])
-    assert results(tmp_path)["networks"]["haptic"]["test_samples"] == 2
-    family = cli(
-        "task=frontier", "frontier=haptic", "frontier.only=[hapticnet_w0.125,hapticnet_w0.25]",
-        skip, only, "data.classes=3", *options(bad, tmp_path, "family"),
-    )  # fmt: skip
-    assert family.status == 0, family.err
-    assert entry(family.err, "Trains") == "2 systems: hapticnet_w0.125, hapticnet_w0.25"
-    assert family.err.count("Going on without 2 files:") == 1
-    assert_skipped(results(tmp_path, "family")["skipped"], bad, NAMES[0], NAMES[2])
-
-
-def test_skipping_is_refused_where_nothing_reads_it(cli, tmp_path):
-    outcome = cli("task=generate", "data.skip_bad=true", f"hydra.run.dir={tmp_path}/g")
-    assert outcome.status == 2
-    assert "data.skip_bad is read by task=fit" in outcome.err
-    assert "not by task=generate" in outcome.err

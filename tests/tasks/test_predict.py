@@ -159,21 +159,6 @@ def test_evaluation_refuses_what_would_flatter_or_mislead(cli, surfaces, fused, 
     assert "holds a run with another" in own_folder.err
 
 
-def test_everything_in_another_folder_is_tested_without_a_test_fold(cli, surfaces, fused, tmp_path):
-    copy = tmp_path / "copy"
-    for kind, label in ((0, "alpha"), (2, "gamma")):
-        (copy / label / "haptic").mkdir(parents=True)
-        for recording in range(3):
-            trace = make_trace(kind, 20 + recording)
-            np.save(copy / label / "haptic" / f"{recording}.npy", trace)
-    data = ["data=folder", f"data.root={copy}", "data.test_fold=null"]
-    run = f"hydra.run.dir={tmp_path}/run"
-    outcome = cli("task=evaluate", checkpoint(fused, "haptic"), *data, run)
-    assert outcome.status == 0, outcome.err
-    results = json.loads((tmp_path / "run" / "results.json").read_text())
-    assert results["networks"]["haptic"]["test_samples"] == 6
-
-
 def test_trained_recordings_are_recognised_in_another_folder(cli, surfaces, fused, tmp_path):
     for label in ("alpha", "beta"):
         folder = tmp_path / "copy" / label / "haptic"

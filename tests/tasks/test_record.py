@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import soundfile
-from conftest import CLASSES, RATE, make_photo, make_trace
+from conftest import RATE, make_photo, make_trace
 from PIL import Image
 
 from tex_lightning.data.recordings import read_manifest
@@ -83,30 +83,6 @@ def test_a_pipe_is_written_whole_and_labelled_on_the_way(
     keys = ("label", "fragments")
     assert [said[-1][key] for key in keys] == [whole[key] for key in keys]
     assert said[-1]["probability"] == pytest.approx(whole["probability"], abs=1e-4)
-
-
-def test_another_rate_than_the_checkpoints_is_resampled_for_its_label(record, untrained, tmp_path):
-    checkpoint = f"checkpoint={untrained}/checkpoints/haptic.ckpt"
-    given = [*OAK, "record.haptic.rate=8000", checkpoint]
-    outcome = record(*given, haptic=make_trace(0, 0, seconds=1))
-    *said, _ = lines(outcome)
-    assert said[-1]["label"] is not None
-    assert soundfile.info(tmp_path / "DATA/oak/haptic/oak_001.wav").samplerate == 8000
-
-
-def test_what_was_recorded_trains_at_once(record, cli, tmp_path):
-    for kind, label in enumerate(CLASSES[:2]):
-        strokes = np.concatenate([make_trace(kind, number, seconds=2) for number in range(3)])
-        how = (f"record.label={label}", f"record.haptic.rate={RATE}", "record.seconds=2")
-        outcome = record(*how, "record.count=3", haptic=strokes)
-        assert outcome.status == 0, outcome.err
-    outcome = cli(
-        "experiment=few/haptic", "data=manifest", f"data.manifest={tmp_path}/DATA/manifest.csv",
-        "data.folds=3", "data.val_fold=null", f"hydra.run.dir={tmp_path / 'fit'}",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    entry = json.loads((tmp_path / "fit" / "results.json").read_text())["networks"]["haptic"]
-    assert (entry["correct"], entry["test_samples"]) == (2, 2)
 
 
 def test_strokes_are_found_by_contact(record, tmp_path):

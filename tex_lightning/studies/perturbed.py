@@ -1,21 +1,19 @@
 """Test samples of a system, as they are or perturbed, and the labels that it gives them.
 
-A recording is perturbed once for all systems. A FusionNet computes its partial logits for each
-recording once, however many samples it is part of, and decides as in any test.
+A recording is perturbed once for all systems. Every sense computes its scores of a recording once,
+however many samples it is part of.
 """
 
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
 
-from tex_lightning.classifier.classifier import SurfaceClassifier, content_seed
+from tex_lightning.classifier.classifier import SenseOutput, SurfaceClassifier
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, write_part
 from tex_lightning.data.store import Store, Unusable, fingerprint
@@ -84,23 +82,6 @@ def make_rng(seed: int, name: str, *rows: Recording) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(name.encode()), *prints])
 
 
-class Scores(NamedTuple):
-    """Class scores of one recording by one sense.
-
-    Attributes:
-        recording: Signal or photo; a FusionNet draws its tuples by it.
-        alone: Class scores (classes, positions) by this recording alone.
-        partial_logits: What it adds to those of a FusionNet; the same at level FC2.
-    """
-
-    recording: Array
-    alone: Tensor
-    partial_logits: Tensor
-
-
-See = Callable[[str, Recording], Scores | None]  # of a sense; None of a recording that is refused
-
-
 @dataclass
 class SystemFold:
     """One classifier and its test samples.
@@ -118,90 +99,24 @@ class SystemFold:
     samples: list[Sample]
     datasets: Mapping[str, PerturbedDataset]
     skipped: tuple[Unusable, ...] = ()
-    _clean: dict[tuple[str, Recording], Scores | None] = field(default_factory=dict)
+    _parts: dict[tuple[str, ...], SurfaceClassifier] = field(default_factory=dict)
+    _clean: dict[tuple[object, ...], SenseOutput] = field(default_factory=dict)
+    _perturbed: dict[tuple[object, ...], SenseOutput] = field(default_factory=dict)
 
-    @property
-    def modalities(self) -> dict[str, str]:
-        """What each sense looks at, by its name."""
-        return {name: node["modality"] for name, node in self.classifier.card.senses.items()}
-
-    def clean(self) -> Labels:
-        """Labels of the samples as they are."""
-        return [self.label(sample.recordings, self._see) for sample in self.samples]
-
-    def perturbed(self, perturbation: Perturbation, severity: float) -> Labels:
-        """Labels of the perturbed samples."""
-        if perturbation.modality == BOTH:
-            return [self._recombined(each, perturbation, severity) for each in self.samples]
-        scores: dict[tuple[str, Recording], Scores | None] = {}
-
-        def see(sense: str, row: Recording) -> Scores | None:
-            if row.modality != perturbation.modality:
-                return self._see(sense, row)
-            if (sense, row) not in scores:
-                dataset = self.datasets[row.modality]
-                scores[sense, row] = self._score(
-                    sense, dataset.perturbed(row, perturbation, severity)
-                )
-            return scores[sense, row]
-
-        return [self.label(sample.recordings, see) for sample in self.samples]
-
-    def _see(self, sense: str, row: Recording) -> Scores | None:
-        if (sense, row) not in self._clean:
-            clean = self.datasets[row.modality].clean(row)
-            self._clean[sense, row] = self._score(sense, clean)
-        return self._clean[sense, row]
-
-    @torch.inference_mode()
-    def _score(self, sense: str, recording: Array) -> Scores | None:
-        classifier = self.classifier
-        try:
-            features = classifier.positions(sense, torch.from_numpy(np.array(recording)))
-        except UserError:
-            return None
-        partial_logits = classifier.project(sense, features)
-        alone = partial_logits if classifier.level(sense) == "fc2" else features
-        return Scores(recording, alone.cpu(), partial_logits.cpu())
-
-    @torch.inference_mode()
-    def label(
-        self, rows: Mapping[str, Recording], see: See, count: int | None = None
-    ) -> int | None:
-        """Decide by recordings, by modality; senses whose modality is missing are left out.
-
-        Args:
-            rows: The recordings.
-            see: Gives the scores of one of them.
-            count: Number of tuples of a FusionNet; None takes the card's.
-        """
-        classifier, modalities = self.classifier, self.modalities
-        found = {
-            name: see(name, rows[modality])
-            for name, modality in modalities.items()
-            if modality in rows
-        }
-        scores = {name: each for name, each in found.items() if each is not None}
-        if not scores or len(scores) < len(found):
-            return None
-        # some of the senses have no temperature of their own: `Card.of`
-        temperature = classifier.card.temperature if len(scores) == len(modalities) else 1.0
-        if len(scores) == 1:
-            (only,) = scores.values()
-            return classifier.decide(only.alone, temperature).label
-        # a modality that several senses look at counts once
-        recordings = {modalities[name]: each.recording for name, each in scores.items()}
-        seed = content_seed(classifier.card.decision["seed"], *recordings.values())
-        partials = [each.partial_logits for each in scores.values()]
-        return classifier.decide(classifier.fuse(partials, seed, count), temperature).label
+    def labels(self, perturbation: Perturbation | None = None, severity: float = 0) -> Labels:
+        """Label the samples, as they are or perturbed."""
+        self._perturbed = {}
+        if perturbation is not None and perturbation.modality == BOTH:
+            return [self._recombined(sample, perturbation, severity) for sample in self.samples]
+        return [self.label(each.recordings, perturbation, severity) for each in self.samples]
 
     def _recombined(
         self, sample: Sample, perturbation: Perturbation, severity: float
     ) -> int | None:
-        """Recordings that are whole, put together wrongly."""
+        """Label recordings that are whole, put together wrongly."""
         value, rows = perturbation.value(severity), dict(sample.recordings)
         if perturbation.name == FEWER:
-            return self.label(rows, self._see, max(1, round(value)))
+            return self.label(rows, pairs=max(1, round(value)))
         modality, becomes = perturbation.effect
         dataset = self.datasets[modality]
         rng = make_rng(dataset.seed, perturbation.name, *rows.values())
@@ -209,7 +124,54 @@ class SystemFold:
             row = rows.pop(modality)
             if becomes != MISSING:
                 rows[modality] = dataset.partner(row, rng)
-        return self.label(rows, self._see)
+        return self.label(rows)
+
+    @torch.inference_mode()
+    def label(
+        self,
+        rows: Mapping[str, Recording],
+        perturbation: Perturbation | None = None,
+        severity: float = 0,
+        *,
+        pairs: int | None = None,
+    ) -> int | None:
+        """Label one sample; senses whose modality is missing are left out.
+
+        Args:
+            rows: The recordings, by modality.
+            perturbation: Changes those of its modality; None leaves all as they are.
+            severity: Severity of the perturbation.
+            pairs: Number of tuples of a FusionNet; None takes the card's.
+        """
+        part = self._part(rows)
+        recordings, outputs = {}, {}
+        for modality, row in rows.items():
+            dataset, changed = self.datasets[modality], self._clean
+            if perturbation is not None and perturbation.modality == modality:
+                recording, changed = dataset.perturbed(row, perturbation, severity), self._perturbed
+            else:
+                recording = dataset.clean(row)
+            recordings[modality] = torch.from_numpy(np.array(recording))
+            for name, sense in part.senses.items():
+                key = part.card.sense_names, name, row
+                if sense.modality == modality and key not in changed:
+                    try:
+                        changed[key] = part.sense_output(name, recordings[modality])
+                    except UserError:
+                        return None
+                if sense.modality == modality:
+                    outputs[name] = changed[key]
+        partials = [outputs[name].partial_logits for name in part.senses]
+        scores = part.fuse(partials, part.seed(**recordings), pairs)
+        return part.decide(scores, part.card.temperature).label
+
+    def _part(self, modalities: Iterable[str]) -> SurfaceClassifier:
+        """Return the classifier of the senses whose modalities are there."""
+        there, senses = {*modalities}, self.classifier.senses.items()
+        names = tuple(name for name, sense in senses if sense.modality in there)
+        if names not in self._parts:
+            self._parts[names] = self.classifier.with_senses(names)
+        return self._parts[names]
 
 
 @dataclass
@@ -240,18 +202,14 @@ class PerturbedSystem:
         """Return labels of all samples, fold by fold; each decision is computed once."""
         key = ("", 0.0) if perturbation is None or severity == 0 else (perturbation.name, severity)
         if key not in self._decided:
-            parts = (
-                fold.clean() if perturbation is None or severity == 0
-                else fold.perturbed(perturbation, severity)
-                for fold in self.folds
-            )  # fmt: skip
-            self._decided[key] = [label for labels in parts for label in labels]
+            changed = (perturbation, severity) if key[0] else ()
+            self._decided[key] = [label for fold in self.folds for label in fold.labels(*changed)]
         return self._decided[key]
 
     def meets(self, perturbation: Perturbation) -> bool:
         """Return whether the system reads what the perturbation changes."""
         modality, axes = perturbation.modality, perturbation.axes
-        read = set(self.folds[0].modalities.values())
+        read = {*self.folds[0].classifier.card.modalities}
         if modality == BOTH:
             affects = perturbation.name == FEWER or perturbation.effect[0] in read
             return affects and len(read) > 1
