@@ -53,6 +53,22 @@ def test_a_command_of_the_documentation_composes(page, command):
     read_config(composed)
 
 
+def test_keys_named_in_sentences_exist():
+    keys = {name for name, _ in walk(Config)} | {"model.visual.trunk.patch", "data.reader.split"}
+    opened = ("data.reader.folders.", "frontier.systems.", "trainer.KEY")
+    sections = "|".join({name.partition(".")[0] for name in keys if "." in name})
+    wrong = []
+    for page in (ROOT / "README.md", *USER_PAGES):
+        text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+        for code in re.findall(r"`([^`\n]+)`", text):
+            for name in re.findall(rf"(?:^| )((?:{sections})\.\w[\w.]*)", code):
+                whole = any(key == name or key.startswith(f"{name}.") for key in keys)
+                inner = name.endswith("._target_") or name.startswith(opened)
+                if not (whole or inner or re.search(r"\.(csv|json|png)$", name)):
+                    wrong.append(f"{page.name}: {name}")
+    assert wrong == []
+
+
 def test_the_fragments_of_hapticnet_are_those_of_the_code():
     page = (ROOT / "docs" / "networks.md").read_text(encoding="utf-8")
     network, features = tl.HapticNet(3, width=0.1), SpectrogramFeatures()
