@@ -24,7 +24,6 @@ from tex_lightning.config.weights import read_config
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.sense_stream import SenseStream
-from tex_lightning.learning.enrolment import add_classes
 from tex_lightning.networks.trunks import TRUNKS
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
@@ -107,14 +106,6 @@ def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_devic
         found.append([vote.probabilities for vote in votes] + [stream.output.partial_logits.cpu()])
     for expected, values in zip(*found, strict=True):
         torch.testing.assert_close(values, expected, rtol=1e-3, atol=1e-3)
-
-
-def test_a_network_that_has_classified_there_learns_a_class(second_device):
-    classifier = make_classifier(make_card("haptic", width=0.1)).requires_grad_(False)
-    given = sample(classifier.card)["haptic"]
-    features = deepcopy(classifier).to(second_device).embedding("haptic", given).cpu()
-    wider = add_classes(classifier, ["delta"], {"haptic": [[features]]})
-    assert wider.to(second_device).classify(haptic=given).label == 3
 
 
 @pytest.mark.parametrize(

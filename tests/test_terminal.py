@@ -48,21 +48,6 @@ def test_bars_that_go_away_and_a_table_that_fits(cache, tmp_path, name, columns,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("columns", "rows"), SIZES)
-def test_a_test_of_stability_too(cache, tmp_path, columns, rows):
-    assert run(cache, tmp_path / "fit", ("model=mfcc_nb",)).status == 0
-    systems = f"stability.systems=[{tmp_path / 'fit'}]"
-    arguments = ("task=stability", systems, "stability.only=[low_pass,force]")
-    session = run(cache, tmp_path / "run", arguments, columns, rows)
-    assert session.status == 0, session.screen.text
-    assert any("perturbation 1/" in row for row in session.screen.drawn)
-    text = session.screen.text
-    assert max(map(len, without_paths(text))) <= columns
-    assert "…" not in "".join(without_paths(text))
-    assert "class that suffers most" in text
-
-
-@pytest.mark.slow
 def test_jobs_side_by_side_are_told_apart_and_draw_nothing(cache, tmp_path):
     sweep = ("-m", "model=haptic", "seed=0,1", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
     session = run(cache, tmp_path / "run", sweep)
@@ -85,22 +70,3 @@ def test_an_interrupted_run_leaves_whole_lines_and_the_cursor(cache, tmp_path):
     assert " ".join(text.partition("Interrupted")[2].split()).endswith(
         "goes on after the last finished epoch."
     )
-
-
-@pytest.mark.slow
-def test_debugging_adds_what_lightning_says_once(cache, tmp_path):
-    session = run(cache, tmp_path / "run", ("verbose=2",), 120, 40)
-    assert session.status == 0
-    text = session.screen.text
-    assert text.count("Trainable params") == 1
-    assert text.count("GPU available") == 1
-    assert "] Epoch 2: loss " in text
-    assert "] Features of traces: " in text
-
-
-@pytest.mark.slow
-def test_a_terminal_that_cannot_redraw_gets_plain_lines(cache, tmp_path):
-    session = run(cache, tmp_path / "run", (), TERM="dumb")
-    assert session.status == 0
-    assert "\x1b" not in session.screen.raw
-    assert session.screen.drawn == []

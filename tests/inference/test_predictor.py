@@ -120,26 +120,10 @@ def test_what_cannot_be_used_is_said_in_one_sentence(fusion, given, said):
         fusion.predict(**given)
 
 
-@pytest.mark.parametrize("allocate", [torch.empty, np.empty])
-def test_too_little_memory_is_said_in_one_sentence(haptic, tmp_path, monkeypatch, allocate):
-    path = tmp_path / "a.npy"
-    np.save(path, make_trace(0, 0))
-    monkeypatch.setattr(haptic, "_decoded", lambda *given: allocate(1 << 50))
-    with pytest.raises(tl.UserError, match=r"a\.npy: The recordings take more memory"):
-        haptic.predict(haptic=path)
-
-
 @pytest.mark.parametrize("override", ["tpo_k=3", "top_k=0", "engine=fast", "task=fit"])
 def test_overrides_that_cannot_be_meant_are_said(untrained, override):
     with pytest.raises(tl.UserError, match=override.partition("=")[0]):
         tl.load(untrained, override)
-
-
-def test_overrides_are_those_of_the_command_line(untrained):
-    path = untrained / "checkpoints" / "haptic.ckpt"
-    strict = tl.load(path, "decision.reject_below=1").predict(haptic=TRACE)
-    assert (strict.label, strict.rejected) == (None, True)
-    assert strict.top_k[0]["label"] in ("a", "b", "c")
 
 
 def test_some_of_three_senses_are_enough(tmp_path):

@@ -64,15 +64,6 @@ def test_chunks_do_not_matter(chunks):
     assert found.probability == expected.probability
 
 
-def test_what_is_kept_does_not_grow():
-    stream = make_stream(window=1.0)
-    for start in range(0, 60_000, 777):
-        stream.push(noise(6.0)[:, start : start + 777])
-        for kept in (stream.window.samples, stream.window.pending):
-            for samples in kept.values():
-                assert samples.untyped_storage().nbytes() <= 4 * RATE
-
-
 def test_a_pause_says_so_and_the_vote_begins_anew_behind_the_touch(bands):
     pause = 1e-4 * np.random.default_rng(0).standard_normal(RATE)
     joined = np.concatenate([pause, make_trace(0, 0, 2.0), pause, make_trace(2, 0, 2.0)])

@@ -44,14 +44,6 @@ def test_rates_that_are_known_are_left_alone(make, store):
     assert unlike_the_others(Recordings((*usual, make(5_009))), store) is not None
 
 
-def test_few_of_many_classes_are_named(make, store):
-    rows = [make(20_000 + i) for i in range(9)] + [make(4_000, label=f"c{i}") for i in range(5)]
-    warning = unlike_the_others(Recordings(tuple(rows)), store)
-    assert "c2, " in warning
-    assert "c3, " not in warning
-    assert "; and 2 more classes" in warning
-
-
 def test_spreads_read_alike_once():
     assert spread([2.401, 2.404], "s", ".3g") == "2.4 s"
     assert spread([1, 2, 6], "", "d") == "1 to 6"

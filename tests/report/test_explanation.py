@@ -22,7 +22,7 @@ from tex_lightning.inference.evidence import (
     equal_parts,
 )
 from tex_lightning.inference.prediction import describe
-from tex_lightning.report.explanation import COLOURS, OTHERS, Explanation
+from tex_lightning.report.explanation import Explanation
 
 
 def photo_evidence(labels: np.ndarray, classes: int) -> PhotoEvidence:
@@ -54,16 +54,6 @@ def test_only_classes_that_occur_are_coloured_and_named():
     named = legend(explanation(photo_evidence(labels, 108), label=7))
     assert list(named) == ["class 7", "class 90", "class 3"]  # the winner, then by positions
     assert len(set(named.values())) == 3
-
-
-def test_many_classes_share_a_grey():
-    labels = np.arange(24).reshape(4, 6)
-    named = legend(explanation(photo_evidence(labels, 108), label=5))
-    assert len(named) == len(COLOURS) + 1
-    assert list(named)[-1] == f"{24 - len(COLOURS)} other classes"
-    assert tuple(named[list(named)[-1]][:3]) == tuple(
-        int(OTHERS[i : i + 2], 16) / 255 for i in (1, 3, 5)
-    )
 
 
 def test_the_map_over_the_photo_has_the_colours_of_the_legend():

@@ -1,15 +1,12 @@
 """Tables fit 80 columns whatever the figures, and nothing of a figure is cut."""
 
 import io
-from collections import Counter
 
 import pytest
 from omegaconf import OmegaConf
 from rich.console import Console
 
 from tex_lightning.report import frontier_chart, sweep, table
-from tex_lightning.report import stability_charts as stability_tables
-from tex_lightning.report.profile_table import FACTS, WAYS, print_profile
 
 CORRECT = {"correct": 98_765, "test_samples": 100_000, "vote_accuracy": 0.98765}
 NETWORK = {
@@ -80,19 +77,6 @@ def test_votes_by_condition_are_shown_of_a_manifest(printed, tmp_path, data):
     assert "lamp" not in text  # one value, whose votes are all votes
 
 
-def test_a_narrow_terminal_cuts_no_figure(monkeypatch, tmp_path):
-    networks = dict.fromkeys(("haptic", "visual", "fusion"), NETWORK)
-    results = {**RUN, "networks": networks}
-    read = []
-    for width in (40, 80):
-        monkeypatch.setattr(table, "console", Console(width=width, file=io.StringIO()))
-        table.print_results(results, tmp_path)
-        text = table.console.file.getvalue().partition("Results in")[0]
-        assert max(map(len, text.splitlines())) <= width
-        read.append(sorted(text.replace("─", "").split()))
-    assert Counter("".join(read[0])) == Counter("".join(read[1]))
-
-
 def test_a_job_of_a_sweep_leaves_the_table_to_the_summary(printed, monkeypatch, tmp_path):
     monkeypatch.setattr(table.Screen, "sweep", True)
     results = {**RUN, "networks": {"haptic": NETWORK}}
@@ -138,32 +122,3 @@ def test_sweep(printed, tmp_path):
     text = printed()
     assert text.count("98.8% (98765/100000)") == 2
     assert "Job 17: A sentence that explains." in text
-
-
-def test_stability(printed, tmp_path):
-    entry = {
-        "clean": CORRECT, "mean_error": 0.4567, "corruption_error": {"mean": 12.345},
-        "mean_flip_rate": 0.9999, "breaks": 29, "perturbations": 30,
-        "worst_perturbation": {"name": "dropped_stretch", "mean_error": 0.999},
-    }  # fmt: skip
-    systems = {"haptic": entry, "another_folder/fusion_efficientnet-2": entry, "c": {}}
-    results = {"data": "manifest", "reference": "haptic", "systems": systems}
-    stability_tables.print_stability(results, tmp_path)
-    text = printed()
-    assert text.count("(98765/100000)") == text.count("29 of 30") == 2
-
-
-def test_profile(printed, tmp_path):
-    times = {f"{way}_{key}": 12_345.678 for way in WAYS for key in ("ms", "p95_ms")}
-    network = {**times, **dict.fromkeys(FACTS, 12_345)}
-    results = {
-        "model": "fusion_efficientnet",
-        "weights": "run.ckpt",
-        "environment": {"threads": 64},
-        "networks": {"haptic": network, "visual": network},
-    }
-    print_profile(results, tmp_path)
-    text = printed()
-    assert text.count("12,345.7 (12,345.7)") == 2 * len(WAYS)
-    heads = [line[: line.find("  ")].strip() for line in text.splitlines()]
-    assert all(heads.count(fact) == 2 for fact, _ in FACTS.values())

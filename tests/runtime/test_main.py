@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import soundfile
 from conftest import RATE, make_photo, make_trace
@@ -69,14 +68,6 @@ def test_names_of_files_steer_no_terminal_and_keep_their_letters(folder, exporte
     assert "a\\u009b.wav" in failed
 
 
-def test_the_rate_of_files_that_carry_none_can_be_given(command, tmp_path, runtime):
-    np.save(tmp_path / "a.npy", make_trace(0, 0))
-    _, (line,), _ = command(f"haptic={tmp_path / 'a.npy'}", "--rate=8000")
-    expected = runtime.predict(haptic=make_trace(0, 0), rate=8_000)
-    assert line["fragments"] == expected["fragments"]
-    assert line["probability"] == pytest.approx(expected["probability"])
-
-
 def test_patterns_and_folders_are_matched_in_order(command, folder):
     status, lines, _ = command(f"haptic={folder}/*.wav", f"image={folder}/s*.png")
     assert status == 0
@@ -112,12 +103,6 @@ def test_what_cannot_be_classified_does_not_stop_the_others(command, folder):
     assert status == 2
     assert len(lines) == 2
     assert "s1.wav" in told
-
-
-def test_a_model_that_is_none_ends_without_a_traceback(command, folder):
-    status, lines, told = command("haptic=a.wav", model=folder / "notes.md")
-    assert (status, lines) == (2, [])
-    assert "notes.md is missing, or no file of task=export" in told
 
 
 def test_nothing_heavy_is_imported_before_it_is_needed():
