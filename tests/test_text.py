@@ -16,7 +16,7 @@ from markdown_it import MarkdownIt
 
 from tex_lightning.core.console import print_line
 from tex_lightning.core.files import read_rows
-from tex_lightning.report.confusion import confusion_figure
+from tex_lightning.report.figures import confusion_figure
 from tex_lightning.text import from_cell, printable, to_cell, to_json, to_markdown
 
 HOSTILE = (

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
-from tex_lightning.report.confusion import confusion_figure
+from tex_lightning.report.figures import confusion_figure
 
 LONG = "AluminumRhombMeshVersion"
 

@@ -26,7 +26,7 @@ RUN = {"task": "crossval", "model": "fusion", "data": "manifest", "classes": [*"
 def printed(monkeypatch):
     """What is printed on 80 columns."""
     console = Console(width=80, file=io.StringIO())
-    for module in (table, sweep):
+    for module in (table, sweep, frontier_chart):
         monkeypatch.setattr(module, "console", console)
 
     def read() -> str:

@@ -98,11 +98,6 @@ LARGE = 1 << 30  # bytes; hardly a tensor on a CPU comes near
 GROWN = 1 << 25  # to which glibc lets its own threshold grow, and many versions no further
 
 
-def is_out_of_memory(error: Exception) -> bool:
-    """Whether NumPy or PyTorch, on any device, got less memory than was asked for."""
-    return isinstance(error, MemoryError) or "allocate" in str(error)
-
-
 def keep_memory() -> None:
     """Keep the freed memory of CPU tensors for the next ones, in this process from now on.
 

@@ -1,7 +1,7 @@
 """Recordings on which an exported file is checked against its classifier."""
 
+import random
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -43,7 +43,7 @@ class Given(NamedTuple):
 
 
 def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> list[Given]:
-    """Usable samples of the data, evenly from all classes, or noise of as many sizes.
+    """Return usable samples of the data, drawn at random, or noise of as many sizes.
 
     Args:
         data: ``synthetic`` gives noise; anything else is read.
@@ -65,7 +65,8 @@ def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> l
             decoder = replace(decoder, half_scale=False)
         decoders[sense.modality] = decoder
     store = Store(cache_root(data.cache_dir), decoders)
-    found = (_loaded(sample, store, classifier) for sample in _spread(samples))
+    random.Random(0).shuffle(samples)  # so that the first come from many classes
+    found = (_loaded(sample, store, classifier) for sample in samples)
     usable = list(islice((given for given in found if given is not None), count))
     if count and not usable:
         raise UserError(
@@ -73,17 +74,6 @@ def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> l
             "data, or none."
         )
     return usable
-
-
-def _spread(samples: Sequence[Sample]) -> list[Sample]:
-    """Order samples: one of every class, then the next of every class."""
-    seen: Counter[str] = Counter()
-    ranks = []
-    for sample in samples:
-        ranks.append(seen[sample.label])
-        seen[sample.label] += 1
-    order = sorted(range(len(samples)), key=ranks.__getitem__)
-    return [samples[index] for index in order]
 
 
 def _loaded(sample: Sample, store: Store, classifier: SurfaceClassifier) -> Given | None:

@@ -18,7 +18,7 @@ from tex_lightning.config.composition import compose_config
 from tex_lightning.config.instantiation import trust
 from tex_lightning.config.mistakes import MISTAKES, explain
 from tex_lightning.config.weights import read_config
-from tex_lightning.core.devices import is_out_of_memory, pick_device, synchronise, use_tf32
+from tex_lightning.core.devices import pick_device, synchronise, use_tf32
 from tex_lightning.core.run_folder import find_checkpoint
 from tex_lightning.data.quality import Quality, together
 from tex_lightning.errors import UserError
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 Input = str | Path | np.ndarray[Any, Any] | Tensor | list[Any] | None
 TASK = "predict"
-TOO_LARGE = "The recordings take more memory than there is; give smaller ones."
 
 
 def load(path: str | Path, *overrides: str, trusted: Sequence[str] = ()) -> "Predictor":
@@ -159,13 +158,11 @@ class Predictor:
                 vote, found = classify_with_maps(full, inputs)
             else:
                 vote = decider.classify(**inputs)
-        except (UserError, MemoryError, RuntimeError) as error:
-            if not isinstance(error, UserError) and not is_out_of_memory(error):
-                raise
+        except UserError as error:
             files = [str(each) for each in given.values() if isinstance(each, str | Path)]
-            named = not files or any(file in str(error) for file in files)
-            text = str(error) if isinstance(error, UserError) else TOO_LARGE
-            raise UserError(text if named else f"{' and '.join(files)}: {text}") from error
+            if not files or any(file in str(error) for file in files):
+                raise
+            raise UserError(f"{' and '.join(files)}: {error}") from error
         synchronise(decider.device)
         latency, fused = time.perf_counter() - begin, self.classifier.fusion is not None
         said = decider.card.modalities if fused else ()

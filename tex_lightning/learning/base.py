@@ -27,7 +27,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import BINS
 from tex_lightning.learning.loggers import log_figures
 from tex_lightning.networks.blocks import is_builtin
-from tex_lightning.report.confusion import confusion_figure
+from tex_lightning.report.figures import confusion_figure
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 CONFUSION = "confusion"  # a matrix, which is drawn and not logged

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter, PercentFormatter
 
-from tex_lightning.core.console import say
+from tex_lightning.core.console import console, say
 from tex_lightning.core.files import write_rows
 from tex_lightning.report.style import brief, looks, styled
-from tex_lightning.report.table import make_table, print_table, print_tables
+from tex_lightning.report.table import make_table, print_tables
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def print_frontier(
             f"{point.parameters:,}",
             style=None if point.on_frontier else "dim",
         )
-    print_table(table)
+    console.print(table)
     (chosen,) = (point for point in points if point.chosen)
     say(
         f"Expect {procedure['vote_accuracy']:.1%} of such a choice: each fold by the system chosen "

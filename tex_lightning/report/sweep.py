@@ -27,7 +27,6 @@ from tex_lightning.report.table import (
     folder_flags,
     is_tiny,
     make_table,
-    print_table,
     python_command,
     run_overrides,
     run_settings,
@@ -222,7 +221,7 @@ def _print(rows: Sequence[Row], directory: Path) -> None:
     for row in rows:
         varying = "\n".join(item for item in row["overrides"] if item not in shared)
         table.add_row(row["job"], varying, row.get("network", ""), *_figures(row))
-    print_table(table)
+    console.print(table)
     for row in rows:
         if row["status"] != "done":
             console.print(f"Job {row['job']}: {row['status']}", soft_wrap=True)

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 from rich import box
-from rich.measure import Measurement
 from rich.table import Table as Screened
 
 from tex_lightning.core.console import DEBUG, Screen, console
@@ -18,7 +17,6 @@ from tex_lightning.evaluation.conditions import KEY
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
-WIDE = 1000  # columns, for which no table is too wide
 CONDITIONS_FILE = "conditions.csv"
 CONDITIONS_COLUMNS = (
     "condition", "value", "network", "correct", "test_samples", "vote_accuracy", "ci_low",
@@ -119,14 +117,12 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     table = make_table(title, [""], list(shown))
     for fact in {fact: None for network in shown.values() for fact in network}:
         table.add_row(fact, *(network.get(fact, "") for network in shown.values()))
-    by_condition = condition_rows(results["networks"])
+    tables, by_condition = [table], condition_rows(results["networks"])
     if by_condition and results["data"] == "manifest":
-        further = make_table("votes by condition", ["", ""], list(results["networks"]))
+        tables.append(make_table("votes by condition", ["", ""], list(results["networks"])))
         for row in by_condition:
-            further.add_row(*row.values())
-        print_tables(directory, table, further)
-    else:
-        print_tables(directory, table)
+            tables[-1].add_row(*row.values())
+    print_tables(directory, *tables)
 
 
 def _condition_votes(networks: Mapping[str, Network]) -> dict[tuple[str, str], dict[str, Network]]:
@@ -184,21 +180,10 @@ def make_table(title: str, names: Sequence[str], figures: Sequence[str]) -> Scre
     return table
 
 
-def print_table(table: Screened) -> None:
-    """Print a table; where a terminal is too narrow for it, figures go on in the next line."""
-    wide = console.options.update(width=WIDE)
-    if Measurement.get(console, wide, table).minimum > console.width:
-        for column in table.columns:
-            column.no_wrap = False
-    console.print(table)
-    if table.caption:  # an empty line, which others end with
-        console.print()
-
-
 def print_tables(directory: Path, *tables: Screened) -> None:
     """Print tables, the path of the results, and a note if the run was only a trial."""
     for table in tables:
-        print_table(table)
+        console.print(table)
     if is_tiny(run_overrides(directory)):
         console.print(TINY, style="bold yellow")
     console.print(f"Results in {directory}", soft_wrap=True)

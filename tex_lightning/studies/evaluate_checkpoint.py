@@ -24,8 +24,7 @@ from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import make_inference_model
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.inference.prediction import warn_of_few
-from tex_lightning.report.confusion import confusion_figure
-from tex_lightning.report.figures import calibration_figure, save_figure
+from tex_lightning.report.figures import calibration_figure, confusion_figure, save_figure
 
 
 def results_frame(
