@@ -96,7 +96,7 @@ class InputBank:
 
     @property
     def inputs(self) -> list[Tensor]:
-        """The inputs (..., frames), in the order in which they were given."""
+        """Return the inputs (..., frames), in the order in which they were given."""
         starts = zip(self.starts.tolist(), self.lengths.tolist(), strict=True)
         return [self.flat[start : start + length].movedim(0, -1) for start, length in starts]
 
@@ -139,7 +139,7 @@ class PhotoBank:
     maps: dict[int, Photo] = field(default_factory=dict, init=False)
 
     def photo(self, index: int) -> Photo:
-        """The memory map of a photo; finding it again costs more than copying a crop.
+        """Return the memory map of a photo; finding it again costs more than copying a crop.
 
         Only so many stay open: each is an open file, and what was read of it stays in memory.
         """
@@ -171,7 +171,7 @@ class PhotoBank:
         return {"crop": torch.from_numpy(crops), "degrees": torch.from_numpy(degrees).float()}
 
     def _crop(self, index: int, top: int, left: int, seed: int | None) -> npt.NDArray[np.uint8]:
-        """One crop (side, side, 3), changed if there is a seed."""
+        """Return one crop (side, side, 3), changed if there is a seed."""
         piece = self.photo(index)[top : top + self.side, left : left + self.side]
         crop = mirrored(piece, self.side)
         if self.augmentation is None or seed is None:
@@ -196,7 +196,7 @@ def random_corner(photo: Photo, side: int, rng: np.random.Generator) -> tuple[in
 
 
 def mirrored(piece: npt.NDArray[np.uint8], side: int) -> npt.NDArray[np.uint8]:
-    """A photo (height, width, 3), mirrored outwards until it has ``side`` pixels on each side."""
+    """Mirror a photo (height, width, 3) outwards until it has ``side`` pixels on each side."""
     rows, columns = (max(0, side - length) for length in piece.shape[:2])
     if rows == 0 and columns == 0:
         return piece

@@ -246,12 +246,12 @@ def _middle(photo: Photo) -> Photo:
     if sizes[0] * sizes[1] <= MAX_PIXELS:
         return photo
     kept = [min(size, MAX_PIXELS // min(MAX_SIDE, *sizes)) for size in sizes]
-    top, left = ((size - each) // 2 for size, each in zip(sizes, kept, strict=True))
+    top, left = ((size - side) // 2 for size, side in zip(sizes, kept, strict=True))
     return photo[top : top + kept[0], left : left + kept[1]].copy()
 
 
 def _pixels(image: Image.Image) -> Photo:
-    """Upright RGB pixels, copied once and strip by strip: a large photo has no room for more."""
+    """Copy upright RGB pixels once, strip by strip: a large photo has no room for more."""
     ImageOps.exif_transpose(image, in_place=True)
     upright = image if image.mode == "RGB" else image.convert("RGB")
     upright.load()

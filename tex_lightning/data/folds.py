@@ -23,7 +23,7 @@ from tex_lightning.errors import UserError, listed
 
 
 def comparable(value: object) -> float | str:
-    """A value for comparison: numbers by value, so that ``60``, ``"60"`` and ``60.0`` are one.
+    """Return a value for comparison, by which ``60``, ``"60"`` and ``60.0`` are one.
 
     So are YAML's ``true`` and Python's ``True``; other words are compared as text.
     """
@@ -38,7 +38,7 @@ def comparable(value: object) -> float | str:
 
 
 def shown(value: str) -> str:
-    """One text for all values that are equal in comparison."""
+    """Return one text for all values that are equal in comparison."""
     known = comparable(value)
     return str(known).removesuffix(".0")
 
@@ -50,12 +50,13 @@ def in_order(value: str) -> tuple[bool, float, Any]:
 
 
 def is_tested(row: Recording, where: Mapping[str, Any]) -> bool | None:
-    """Whether a recording has the tested conditions; None if its sense has no such column."""
-    given = {name: value for name, value in row.conditions if name in where}
-    if not given:
+    """Return whether a recording has the tested conditions; None if it has no such column."""
+    conditions = {name: value for name, value in row.conditions if name in where}
+    if not conditions:
         return None
     return all(
-        comparable(value) in map(comparable, _values(where[name])) for name, value in given.items()
+        comparable(value) in map(comparable, _values(where[name]))
+        for name, value in conditions.items()
     )
 
 
@@ -70,27 +71,27 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
         UserError: If no recording has such a condition or value, or only some of a sense have it.
     """
     for name, wanted in where.items():
-        found = [(row, dict(row.conditions).get(name)) for row in recordings]
-        known = {comparable(value): shown(value) for _, value in found if value is not None}
+        values = [(row, dict(row.conditions).get(name)) for row in recordings]
+        known = {comparable(value): shown(value) for _, value in values if value is not None}
         if not known:
             names = list(dict.fromkeys(key for row in recordings for key, _ in row.conditions))
             raise UserError(
                 f"data.test_where names {name}, which no recording says{nearest(name, names)}; "
                 f"choose from {listed(names) or 'further columns of a manifest (data=manifest)'}."
             )
-        having = {row.modality for row, value in found if value is not None}
-        absent = [row for row, value in found if value is None and row.modality in having]
+        having = {row.modality for row, value in values if value is not None}
+        absent = [row for row, value in values if value is None and row.modality in having]
         if absent:
             raise UserError(
-                f"data.test_where names {name}, which {len(absent)} of the {len(found)} recordings "
-                f"do not say, {absent[0].path} for one: fill it in, or leave them out."
+                f"data.test_where names {name}, which {len(absent)} of the {len(values)} "
+                f"recordings do not say, {absent[0].path} for one: fill it in, or leave them out."
             )
         for value in _values(wanted):
             if comparable(value) not in known:
-                values = sorted(known.values(), key=in_order)
+                choices = sorted(known.values(), key=in_order)
                 raise UserError(
                     f"data.test_where: no recording has {name} {value}"
-                    f"{nearest(str(value), values)}; choose from {listed(values)}."
+                    f"{nearest(str(value), choices)}; choose from {listed(choices)}."
                 )
 
 
@@ -109,7 +110,7 @@ def describe(where: Mapping[str, Any]) -> str:
 
 
 def as_override(where: Mapping[str, Any] | None) -> str:
-    """The override for them in a shell."""
+    """Return the override for them in a shell."""
     if where is None:
         return "data.test_where=null"
     pairs = (f"{name}: {json.dumps(wanted, ensure_ascii=False)}" for name, wanted in where.items())
@@ -155,18 +156,18 @@ def with_folds(recordings: Recordings, folds: int) -> Recordings:
     count = count_folds(recordings, folds)
     if any(isinstance(row.group, str) for row in rows):
         kinds = [(row.label, row.modality) for row in rows]
-        found = divide(kinds, [row.group_key for row in rows], count)
+        numbers = divide(kinds, [row.group_key for row in rows], count)
     else:
-        numbers = sorted({int(row.group) for row in rows})
-        whole = len({number % count for number in numbers}) == min(len(numbers), count)
-        place = {number: number % count if whole else at for at, number in enumerate(numbers)}
-        found = [place[int(row.group)] % count for row in rows]
-    folded = zip(rows, found, strict=True)
+        groups = sorted({int(row.group) for row in rows})
+        whole = len({number % count for number in groups}) == min(len(groups), count)
+        fold_of = {number: number if whole else at for at, number in enumerate(groups)}
+        numbers = [fold_of[int(row.group)] % count for row in rows]
+    folded = zip(rows, numbers, strict=True)
     return replace(recordings, rows=tuple(replace(row, fold=fold) for row, fold in folded))
 
 
 def count_folds(recordings: Recordings, folds: int) -> int:
-    """Number of folds that a table has: as many as asked for, or as there are groups."""
+    """Return the number of folds that a table has: as many as asked for, or as there are groups."""
     named = any(isinstance(row.group, str) for row in recordings)
     groups = {row.group_key if named else row.group for row in recordings}
     return min(folds, len(groups)) if len(groups) > 1 else folds  # one cannot be divided
@@ -195,7 +196,7 @@ def _part(row: Recording, by: Folding) -> str:
 
 
 def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -> list[Recording]:
-    """The first ``count`` recordings of each class and sense after a fold, cyclically.
+    """Return the first ``count`` recordings of each class and sense after a fold, cyclically.
 
     Args:
         rows: Recordings with folds.
@@ -208,11 +209,11 @@ def next_of_each(rows: Sequence[Recording], count: int, fold: int, folds: int) -
         assert row.fold is not None, "the reader's table has folds"
         return (row.fold - fold) % folds, natural_key(str(row.group))
 
-    taken: Counter[tuple[str, str]] = Counter()
+    counts: Counter[tuple[str, str]] = Counter()
     kept = set()
     for row in sorted(rows, key=place):
-        taken[row.label, row.modality] += 1
-        if taken[row.label, row.modality] <= count:
+        counts[row.label, row.modality] += 1
+        if counts[row.label, row.modality] <= count:
             kept.add(row)
     return [row for row in rows if row in kept]
 
@@ -223,12 +224,12 @@ def make_samples(part: Recordings, modalities: Sequence[str]) -> list[Sample]:
     Of several modalities the longest list of a class decides the number of samples and shorter ones
     are gone through again, so that every recording is seen; a class that lacks one gives none.
     """
-    found: dict[tuple[str, str], list[Recording]] = defaultdict(list)
+    lists: dict[tuple[str, str], list[Recording]] = defaultdict(list)
     for row in part:
-        found[row.label, row.modality].append(row)
+        lists[row.label, row.modality].append(row)
     samples: list[Sample] = []
     for label in part.classes:
-        rows = {modality: found[label, modality] for modality in modalities}
+        rows = {modality: lists[label, modality] for modality in modalities}
         if all(rows.values()):
             samples += [
                 Sample(label, {name: each[i % len(each)] for name, each in rows.items()})

@@ -36,7 +36,7 @@ RATE = "data.sampling_rate"
 
 
 def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
-    """The job with what its own recordings decide, as if it had been asked for.
+    """Return the job with what its own recordings decide, as if it had been asked for.
 
     Args:
         task: What the job does.
@@ -95,12 +95,12 @@ def _with_pretrained(task: str, data: DataConfig, model: ModelConfig, job: Job) 
 
 
 def weights_are_installed() -> bool:
-    """Whether the package with the weights of the default trunk is there."""
+    """Return whether the package with the weights of the default trunk is there."""
     return find_spec(EfficientNetLite0.imagenet_package) is not None
 
 
 def _own_rate(data: DataConfig, model: ModelConfig) -> float:
-    """The highest rate in Hz of the traces that are brought to one, at most the paper's."""
+    """Return the highest rate in Hz of the traces that are brought to one, at most the paper's."""
     senses = [model.sense(sense) for sense in model.senses]
     modalities = {
         sense.modality for sense in senses if sense.decode.get("sampling_rate", "none") is None
@@ -121,7 +121,7 @@ def _own_rate(data: DataConfig, model: ModelConfig) -> float:
 
 
 def _rate(row: Recording, assumed: float | None) -> float:
-    """Of one trace; 0 if it cannot be read, which is said later of all together."""
+    """Return the rate of one trace in Hz; 0 if it cannot be read, which is said later."""
     decoder = SignalDecoder(PAPERS_RATE, assumed or PAPERS_RATE)
     try:
         _, source = read_trace(row.path, decoder, row.sampling_rate)

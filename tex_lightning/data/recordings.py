@@ -35,12 +35,12 @@ def equal_parts(count: int) -> list[Part]:
 
 
 def write_part(part: Part) -> str:
-    """The part as text, such as ``0-0.5``, exactly."""
+    """Return the part as text, such as ``0-0.5``, exactly."""
     return "-".join(np.format_float_positional(border, trim="-") for border in part)
 
 
 def read_part(text: str) -> Part:
-    """The part that :func:`write_part` wrote.
+    """Return the part that :func:`write_part` wrote.
 
     Raises:
         ValueError: If it is none.
@@ -52,7 +52,7 @@ def read_part(text: str) -> Part:
 
 
 def overlap(one: Part | None, other: Part | None) -> bool:
-    """Whether two parts of one file share anything; None is all of it."""
+    """Return whether two parts of one file share anything; None is all of it."""
     (begin, end), (start, stop) = one or WHOLE, other or WHOLE
     return begin < stop and start < end
 
@@ -194,18 +194,18 @@ class Note(NamedTuple):
 
 
 def class_indices(labels: Iterable[str], classes: Sequence[str]) -> list[int]:
-    """The index of each label among the classes."""
+    """Return the index of each label among the classes."""
     index = {name: number for number, name in enumerate(classes)}
     return [index[label] for label in labels]
 
 
 def name_one(modality: str) -> str:
-    """Name of one recording of a modality."""
+    """Return the name of one recording of a modality."""
     return NAMES.get(modality, f"{modality} recording")
 
 
 def plural(modality: str) -> str:
-    """Name of several recordings of a modality."""
+    """Return the name of several recordings of a modality."""
     return f"{name_one(modality)}s"
 
 
@@ -293,14 +293,14 @@ def write_manifest(recordings: Recordings, path: Path) -> None:
             file = row.path.resolve()
             if file.is_relative_to(folder):
                 file = file.relative_to(folder)
-            given = {PART: write_part(row.part) if row.part else "", **dict(row.conditions)}
-            values = [given.get(name, "") for name in (*parts, *names)]
+            more = {PART: write_part(row.part) if row.part else "", **dict(row.conditions)}
+            values = [more.get(name, "") for name in (*parts, *names)]
             cells = [row.label, row.modality, str(file), row.group, rate, *values]
             writer.writerow(map(to_cell, cells))
 
 
 def _read_line(folder: Path, line: dict[str, str]) -> Recording:
-    """The recording of a line; what cannot be understood stays text, which :func:`check_row` says.
+    """Make the recording of a line; what cannot be parsed stays text for :func:`check_row`.
 
     Cells beyond the columns of the table are left out.
     """

@@ -239,7 +239,7 @@ def _map(entry: Path) -> npt.NDArray[Any]:
 
 
 def load_recording(row: Recording, store: Store) -> Tensor:
-    """A decoded recording, copied to memory."""
+    """Return a decoded recording, copied to memory."""
     return torch.from_numpy(np.array(store.load(row)))
 
 

@@ -87,26 +87,26 @@ def _join_axes(path: Path, parts: list[Table]) -> Table:
     axes = [samples for samples, _ in parts]
     first = parts[0][1]
     hertz = [rate.hz if rate else 0.0 for _, rate in parts]
-    single = {each.shape for each in axes} == {(1, axes[0].shape[1])}
-    if not single or not all(same_rate(each, hertz[0]) for each in hertz):
-        told = [
-            f"{each.size}{f' at {rate:,.6g} Hz' if rate else ''}"
-            for each, rate in zip(axes, hertz, strict=True)
+    single = {axis.shape for axis in axes} == {(1, axes[0].shape[1])}
+    if not single or not all(same_rate(rate, hertz[0]) for rate in hertz):
+        sizes = [
+            f"{axis.size}{f' at {rate:,.6g} Hz' if rate else ''}"
+            for axis, rate in zip(axes, hertz, strict=True)
         ]
         raise UserError(
-            f"The axes X, Y, Z of trace {path} have {', '.join(told)}; each must be a single one, "
+            f"The axes X, Y, Z of trace {path} have {', '.join(sizes)}; each must be a single one, "
             "and all of one length and rate."
         )
     return np.concatenate(axes), first
 
 
 def same_rate(one: float, other: float) -> bool:
-    """Whether two rates in Hz may be told of one file; a column of time is never exact."""
+    """Return whether two rates in Hz may be told of one file; a column of time is never exact."""
     return math.isclose(one, other, rel_tol=RATE_TOLERANCE)
 
 
 def axis_files(path: Path) -> tuple[Path, ...]:
-    """The files of one recording: three if its axes lie apart, as in LMT-108, else the file alone.
+    """List the files of one recording: three if its axes lie apart, as in LMT-108, else itself.
 
     Files are axes of one recording if their names differ in ``_X_``, ``_Y_``, ``_Z_`` before the
     last part of the name (``G1Mesh_Movement_X_train1.txt``). Any of the three stands for all, and
@@ -120,7 +120,7 @@ def axis_files(path: Path) -> tuple[Path, ...]:
 
 
 def stands_for_all(path: Path) -> bool:
-    """Whether a file is the first of its recording that is there, by which the others are found."""
+    """Return whether a file is the first of its recording, by which the others are found."""
     return path == next(filter(is_file, axis_files(path)), path)
 
 
@@ -258,7 +258,7 @@ def _read_text(path: Path) -> Table:
 
 
 def _decode_text(content: bytes) -> str:
-    """Text of UTF-16 (Excel's "Unicode text"), UTF-8 or, for names alone, Latin-1."""
+    """Decode text of UTF-16 (Excel's "Unicode text"), UTF-8 or, for names alone, Latin-1."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16")
     try:
@@ -276,14 +276,14 @@ def _is_numbers(line: str) -> bool:
 
 
 def _delimiter(line: str) -> str | None:
-    """The delimiter of a line of numbers; None is white space, beside which commas are decimal."""
+    """Find the delimiter of a line of numbers; None is white space, beside decimal commas."""
     if ";" in line:
         return ";"
     return "," if "," in line and not re.search(r"\d[ \t]+[-+.\d]", line) else None
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
-    """The cells of a line of names, which may be divided otherwise than the numbers."""
+    """Return the cells of a line of names, which may be divided otherwise than the numbers."""
     marks = (delimiter, "\t", ";", ",")
     return line.split(next((mark for mark in marks if mark and mark in line), None))
 
@@ -302,13 +302,13 @@ MAX_FILLED = 2  # times as many samples, beyond which most of a recording would 
 
 
 def _find_time(names: list[list[str]], table: Array) -> tuple[int, float] | None:
-    """Index and unit in seconds of the column of time; units may stand below the names."""
+    """Find index and unit in seconds of the column of time; units may stand below names."""
     for row, below in zip(names, [*names[1:], [""] * table.shape[1]], strict=False):
         words = [_words(name) for name in row]
-        found = [index for index, each in enumerate(words) if each and each[0] in TIMES]
-        if len(found) > 1:
-            raise ValueError(f"it has {len(found)} columns of time; keep one")
-        for index in found:
+        times = [index for index, name in enumerate(words) if name and name[0] in TIMES]
+        if len(times) > 1:
+            raise ValueError(f"it has {len(times)} columns of time; keep one")
+        for index in times:
             unit = (words[index][1:] or _words(below[index]) or words[index])[-1]
             if unit not in SECONDS:
                 raise ValueError(
@@ -375,22 +375,24 @@ def _read_xml(path: Path) -> Table:
     _check_text(path)
     tree = ElementTree.parse(path, ElementTree.XMLParser(target=_NoEntities()))
     known = {name.lower(): name for name in ("SampleRate", *AXES, "Accel")}
-    found: dict[str, Array] = {}
+    values: dict[str, Array] = {}
     for element in tree.iter():
         tag = _local_name(element)
         inner = {f"{tag}{_local_name(child)}": child for child in element} if tag == "accel" else {}
-        for name, each in {tag: element, **inner}.items():
+        for name, node in {tag: element, **inner}.items():
             if name in known:
-                found[known[name]] = _numbers(known[name], " ".join(each.itertext()))
-    rate = found.get("SampleRate", np.empty(0))
+                values[known[name]] = _numbers(known[name], " ".join(node.itertext()))
+    rate = values.get("SampleRate", np.empty(0))
     if len(rate) != 1:
         raise ValueError(f"it has {len(rate) or 'no'} SampleRate where one number of Hz is needed")
-    names = ("Accel",) if "Accel" in found and AXES[0] not in found else AXES
-    axes = [found.get(name, np.empty(0)) for name in names]
+    names = ("Accel",) if "Accel" in values and AXES[0] not in values else AXES
+    axes = [values.get(name, np.empty(0)) for name in names]
     counts = [len(axis) for axis in axes]
     if len({*counts}) > 1 or not counts[0]:
-        told = ", ".join(map(str, counts))
-        raise ValueError(f"{', '.join(names)} have {told} samples; they need as many of each")
+        raise ValueError(
+            f"{', '.join(names)} have {', '.join(map(str, counts))} samples; they need as many of "
+            "each"
+        )
     return np.stack(axes), SourceRate(float(rate[0]), "header")
 
 

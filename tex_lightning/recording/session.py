@@ -135,7 +135,7 @@ class Signal:
 
     @property
     def samples(self) -> Chunk:
-        """All samples of the recording (axes, samples), float32; there has to be a chunk."""
+        """Return all samples of the recording (axes, samples), float32; there has to be a chunk."""
         return np.concatenate(self._chunks, axis=1)
 
     def warnings(self, ranges: Ranges) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ class Parser:
         self.expected = f"send {kind} {self.axes} numbers for each ({key}.axes)"
 
     def feed(self, content: bytes) -> Chunk:
-        """Samples (axes, samples) that are whole now, perhaps none.
+        """Return the samples (axes, samples) that are whole now, perhaps none.
 
         Raises:
             UserError: If they are not of the format, or hold NaN or infinity.

@@ -10,25 +10,25 @@ from tex_lightning.data.recordings import Recordings, check_distinct, check_row
 from tex_lightning.errors import UserError
 
 
-def checked_table(made: Any, reader: str) -> Recordings:  # noqa: ANN401
-    """The table that the ``read()`` of a class named ``reader`` has returned.
+def checked_table(table: Any, reader: str) -> Recordings:  # noqa: ANN401
+    """Return the table that the ``read()`` of a class named ``reader`` has returned.
 
     Raises:
         UserError: If it is no table, is empty, lists something twice, or a row is not as
             :class:`~tex_lightning.Recording` says.
     """
-    if not isinstance(made, Recordings):
+    if not isinstance(table, Recordings):
         raise UserError(
-            f"{reader}.read() of data.reader returned {type(made).__name__}; let it return "
+            f"{reader}.read() of data.reader returned {type(table).__name__}; let it return "
             "tex_lightning.Recordings."
         )
-    rows = tuple(made.rows)
+    rows = tuple(table.rows)
     for number, row in enumerate(rows, start=1):
         check_row(row, f"Record {number} of the table of {reader} (data.reader)")
     if not rows:
         raise UserError(f"{reader} (data.reader) found no recordings; check the keys of data.")
     check_distinct(f"{reader} (data.reader)", rows)
-    return Recordings(rows, made.notes)
+    return Recordings(rows, table.notes)
 
 
 def read_recordings(

@@ -78,8 +78,8 @@ def read_folder(root: Path) -> Recordings:
     rows: list[Recording] = []
     notes: list[Note] = []
     for directory in _folders(root):
-        found, passed_over = _read_class(directory)
-        rows += found
+        recordings, passed_over = _read_class(directory)
+        rows += recordings
         notes += passed_over
     if not rows:
         raise UserError(

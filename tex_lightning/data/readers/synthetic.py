@@ -46,11 +46,11 @@ class SyntheticReader:
         spec = spec_of(self.classes, self.surfaces)
         kinds: list[tuple[str, ...]] = [("haptic", "image")] if set(self.senses) != {SOUND} else []
         kinds += [(SOUND,)] if SOUND in self.senses else []
-        rows = [row for each in kinds for row in read_folder(self._folder(spec, each))]
+        rows = [row for kind in kinds for row in read_folder(self._folder(spec, kind))]
         return with_conditions(spec, Recordings(tuple(rows)))
 
     def _folder(self, spec: SyntheticSpec, modalities: tuple[str, ...]) -> Path:
-        """The folder of the cache with these recordings."""
+        """Return the folder of the cache with these recordings."""
         identity = {"version": __version__, **asdict(spec)}
         if SOUND in modalities:
             identity["modality"] = SOUND
@@ -64,12 +64,12 @@ class SyntheticReader:
 
 
 def spec_of(classes: int | None, surfaces: Mapping[str, Any]) -> SyntheticSpec:
-    """The synthetic data set of so many classes; None takes the usual number."""
+    """Return the synthetic data set of so many classes; None takes the usual number."""
     return SyntheticSpec(classes or SyntheticSpec.classes, **surfaces)
 
 
 def with_conditions(spec: SyntheticSpec, recordings: Recordings) -> Recordings:
-    """The same rendered recordings with the conditions that they were drawn under."""
+    """Return the same rendered recordings with the conditions that they were drawn under."""
     places = {
         material.name: at for at, material in enumerate(make_materials(spec.classes, spec.seed))
     }
