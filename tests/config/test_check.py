@@ -36,7 +36,7 @@ def check(*overrides: str, senses: str = "force") -> None:
         ("+model.force.fits=1", r"did you mean model\.force\.fit\?"),
         ("+model.force.decode.sample_rate=1", r"mean model\.force\.decode\.sampling_rate\?"),
         ("+model.force.fit.epohcs=1", r"model\.force: .*epohcs"),
-        ("+model.fusion.forc_checkpoint=a", r"did you mean model\.fusion\.force_checkpoint\?"),
+        ("+model.fusion.forc_checkpoint=a", r"did you mean force_checkpoint\?"),
         ("+trainer.max_epochs=3", r"trainer\.max_epochs is set by this package"),
     ],
 )

@@ -33,7 +33,7 @@ def test_another_command_finds_the_same_folders(tmp_path):
         given = ["seed=1", *senses.values(), "+sense@model.grip=haptic"]
         assert repeated_arguments(given, paths) == [
             "--config-dir", f"{tmp_path}/given", f'hydra.searchpath=["file://{tmp_path}/searched"]',
-            "seed=1", "+sense@model.grip=haptic",
+            *given,
         ]  # fmt: skip
     finally:
         use_config_dir([])

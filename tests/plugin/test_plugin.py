@@ -199,7 +199,7 @@ def test_help_and_near_matches_know_the_users_files(cli, tmp_path):
     )
     shown = cli(*CONF, "task=fit", "model=fusion", "model.senses=[force]", "--help").out
     assert "model.force.network.channels=8" in shown
-    assert "model.force.fit.frames=64\n    length of a sub-sample" in shown
+    assert "model.force.fit.frames=64\n    frames of a sub-sample" in shown
     with pytest.raises(tl.UserError, match=r"model=smal does not exist \(did you mean small"):
         tl.train(*map(str, CONF), "model=smal")
     outcome = cli("--config-dir=/no/such", "model=small")

@@ -12,29 +12,17 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from tex_lightning.config.data import (
-    DataConfig,
-    Folding,
-    RecordConfig,
-    SourceConfig,
-    SyntheticConfig,
-)
+from tex_lightning.config import tasks
+from tex_lightning.config.data import DataConfig, Folding, RecordConfig
 from tex_lightning.config.keys import SEED, key
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, ModelConfig
 from tex_lightning.config.search import register_folders
 from tex_lightning.config.tasks import (
-    OPTIMIZED_METRICS,
     READ_FILES,
     READS,
     SILENT,
-    CrossvalConfig,
     DecisionConfig,
     EngineConfig,
-    EnrollConfig,
-    ExportConfig,
-    FrontierConfig,
-    GenerateConfig,
-    PredictConfig,
     ProfileConfig,
     StabilityConfig,
     StreamConfig,
@@ -42,12 +30,9 @@ from tex_lightning.config.tasks import (
 )
 
 __all__ = [
-    "READS", "READ_FILES", "SILENT", "Config", "CrossvalConfig", "DataConfig", "DecisionConfig",
-    "EngineConfig", "EnrollConfig", "ExportConfig", "Folding", "FrontierConfig",
-    "GenerateConfig",
-    "ModelConfig", "PredictConfig", "ProfileConfig", "RecordConfig", "SourceConfig",
-    "StabilityConfig", "StreamConfig", "SyntheticConfig", "TrainerConfig", "flatten",
-    "plain_values", "register",
+    "READS", "READ_FILES", "SILENT", "Config", "DataConfig", "DecisionConfig", "EngineConfig",
+    "Folding", "ModelConfig", "ProfileConfig", "StabilityConfig", "StreamConfig", "TrainerConfig",
+    "flatten", "plain_values", "register",
 ]  # fmt: skip
 
 INSIDE = Path(__file__).parents[1] / "conf"  # in an installed wheel
@@ -62,7 +47,7 @@ class Config:
     task: str = key("what to do, set by task=NAME", choices=tuple(READS))
     verbose: int = key(
         "what standard error shows: 0 the result and errors, 1 also progress and messages, 2 also "
-        "Lightning's summary, other libraries' messages, metrics of each epoch and timings",
+        "messages of other libraries, metrics of each epoch and timings",
         least=0, most=2,
     )  # fmt: skip
     seed: int = key(
@@ -79,15 +64,8 @@ class Config:
         "that OpenCV reads, to record",
         default=None,
     )
-    sound: Any = key(
-        "sound(s): a file or a list to predict from; a source to record, as for haptic",
-        default=None,
-    )
-    own: dict[str, Any] = key(
-        "files of your own senses to predict from, stream or profile with, by modality; "
-        "+NAME=FILE adds one",
-        factory=dict,
-    )
+    sound: Any = key("sound(s): as haptic", default=None)
+    own: dict[str, Any] = key("files of your own senses; +NAME=FILE adds one", factory=dict)
     top_k: int = key("candidates listed by task=predict", least=1)
     weights: Any = key(
         "initial weights of the trunk: file, URL, imagenet or a checkpoint; for several trunks "
@@ -101,11 +79,11 @@ class Config:
     optimized_metric: str | None = key(
         "value that a job returns to a searching sweeper, to minimise; vote_error is that of the "
         "tested fold; null takes val_loss if there is a validation fold, else vote_error",
-        choices=OPTIMIZED_METRICS, default=None,
+        choices=tasks.OPTIMIZED_METRICS, default=None,
     )  # fmt: skip
     explained_samples: int = key(
         "number of test samples whose votes are drawn (docs/predict.md): wrong ones, the surest "
-        "first, or if there are none the least sure; 0 draws none",
+        "first, or if there are none the least sure",
         least=0, most=100,
     )  # fmt: skip
     data: DataConfig = field(default_factory=DataConfig)
@@ -115,22 +93,22 @@ class Config:
     engine: EngineConfig = field(default_factory=EngineConfig)
     callbacks: dict[str, Any] = key("callbacks by name, each with its _target_", factory=dict)
     logger: dict[str, Any] = key("loggers by name, each with its _target_", factory=dict)
-    crossval: CrossvalConfig = field(default_factory=CrossvalConfig)
-    enroll: EnrollConfig = field(default_factory=EnrollConfig)
-    predict: PredictConfig = field(default_factory=PredictConfig)
+    crossval: tasks.CrossvalConfig = field(default_factory=tasks.CrossvalConfig)
+    enroll: tasks.EnrollConfig = field(default_factory=tasks.EnrollConfig)
+    predict: tasks.PredictConfig = field(default_factory=tasks.PredictConfig)
     stream: StreamConfig = field(default_factory=StreamConfig)
     record: RecordConfig = field(default_factory=RecordConfig)
-    export: ExportConfig = field(default_factory=ExportConfig)
-    generate: GenerateConfig = field(default_factory=GenerateConfig)
+    export: tasks.ExportConfig = field(default_factory=tasks.ExportConfig)
+    generate: tasks.GenerateConfig = field(default_factory=tasks.GenerateConfig)
     profile: ProfileConfig = field(default_factory=ProfileConfig)
-    frontier: FrontierConfig = field(default_factory=FrontierConfig)
+    frontier: tasks.FrontierConfig = field(default_factory=tasks.FrontierConfig)
     stability: StabilityConfig = field(default_factory=StabilityConfig)
 
     @property
     def files(self) -> dict[str, Any]:
         """Files to predict from, by modality."""
-        given = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
-        return {modality: value for modality, value in given.items() if value is not None}
+        files = {"haptic": self.haptic, "image": self.image, "sound": self.sound, **self.own}
+        return {modality: value for modality, value in files.items() if value is not None}
 
     def weights_of(self, sense: str) -> str | None:
         """Source of the first weights of one sense's trunk; None is random.
@@ -139,8 +117,8 @@ class Config:
         else is meant for the photos' trunk, or for that of the only sense.
         """
         if isinstance(self.weights, dict):
-            given: str | None = self.weights.get(sense)
-            return given
+            source: str | None = self.weights.get(sense)
+            return source
         alone = self.model.senses == [sense]
         return self.weights if alone or sense == "visual" else None
 
@@ -184,12 +162,12 @@ def register() -> None:
 def _schema() -> DictConfig:
     """The dataclasses as Hydra composes them: closed, except sections with keys of others."""
     node: DictConfig = OmegaConf.structured(Config)
-    sections = [node.model[name] for name in (*PACKAGE_SENSES, FUSION)]
-    nodes = [each.fit[part] for each in sections for part in ("optimizer", "schedule")]
-    nodes += [node.model[name][part] for name in PACKAGE_SENSES for part in ("features", "network")]
-    nodes += [node.data.reader, node.model.visual.trunk, node.callbacks, node.logger]
-    nodes += [node.record.conditions]
+    model = node.model
+    fits = [model[name].fit for name in (*PACKAGE_SENSES, FUSION)]
+    parts = [model[name][part] for name in PACKAGE_SENSES for part in ("features", "network")]
+    parts += [fit[part] for fit in fits for part in ("optimizer", "schedule")]
+    parts += [node.data.reader, model.visual.trunk, node.callbacks, node.logger]
     # whoever they are passed to knows their keys; senses may be a user's
-    for opened in (node.model, node.model.fusion, node.trainer, *nodes):
+    for opened in (model, model.fusion, node.trainer, node.record.conditions, *parts):
         OmegaConf.set_struct(opened, False)
     return node

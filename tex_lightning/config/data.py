@@ -6,6 +6,8 @@ from typing import Any
 from tex_lightning.config.keys import SEED, key
 
 SIDES = {"unit": "pixels", "least": 32, "most": 8192}  # of a rendered photo
+HERTZ = {"unit": "Hz", "least": 20, "most": 200_000}
+HOUR = {"unit": "s", "above": 0, "most": 3600}
 
 
 @dataclass
@@ -24,8 +26,8 @@ class Folding:
     """How recordings are divided into folds, and which of them are trained on."""
 
     folds: int = key(
-        "number of folds, of whole groups; where groups are numbers the fold is the number modulo "
-        "this",
+        "number of folds, of whole groups; a group that is a number is in the fold of that number, "
+        "modulo this",
         least=2, most=100_000,
     )  # fmt: skip
     test_fold: int | None = key(
@@ -35,12 +37,12 @@ class Folding:
     inverted: bool = key("train on test_fold alone and test on all the others")
     per_class: int | None = key(
         "training recordings of each class and sense, the next ones after test_fold in the order "
-        "of groups; null takes all of the training folds",
+        "of groups; null takes all",
         least=1, most=1_000_000, default=None,
     )  # fmt: skip
     test_where: Any = key(
         "conditions whose recordings are tested, and never trained or chosen on, in place of a "
-        "fold: {speed: 60} or {speed: [50, 60], light: lamp}; null tests data.test_fold",
+        "fold: {speed: 60} or {speed: [50, 60], light: lamp}",
         default=None,
     )
 
@@ -58,32 +60,27 @@ class DataConfig(Folding):
         "class that reads the data set, and that class's own keys, set by data=NAME", factory=dict
     )
     group_by: str | None = key(
-        "property that defines the groups, and so the folds, of a data set that can be grouped in "
-        "several ways",
-        default=None,
+        "property that defines the groups, where there are several", default=None
     )
     classes: int | None = key(
-        "number of classes, the first ones in the order of their names; null takes all",
-        least=2, default=None,
-    )  # fmt: skip
+        "number of classes, the first by name; null takes all", least=2, default=None
+    )
     synthetic: SyntheticConfig = field(default_factory=SyntheticConfig)
     sampling_rate: float | None = key(
         "rate that every trace is resampled to; null is their own rate in training (the highest "
         "of several), at most the paper's 10 kHz",
-        unit="Hz", least=20, most=200_000,
-    )  # fmt: skip
+        **HERTZ,
+    )
     file_rate: float | None = key(
-        "rate of traces whose rate is in neither file nor manifest; null is "
-        "sampling_rate, or 10 kHz where that is null",
-        unit="Hz", least=20, most=200_000, default=None,
-    )  # fmt: skip
+        "rate of traces without one; null is sampling_rate, or 10 kHz", default=None, **HERTZ
+    )
     channels: list[int] | None = key(
         "channels of traces that are kept, counted from 0, such as [3,4,5]; null keeps all",
         least=0, most=63, default=None,
     )  # fmt: skip
     half_scale: bool = key("halve photos; false for photos under a megapixel")
     resize: int | None = key(
-        "side of the square that photos are resized to instead; null leaves them",
+        "side of the square that photos are resized to instead",
         unit="pixels", least=1, most=8192, default=None,
     )  # fmt: skip
     hold_out: list[str] | None = key(
@@ -104,9 +101,8 @@ class SourceConfig:
     """How the samples of one signal arrive."""
 
     rate: int | None = key(
-        "rate of the samples; null takes that of the file or of the sound card",
-        unit="Hz", least=20, most=200_000, default=None,
-    )  # fmt: skip
+        "rate of the samples; null takes that of the file or sound card", default=None, **HERTZ
+    )
     axes: int = key("numbers of one sample, each a channel of the file", least=1, most=64)
     format: str = key(
         "samples of pipes, TCP and serial ports: little-endian float32, or text, a sample a line",
@@ -121,17 +117,16 @@ class RecordConfig:
 
     label: str | None = key("class that is recorded, a folder of record.out", default=None)
     out: str | None = key("folder of the data set, new or existing", default=None)
-    seconds: float = key("length of a recording, or its limit", unit="s", above=0, most=3600)
+    seconds: float = key("length of a recording, or its limit", **HOUR)
     least_seconds: float = key(
-        "shorter recordings are not kept: after an interrupt, a tap, or the end of a source",
-        unit="s", above=0, most=3600,
-    )  # fmt: skip
+        "shorter recordings are not kept: after an interrupt, a tap, or the end of a source", **HOUR
+    )
     count: int = key("number of recordings, one after the other", least=1, most=10_000)
     contact: bool = key(
         "begin each when the level rises above that of the first half second, and end it when it "
         "falls silent"
     )
-    timeout: float = key("longest time without data of a source", unit="s", above=0, most=3600)
+    timeout: float = key("longest time without data of a source", **HOUR)
     conditions: dict[str, Any] = key(
         "further columns of the manifest, such as {speed: 60, person: anna}", factory=dict
     )

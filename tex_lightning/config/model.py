@@ -6,21 +6,23 @@ from typing import Any, ClassVar
 
 from tex_lightning.config.keys import key
 
+FUSION = "fusion"  # name of several senses together
+PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others are a user's
+CHECKPOINT = "_checkpoint"  # end of a key of the fusion
 MIN_FACTOR, MAX_FACTOR = 10, 50  # of FusionNet's head, in the paper
 PATCH = 224  # pixels a side that give one prediction on the trunks as published
 LARGEST = 8192  # pixels a side
 RATE = {"above": 0, "most": 10}
 COUNT = {"least": 1, "most": 1_000_000}
+STEPS = {"least": 0, "most": 1_000_000}
 BATCH = {"least": 1, "most": 4096}
 SHARE = {"least": 0, "most": 1}
 PROBABILITY = {"least": 0, "below": 1}
 WIDTH = {"above": 0, "most": 8}
 ROTATION = {"unit": "degrees", "least": 0, "most": 180}
+SECONDS = {"unit": "s", "most": 10}
 NORMS = ("batch", "lrn", "none")
-PERTURB = (
-    "perturbations to train on too, by name in tex_lightning/perturbations/severities.yaml; [] for "
-    "none"
-)
+PERTURB = "perturbations to train on too, named in tex_lightning/perturbations/severities.yaml"
 
 
 @dataclass
@@ -31,7 +33,7 @@ class FitConfig:
     two checkpoints.
     """
 
-    epochs: int = key("stretches of training between two checkpoints", least=0, most=1_000_000)
+    epochs: int = key("stretches of training between two checkpoints", **STEPS)
     steps_per_epoch: int = key("optimiser steps in an epoch", **COUNT)
     batch_size: int = key("samples in a step, over all processes", **BATCH)
     optimizer: dict[str, Any] = key(
@@ -39,14 +41,19 @@ class FitConfig:
         factory=dict,
     )
     learning_rate: float = key("largest learning rate of the trunk", **RATE)
-    schedule: dict[str, Any] = key(
-        "class and arguments of the schedule that sets the learning rate after every step",
-        factory=dict,
-    )
+    schedule: dict[str, Any] = key("class and arguments; it acts after every step", factory=dict)
     label_smoothing: float = key("share of the label given to all classes", **PROBABILITY)
     head_factor: float = key(
         "learning rate of the 1x1 layers over that of the trunk", above=0, most=1000
     )
+
+    piece_key: ClassVar[str] = ""
+
+    @property
+    def piece(self) -> int:
+        """How much of a recording is trained on at once."""
+        size: int = getattr(self, self.piece_key)
+        return size
 
 
 @dataclass
@@ -54,19 +61,11 @@ class SignalFitConfig(FitConfig):
     """Training on sub-samples of spectrograms; FusionNet is perturbed alike."""
 
     frames: int = key(
-        "length of a sub-sample; longer signals are cut at random, shorter ones repeated",
-        unit="frames", least=1, most=20_000,
+        "frames of a sub-sample; longer signals are cut at random, shorter ones repeated",
+        least=1, most=20_000,
     )  # fmt: skip
     perturb: list[str] = key(PERTURB)
-    perturbed_copies: int = key(
-        "perturbed versions of every training signal, if perturb names any perturbation",
-        least=1, most=100,
-    )  # fmt: skip
-
-    @property
-    def piece(self) -> int:
-        """How much of a recording is trained on at once."""
-        return self.frames
+    perturbed_copies: int = key("perturbed versions of every signal", least=1, most=100)
 
     piece_key: ClassVar[str] = "frames"
 
@@ -91,21 +90,14 @@ class PhotoFitConfig(FitConfig):
 
     patch: int = key("side of a training patch", unit="pixels", least=1, most=2048)
     rotation: float = key("largest random rotation either way", **ROTATION)
-    augmentation: Any = key(
+    augmentation: dict[str, Any] | None = key(
         "class, of Kornia or similar, that changes VisualNet's training patches (batch, 3, side, "
         "side) in [0, 1] after the rotation; null leaves them",
         default=None,
     )
     perturb: list[str] = key(PERTURB)
-    perturbed_share: float = key(
-        "share of patches that are perturbed, if perturb names any perturbation", **SHARE
-    )
+    perturbed_share: float = key("share of patches that are perturbed", **SHARE)
     probe: ProbeConfig = field(default_factory=ProbeConfig)
-
-    @property
-    def piece(self) -> int:
-        """How much of a recording is trained on at once."""
-        return self.patch
 
     piece_key: ClassVar[str] = "patch"
 
@@ -124,22 +116,16 @@ class FusionFitConfig(FitConfig):
     )
 
 
-FUSION = "fusion"  # name of several senses together
-PACKAGE_SENSES = ("haptic", "visual", "sound")  # senses of the package; others are a user's
-
-
 @dataclass
 class SenseConfig:
-    """One sense.
+    """One sense; a user's own has ``fit`` of the kind of its recordings.
 
     The keys beside ``fit`` form a node, which a card keeps and from which a branch is built. Its
     classes receive the keys that they have parameters for.
     """
 
     _target_: str = key("class of the branch: of signals or of photos")
-    modality: str = key(
-        "modality of its recordings in the table of recordings, and of files to predict from"
-    )
+    modality: str = key("modality of its recordings, and of files to predict from")
     decode: dict[str, Any] = key("how files are decoded", factory=dict)
     features: dict[str, Any] = key(
         "class that turns a decoded recording into network input, and its own keys", factory=dict
@@ -161,8 +147,7 @@ class SignalConfig(SenseConfig):
     norm: str = key("normalisation of activations; lrn is the paper's", choices=NORMS)
     dropout: float = key("probability of dropping an input of the 1x1 layers", **PROBABILITY)
     normalisation: str = key(
-        "of spectrograms: logarithms standardised per channel over the training set, or the "
-        "paper's scaling per trace to [0, 1]",
+        "of spectrograms: logarithms standardised over the training set, or each trace to [0, 1]",
         choices=("standard", "paper"),
     )
     skip_impact: bool = key("leave out the first touch of the tool")
@@ -174,10 +159,8 @@ class SignalConfig(SenseConfig):
         "50 mel bands up to half the sampling rate, or the paper's 50 channels up to 1 kHz",
         choices=("mel", "linear"),
     )
-    window_seconds: float = key(
-        "length of a frame of the spectrogram", unit="s", least=0.001, most=10
-    )
-    hop_seconds: float = key("time from frame to frame", unit="s", least=0.0001, most=10)
+    window_seconds: float = key("length of a frame of the spectrogram", least=0.001, **SECONDS)
+    hop_seconds: float = key("time from frame to frame", least=0.0001, **SECONDS)
     fit: SignalFitConfig = field(default_factory=SignalFitConfig)
 
 
@@ -206,20 +189,6 @@ class PhotoConfig(SenseConfig):
 
 
 @dataclass
-class CustomSignalConfig(SenseConfig):
-    """A user's sense of signals."""
-
-    fit: SignalFitConfig = field(default_factory=SignalFitConfig)
-
-
-@dataclass
-class CustomPhotoConfig(SenseConfig):
-    """A user's sense of photos."""
-
-    fit: PhotoFitConfig = field(default_factory=PhotoFitConfig)
-
-
-@dataclass
 class FusionConfig:
     """FusionNet: which layer is fused and where the unimodal networks come from.
 
@@ -227,26 +196,15 @@ class FusionConfig:
     """
 
     level: str = key("layer that is fused", choices=("fc2", "fc3"))
-    haptic_checkpoint: str | None = key(
-        "HapticNet to start from; null trains one first", default=None
-    )
-    visual_checkpoint: str | None = key(
-        "VisualNet to start from; null trains one first", default=None
-    )
-    sound_checkpoint: str | None = key(
-        "network of sounds to start from; null trains one first", default=None
-    )
+    haptic_checkpoint: str | None = key("HapticNet to start from; null trains one", default=None)
+    visual_checkpoint: str | None = key("VisualNet to start from; null trains one", default=None)
+    sound_checkpoint: str | None = key("sound network; null trains one", default=None)
     head_start: str = key(
         "first weights of the fusion layer: the sum of all networks' scores, or random ones as "
         "in the paper",
         choices=("scores", "random"),
     )
     fit: FusionFitConfig = field(default_factory=FusionFitConfig)
-
-    def checkpoint(self, sense: str) -> str | None:
-        """The checkpoint that the network of a sense starts from; None if there is none."""
-        given: str | None = getattr(self, f"{sense}_checkpoint", None)
-        return given
 
 
 @dataclass
@@ -257,7 +215,7 @@ class ModelConfig:
     senses: list[str] = key(
         "branches: haptic, visual, sound or your own; several are trained one by one, then fused"
     )
-    baseline: Any = key(
+    baseline: dict[str, Any] | None = key(
         "class of a system that is fitted instead of a network, and its own keys, explained in "
         "its file in conf/model",
         default=None,
@@ -279,7 +237,7 @@ class ModelConfig:
     @property
     def known(self) -> list[str]:
         """Names of all senses that are configured."""
-        return [name for name, each in vars(self).items() if isinstance(each, SenseConfig)]
+        return [name for name, section in vars(self).items() if isinstance(section, SenseConfig)]
 
     @property
     def nodes(self) -> list[Any]:
@@ -289,9 +247,9 @@ class ModelConfig:
     @property
     def checkpoints(self) -> dict[str, str]:
         """Checkpoints that the fused networks start from, by sense; absent where none is given."""
-        given = {name: self.fusion.checkpoint(name) for name in self.senses}
-        fused = self.kind == FUSION
-        return {name: path for name, path in given.items() if fused and path is not None}
+        senses = self.senses if self.kind == FUSION else ()
+        paths = {name: getattr(self.fusion, f"{name}{CHECKPOINT}", None) for name in senses}
+        return {name: path for name, path in paths.items() if path is not None}
 
     @property
     def trained(self) -> list[str]:
@@ -304,10 +262,10 @@ class ModelConfig:
         """Modalities of the recordings that it reads, each once."""
         return tuple(dict.fromkeys(self.sense(name).modality for name in self.senses))
 
-    def sense(self, sense: str) -> "SenseConfig":
+    def sense(self, sense: str) -> SenseConfig:
         """The configuration of one sense."""
-        found: SenseConfig = getattr(self, sense)
-        return found
+        section: SenseConfig = getattr(self, sense)
+        return section
 
     def fit_values(self, kind: str) -> dict[str, Any]:
         """Training settings of one sense's network, or of ``fusion``, as plain values."""

@@ -56,19 +56,14 @@ def repeated_arguments(overrides: Sequence[str], searchpath: Sequence[str]) -> l
     """Arguments of another command that finds the same folders and has the same overrides.
 
     Args:
-        overrides: What was given; the senses of the folders, which the other command composes by
-            itself, are left out.
+        overrides: What was given.
         searchpath: Further folders that Hydra was given, as ``file://DIR``.
     """
-    named = [part for folder in _GIVEN for part in (FLAGS[0], str(folder))]
-    others = [
-        f'"{each}"'
-        for each in searchpath
-        if not {folder.resolve() for folder in _folder(each)} & {*_GIVEN}
-    ]
-    folders = [f"hydra.searchpath=[{','.join(others)}]"] if others else []
-    own = with_own_senses(folders)
-    return [*named, *folders, *(each for each in overrides if each not in own)]
+    folders = [part for folder in _GIVEN for part in (FLAGS[0], str(folder))]
+    others = [entry for entry in searchpath if Path(entry.removeprefix("file://")) not in _GIVEN]
+    if others:
+        folders.append("hydra.searchpath=[{}]".format(",".join(f'"{entry}"' for entry in others)))
+    return [*folders, *overrides]
 
 
 def _searched_folders() -> Iterator[Path]:

@@ -5,53 +5,42 @@ from typing import Any
 
 from tex_lightning.config.keys import SEED, key
 
-SECONDS = (3, 600)  # one full window behind the impact; what the renderer makes
 SIDE = {"unit": "pixels", "least": 224, "most": 8192}  # one patch; what the renderer makes
 ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
-EXPORT_FORMATS = ("onnx", "web", "card")
 READ_FILES = ("predict", "profile", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
-DAY = {"unit": "s", "above": 0, "most": 86_400}
-
 MAX_PAIRS = 1_000_000  # of fragments that FusionNet votes over
 
 
 @dataclass
 class DecisionConfig:
-    """How fragments become one label."""
+    """How fragments become one label; null takes what the checkpoint says."""
 
     name: str = key(
         "max_vote counts every fragment, sequential only as many as the label needs",
         choices=("max_vote", "sequential"),
     )
     pairs: int | None = key(
-        "K, the pairs or tuples that FusionNet votes over; null takes the checkpoint's",
-        least=1, most=MAX_PAIRS,
-    )  # fmt: skip
+        "K, the pairs or tuples that FusionNet votes over", least=1, most=MAX_PAIRS
+    )
     rule: str | None = key(
-        "count the fragments' votes, or average their class probabilities or scores; null takes "
-        "the checkpoint's",
+        "count the fragments' votes, or average their class probabilities or scores",
         choices=("vote", "mean", "score"),
     )
-    seed: int | None = key(
-        "seed of the pairs and of the order of windows; null takes the checkpoint's",
-        least=0,
-        most=SEED,
-    )
+    seed: int | None = key("seed of the pairs and of the order of windows", least=0, most=SEED)
     reject_below: float | None = key(
-        "mean class probability below which no label is given; 0 always gives one, null takes "
-        "the checkpoint's",
+        "mean class probability below which no label is given; 0 always gives one",
         default=None, **SHARE,
     )  # fmt: skip
     unknown: float | None = key(
         "share of known recordings that may wrongly be called unknown; materials never seen then "
-        "are called so; 0 calls none, null takes the checkpoint's",
+        "are called so; 0 calls none",
         default=None, **CHANCE,
     )  # fmt: skip
     alpha: float = key(
@@ -90,16 +79,12 @@ class TrainerConfig:
         "devices of each machine that train one network together: a number, or auto for all GPUs",
         least=1, most=64,
     )  # fmt: skip
-    num_nodes: int = key(
-        "machines that train together; srun or torchrun starts more than one", least=1, most=1024
-    )
+    num_nodes: int = key("machines that srun or torchrun starts together", least=1, most=1024)
     strategy: Any = key("how devices train together: a name that Lightning knows, or a _target_")
     precision: str = key(
         "precision of training", choices=("32-true", "16-mixed", "bf16-mixed", "64-true")
     )
-    tf32: bool = key(
-        "on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster, less accurate"
-    )
+    tf32: bool = key("on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster")
     threads: int | None = key(
         "threads of PyTorch on the CPU; null takes one for task=stream and task=record, and "
         "PyTorch's own number for the others",
@@ -155,8 +140,8 @@ class PredictConfig:
     """Prediction."""
 
     figure: str | None = key(
-        "PNG file for a drawing of why the label was chosen (docs/predict.md); of several "
-        "samples each has its own, FILE_NAME.png; null draws nothing",
+        "PNG file for a drawing of why the label was chosen (docs/predict.md); of several samples "
+        "each has its own, FILE_NAME.png",
         default=None,
     )
 
@@ -167,8 +152,7 @@ class StreamConfig:
 
     chunk: float = key("signal between two votes", unit="s", above=0, most=3600)
     window: float | None = key(
-        "length of the last part of the signal, which alone votes; null takes the whole recording "
-        "so far",
+        "length of the last part of the signal, which alone votes; null takes the whole recording",
         unit="s", least=0.5, most=600, default=None,
     )  # fmt: skip
     contact: float = key(
@@ -189,23 +173,17 @@ class GenerateConfig:
 
 @dataclass
 class ProfileConfig:
-    """Inputs and time limits of the profile."""
+    """Inputs and time limits of the profile; haptic=FILE and image=FILE take real inputs."""
 
     classes: int = key("classes of a network without a checkpoint", least=2, most=100_000)
-    seconds: float = key(
-        "length of the rendered trace; haptic=FILE takes a real one",
-        unit="s",
-        least=SECONDS[0],
-        most=SECONDS[1],
-    )
-    width: int = key(
-        "width of the rendered photo after halving; image=FILE takes a real one", **SIDE
-    )
+    seconds: float = key("length of the rendered trace", unit="s", least=3, most=600)
+    width: int = key("width of the rendered photo after halving", **SIDE)
     height: int = key("height of that photo", **SIDE)
     rounds: int = key("most rounds of timing; each times every way of classifying", **ROUNDS)
     budget_s: float = key(
-        "time for a network after which no new round begins, except the first three", **DAY
-    )
+        "time for a network after which no new round begins, except the first three",
+        unit="s", above=0, most=86_400,
+    )  # fmt: skip
 
 
 @dataclass
@@ -216,8 +194,7 @@ class FrontierConfig:
         "overrides by name of the system, set by frontier=NAME; null leaves one out", factory=dict
     )
     senses: Any = key(
-        "senses whose subsets are systems of model=NAME: a list, auto for all that the data has, "
-        "or null",
+        "senses whose subsets are systems of model=NAME: a list, or auto for all in the data",
         default=None,
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)
@@ -236,8 +213,8 @@ class StabilityConfig:
         "perturbations by name, e.g. [white_noise,jpeg]; null takes all", default=None
     )
     severities: list[str] = key(
-        "files of further perturbations, in the format of "
-        "tex_lightning/perturbations/severities.yaml and with the dotted path of each function",
+        "files of further perturbations, as tex_lightning/perturbations/severities.yaml with the "
+        "dotted path of each function",
         factory=list,
     )
     bound: float = key(
@@ -253,7 +230,7 @@ class ExportConfig:
     out: str | None = key("folder to write to; null takes the run folder", default=None)
     format: str = key(
         "onnx for onnxruntime, web for a page in the browser, card for people",
-        choices=EXPORT_FORMATS,
+        choices=("onnx", "web", "card"),
     )
     check: int = key(
         "recordings of data=NAME on which labels and scores are compared before the file is "
@@ -261,49 +238,34 @@ class ExportConfig:
         least=0, most=100_000,
     )  # fmt: skip
     web_runtime: str | None = key(
-        "format=web: .tgz of the npm package onnxruntime-web, for machines without a network; null "
-        "fetches it once",
-        default=None,
+        "format=web: .tgz of the npm package onnxruntime-web; null fetches it once", default=None
     )
 
 
 # The keys and sections that each task reads.
+_DEVICE = ("trainer.accelerator", "trainer.tf32", "trainer.threads")
 _TRAINING = (
-    "seed", "trusted", "data", "model", "decision", "engine", "trainer", "callbacks", "logger",
+    "seed", "trusted", "weights", "data", "model", "decision", "engine", "trainer", "callbacks",
+    "logger",
 )  # fmt: skip
-_RUNNING = (  # all of it that is read without training
-    "trainer.accelerator", "trainer.tf32", "trainer.threads",
-)  # fmt: skip
-_CLASSIFYING = ("checkpoint", "trusted", "haptic", "data.file_rate", "engine", *_RUNNING)
+_TRAINED = ("checkpoint", "trusted", "engine", *_DEVICE)
+_FILES = ("haptic", "image", "sound")
+_UNKNOWN = ("decision.reject_below", "decision.unknown")
+_VOTE = ("decision.pairs", "decision.rule", "decision.seed", *_UNKNOWN)
 READS = {
-    "fit": ("weights", *_TRAINING, "optimized_metric", "explained_samples"),
-    "crossval": ("weights", *_TRAINING, "crossval", "optimized_metric"),
-    "evaluate": (
-        "checkpoint", "trusted", "seed", "data", "decision", "engine", "explained_samples",
-        "logger", *_RUNNING,
-    ),
-    "enroll": (
-        "checkpoint", "trusted", "seed", "data", "decision", "engine", "enroll", "figures",
-        *_RUNNING,
-    ),
-    "predict": (*_CLASSIFYING, "image", "sound", "own", "top_k", "predict", "decision"),
-    "stream": (
-        *_CLASSIFYING, "image", "sound", "own", "stream", "decision.pairs", "decision.rule",
-        "decision.seed", "decision.reject_below", "decision.unknown",
-    ),
-    "record": (
-        "record", "haptic", "sound", "image", "checkpoint", "trusted", "stream.chunk", "engine",
-        *_RUNNING, "decision.reject_below", "decision.unknown",
-    ),
-    "stability": ("stability", "trusted", "seed", "data", "engine", *_RUNNING),
-    "frontier": ("weights", *_TRAINING, "crossval.only", "frontier"),
+    "fit": (*_TRAINING, "optimized_metric", "explained_samples"),
+    "crossval": (*_TRAINING, "crossval", "optimized_metric"),
+    "evaluate": (*_TRAINED, "seed", "data", "decision", "explained_samples", "logger"),
+    "enroll": (*_TRAINED, "seed", "data", "decision", "enroll"),
+    "predict": (*_TRAINED, *_FILES, "own", "data.file_rate", "top_k", "predict", "decision"),
+    "stream": (*_TRAINED, *_FILES, "own", "data.file_rate", "stream", *_VOTE),
+    "record": (*_TRAINED, *_FILES, "record", "stream.chunk", *_UNKNOWN),
+    "stability": ("stability", "trusted", "seed", "data", "engine", *_DEVICE),
+    "frontier": (*_TRAINING, "crossval.only", "frontier"),
     "profile": (
-        *_CLASSIFYING, "image", "sound", "seed", "profile", "model", "data.sampling_rate",
+        *_TRAINED, *_FILES, "seed", "profile", "model", "data.file_rate", "data.sampling_rate",
         "data.half_scale", "data.resize",
     ),
-    "export": (
-        "checkpoint", "trusted", "seed", "export", "data", "engine", *_RUNNING, "decision.pairs",
-        "decision.rule", "decision.seed", "decision.reject_below", "decision.unknown",
-    ),
+    "export": (*_TRAINED, "seed", "export", "data", *_VOTE),
     "generate": ("generate", "data.classes", "data.synthetic"),
 }  # fmt: skip

@@ -8,11 +8,11 @@ from omegaconf.errors import OmegaConfBaseException
 
 from tex_lightning.config import Config
 from tex_lightning.config.instantiation import TARGET, find_class
-from tex_lightning.config.model import CustomPhotoConfig, CustomSignalConfig
-from tex_lightning.errors import UserError
+from tex_lightning.config.model import PhotoFitConfig, SenseConfig, SignalFitConfig
+from tex_lightning.errors import UserError, reason
 from tex_lightning.networks.trunks import TRUNKS, name_trunk
 
-OWN = {"signal": CustomSignalConfig, "photo": CustomPhotoConfig}  # by the medium of a branch
+FITS = {"signal": SignalFitConfig, "photo": PhotoFitConfig}  # by the medium of a sense
 
 
 def read_config(composed: DictConfig) -> Config:
@@ -22,13 +22,12 @@ def read_config(composed: DictConfig) -> Config:
         UserError: If a sense or the weights cannot be used.
     """
     config: Any = OmegaConf.to_object(composed)
-    known = {each.name for each in fields(Config)}
-    config.own |= {name: value for name, value in vars(config).items() if name not in known}
+    keys = {key.name for key in fields(Config)}
+    config.own |= {name: value for name, value in vars(config).items() if name not in keys}
     model = config.model
-    own = vars(model).keys() - {each.name for each in fields(model)}
     for name, node in list(vars(model).items()):
-        if name in own and isinstance(node, dict) and TARGET in node:
-            setattr(model, name, _own_sense(name, node, model.budget))
+        if isinstance(node, dict) and TARGET in node and name != "baseline":
+            setattr(model, name, _custom_sense(name, node, model.budget))
     for name in model.senses:
         if name not in model.known:
             raise UserError(
@@ -39,24 +38,27 @@ def read_config(composed: DictConfig) -> Config:
     return pick_weights(config)
 
 
-def _own_sense(name: str, node: dict[str, Any], budget: float) -> object:
+def _custom_sense(name: str, node: dict[str, Any], budget: float) -> SenseConfig:
     where = f"model.{name}"
     medium = getattr(find_class(where, node), "medium", None)
-    if medium not in OWN:
+    if medium not in FITS:
         raise UserError(
             f"{where} names {node[TARGET]}, which is no sense: begin its file with defaults: "
             "[signal, _self_] or [photo, _self_]."
         )
-    schema = OmegaConf.structured(OWN[medium])
-    for opened in (schema, schema.fit.optimizer, schema.fit.schedule):
-        OmegaConf.set_struct(opened, False)  # further keys are offered to its classes
+    schema, fit = OmegaConf.structured(SenseConfig), OmegaConf.structured(FITS[medium])
+    for section in (schema, fit.optimizer, fit.schedule):
+        OmegaConf.set_struct(section, False)  # further keys are offered to its classes
+    schema.fit = fit
     try:
         merged = OmegaConf.merge(schema, node)
         merged.fit.steps_per_epoch = max(1, round(budget * merged.fit.steps_per_epoch))
-        return OmegaConf.to_object(merged)
+        sense: SenseConfig = OmegaConf.to_object(merged)  # type: ignore[assignment]
     except OmegaConfBaseException as error:
-        said = str(error).splitlines()[0].rstrip(".")
-        raise UserError(f"{where}: {said}; correct conf/sense/{name}.yaml.") from error
+        raise UserError(
+            f"{where}: {reason(str(error).splitlines()[0])}; correct conf/sense/{name}.yaml."
+        ) from error
+    return sense
 
 
 def pick_weights(config: Config) -> Config:
@@ -67,19 +69,19 @@ def pick_weights(config: Config) -> Config:
     Raises:
         UserError: If ``weights`` is neither a source nor such a mapping.
     """
-    given, model = config.weights, config.model
-    if given is None or isinstance(given, str):
+    sources, model = config.weights, config.model
+    if sources is None or isinstance(sources, str):
         return config
-    own = _trunk_name(model.visual.trunk)
-    senses = [name for name in model.known if name != "visual"]
-    if not isinstance(given, dict) or not set(given) <= {*senses, own, *TRUNKS}:
+    trunk = _trunk_name(model.visual.trunk)
+    known = [*(name for name in model.known if name != "visual"), *TRUNKS]
+    if not isinstance(sources, dict) or not set(sources) <= {trunk, *known}:
         raise UserError(
-            f"weights={given} is not understood; give one file, address or `imagenet`, or one for "
-            f"each trunk as {{TRUNK: FILE}} with trunks of {', '.join([*senses, *TRUNKS])}."
+            f"weights={sources} is not understood; give one file, address or `imagenet`, or one "
+            f"for each trunk as {{TRUNK: FILE}} with trunks of {', '.join(known)}."
         )
     if model.baseline is not None:
-        return replace(config, weights=given.get(model.baseline.get("trunk")))
-    named = {name: given.get(own if name == "visual" else name) for name in model.senses}
+        return replace(config, weights=sources.get(model.baseline.get("trunk")))
+    named = {name: sources.get(trunk if name == "visual" else name) for name in model.senses}
     kept = {name: source for name, source in named.items() if source is not None}
     if len(model.senses) == 1 or set(kept) <= {"visual"}:
         return replace(config, weights=next(iter(kept.values()), None))
