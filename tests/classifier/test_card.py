@@ -59,36 +59,6 @@ def test_a_value_that_cannot_be_meant_is_said_when_it_is_loaded(tmp_path, key, v
     assert len(str(caught.value)) < 400
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("decision.rule", "median"),
-        ("decision.pairs", "many"),
-        ("senses.haptic.axes", "frames"),
-        ("senses.sound.width", 1e30),
-        ("senses.sound.decode.sampling_rate", "fast"),
-        ("fusion.level", "fc1"),
-    ],
-)
-def test_the_value_is_named(key, value):
-    card = FUSION.to_dict()
-    *outer, last = key.split(".")
-    place = card
-    for name in outer:
-        place = place[name]
-    place[last] = value
-    with pytest.raises(ValueError, match=f"its {key} is"):
-        Card.from_dict(card)
-
-
-def test_a_card_tells_its_senses_and_what_it_is_called():
-    assert Card.from_dict(FUSION.to_dict()) == FUSION
-    assert FUSION.sense_names == ("haptic", "visual", "sound")
-    assert FUSION.modalities == ("haptic", "image", "sound")
-    assert (CARD.kind, FUSION.kind) == ("haptic", "fusion")
-    assert FUSION.title == "fusion network"
-
-
 def test_the_card_of_some_senses_is_that_of_a_network_of_them():
     pair = FUSION.of(["visual", "sound"])
     assert pair == make_card("visual", "sound", classes=["a", "b"], width=0.1)

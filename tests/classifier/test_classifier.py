@@ -40,13 +40,6 @@ def sample(seed: int = 0) -> dict[str, torch.Tensor]:
     return {"haptic": trace(seed=seed), "image": photo(seed=seed), "sound": sound(seed=seed)}
 
 
-def test_fragments_are_the_networks_positions():
-    assert classifier("haptic").logits(haptic=trace(20.0)).shape == (3, 114)
-    assert classifier("visual").logits(image=photo(384)).shape == (3, 36)
-    assert classifier("fusion").logits(haptic=trace(), image=photo()).shape == (3, 200)
-    assert classifier("three").logits(**sample()).shape == (3, 200)
-
-
 @pytest.mark.parametrize("kind", ["fusion", "three"])
 def test_fusions_logits_are_those_of_the_stated_tuples(kind):
     model = classifier(kind)
@@ -119,22 +112,6 @@ def test_scores_of_single_senses_add_up_to_those_of_several(three, senses):
     tuples = random_tuples(counts, 200, several.seed(**own(several)))
     expected = sum(each[:, tuples[:, place]] for place, each in enumerate(scores))
     torch.testing.assert_close(several.logits(**own(several)), expected)
-
-
-@pytest.mark.parametrize("three", ["fc3"], indirect=True)
-def test_parts_of_a_fusion_of_fc3_have_the_scores_of_their_networks(three):
-    scores = {}
-    for name, sense in three.senses.items():
-        part = three.with_senses([name])
-        scores[name] = sense.network(sense(sample()[sense.modality]))[0].flatten(1)
-        torch.testing.assert_close(part.logits(**own(part)), scores[name])
-    pair = three.with_senses(["haptic", "sound"])
-    counts = [scores[name].shape[1] for name in pair.card.sense_names]
-    tuples = random_tuples(counts, 200, pair.seed(**own(pair)))
-    joined = [scores[name][:, tuples[:, i]] for i, name in enumerate(pair.card.sense_names)]
-    weight = three.fusion.head.weight[:, [0, 1, 2, 6, 7, 8]]  # of three classes each
-    expected = weight @ torch.cat(joined) + three.fusion.head.bias[:, None]
-    torch.testing.assert_close(pair.logits(**own(pair)), expected)
 
 
 @pytest.mark.parametrize("three", ["fc2", "fc3"], indirect=True)

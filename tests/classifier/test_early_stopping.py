@@ -95,25 +95,6 @@ def test_without_replacement_errors_stay_below_alpha_exactly(alpha):
     assert all(earlier <= later for earlier, later in pairwise(chances))  # coins are the limit
 
 
-@pytest.mark.parametrize(
-    "shares", [(0.5, 0.5), (0.34, 0.33, 0.33), (0.45, 0.4, 0.15), (0.4,) + (0.06,) * 10]
-)
-def test_simulated_populations_are_misjudged_rarely(shares):
-    rng = np.random.default_rng(0)
-    counts = np.round(np.array(shares) * 400).astype(int)
-    counts[0] += 1  # a unique mode, however narrow
-    population = np.repeat(np.arange(len(counts)), counts)
-    alpha, runs = 0.1, 200
-    wrong = stopped = 0
-    for _ in range(runs):
-        votes, drawn = run(StoppingRule(alpha, len(counts)), rng.permutation(population).tolist())
-        wrong += int(np.argmax(votes) != 0)
-        stopped += drawn < 0.25 * len(population)
-    assert wrong <= alpha * runs
-    if shares[0] - shares[1] > 0.3:
-        assert stopped > 0.9 * runs
-
-
 def test_a_threshold_of_one_is_never_reached():
     assert is_confident(0.9, 0.9)
     assert not is_confident(1.0, 1.0)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.classifier.unknown import least_rate, novelty_threshold
+from tex_lightning.classifier.card import least_rate, novelty_threshold
 
 
 @given(st.integers(1, 60), st.floats(0.01, 0.99))

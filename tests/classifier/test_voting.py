@@ -50,24 +50,9 @@ def test_ties_go_to_the_larger_mean_probability_then_the_lower_index():
     assert max_vote(equal).label == 0
 
 
-def test_votes_count_more_than_certainty():
-    logits = torch.tensor([[1.0, 1.0, 0.0], [0.0, 0.0, 50.0]])
-    vote = max_vote(logits)
-    assert vote.label == 0
-    assert vote.shares.tolist() == pytest.approx([2 / 3, 1 / 3])
-
-
 def test_no_fragments_is_a_programming_error():
     with pytest.raises(ValueError, match="at least one"):
         max_vote(torch.zeros(3, 0))
-
-
-def test_pairs_are_uniform_independent_and_repeatable():
-    pairs = random_tuples([4, 6], 24_000, seed=7)
-    assert torch.equal(pairs, random_tuples([4, 6], 24_000, seed=7))
-    assert not torch.equal(pairs, random_tuples([4, 6], 24_000, seed=8))
-    counts = torch.bincount(pairs[:, 0] * 6 + pairs[:, 1], minlength=24).double()
-    assert ((counts - 1000) ** 2 / 1000).sum() < 49.7  # chi-squared, 23 degrees, 0.1 %
 
 
 @pytest.mark.parametrize("positions", [[24], [2, 3, 4], [3, 1, 2, 4]])

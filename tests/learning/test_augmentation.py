@@ -1,7 +1,5 @@
 """Kornia's operations on the training patches of VisualNet, and nowhere else."""
 
-import json
-
 import pytest
 import torch
 from conftest import make_card, trunk_node
@@ -49,14 +47,3 @@ def test_what_fails_on_patches_is_said(batch):
         UserError, match=r"returned a Tensor of float32 of shape \(2, 150528\) for a batch of 2"
     ):
         flat.inputs(batch)
-
-
-def test_an_augmentation_comes_through_the_command_line(cli, surfaces, tmp_path):
-    outcome = cli(
-        "model=visual", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
-        "model.visual.width=0.1", "debug=tiny", "trainer.threads=1", f"hydra.run.dir={tmp_path}",
-        "model.visual.fit.augmentation={_target_: kornia.augmentation.RandomHorizontalFlip, p: 1}",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    settings = json.loads((tmp_path / "settings.json").read_text())
-    assert settings["model.visual.fit.augmentation.p"] == 1

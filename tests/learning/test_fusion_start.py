@@ -22,12 +22,3 @@ def test_no_epoch_leaves_the_sum_of_both_networks_scores(run_once, surfaces):
     assert torch.equal(state["fusion"]["classifier.fusion.head.weight"], expected)
     networks = json.loads((run / "results.json").read_text())["networks"]
     assert networks["fusion"]["test_samples"] == 3
-
-
-def test_a_random_head_wants_training(cli, tmp_path):
-    outcome = cli(
-        "model=fusion", "model.fusion.fit.epochs=0", "model.fusion.head_start=random",
-        f"hydra.run.dir={tmp_path}",
-    )  # fmt: skip
-    assert outcome.status == 2
-    assert "model.fusion.fit.epochs is 0: choose 1 or more" in outcome.err

@@ -1,7 +1,5 @@
 """FC3 fitted at once to the texture features of whole photos."""
 
-import json
-
 import numpy as np
 import pytest
 import torch
@@ -91,14 +89,6 @@ def test_mean_score_is_that_of_scikit_learn_on_mean_features():
     np.testing.assert_allclose(found, softmax(wanted, axis=1), atol=4e-3)
 
 
-def test_a_single_photo_of_a_class_is_not_left_out():
-    module = module_of(3)
-    photos, labels = photos_of(3, 4, seed=1)
-    fit_linear_head(module, photos, labels, names(4))
-    mean = torch.stack([scores(module, each).mean(dim=1) for each in photos.recordings])
-    assert mean.softmax(dim=1).max() < 0.9  # as unsure as the penalty leaves it
-
-
 def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     module = module_of(2)
     photos, _ = photos_of(2, 2, seed=1, size=(180, 700))
@@ -108,18 +98,6 @@ def test_large_photos_are_cut_small_ones_mirrored_and_all_of_them_perturbed():
     assert not np.array_equal(view, _view(photos, 2, module))  # the next pass cuts elsewhere
     darker = Photos(photos.recordings, Augmentation.of(["darkness"], share=1.0))
     assert _view(darker, 0, module).mean() < 0.99 * view.mean()
-
-
-def test_a_head_without_hidden_layers_from_the_command_line(cli, surfaces, tmp_path):
-    outcome = cli(
-        "model=visual_efficientnet", "data=folder", f"data.root={surfaces}",
-        "data.half_scale=false", "debug=tiny", "model.visual.fit.epochs=0", "trainer.threads=1",
-        f"hydra.run.dir={tmp_path / 'run'}",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    assert "random weights" in outcome.err
-    entry = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["visual"]
-    assert entry["test_samples"] == 3
 
 
 def test_hidden_layers_want_training(cli, surfaces, tmp_path):

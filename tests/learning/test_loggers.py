@@ -67,17 +67,6 @@ def test_what_does_not_derive_from_lightnings_class_is_refused(cli, surfaces, tm
     assert f".{base};" in said
 
 
-@pytest.mark.parametrize(
-    "key",
-    ["logger.mine", "callbacks.mine", "model.haptic.fit.schedule", "model.haptic.fit.optimizer"],
-)
-def test_what_is_not_there_is_refused_before_anything_is_read(cli, surfaces, tmp_path, key):
-    wrong = f"{'+' * key.endswith('mine')}{key}._target_=own_parts.Nothing"
-    outcome = cli(*arguments(surfaces), wrong, f"hydra.run.dir={tmp_path}/r")
-    assert (outcome.status, outcome.err.count("\n")) == (2, 1), outcome.err
-    assert f"Error: {key} fails: " in outcome.err
-
-
 def test_a_users_callback_is_called(run):
     assert EpochCounter.epochs == 2
 

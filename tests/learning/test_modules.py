@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
-from conftest import make_card, make_photo, make_trace
+from conftest import make_card, make_trace
 from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -87,18 +87,6 @@ def test_every_parameter_is_in_exactly_one_group(kind):
     assert [group["name"] for group in groups] == ["backbone", "head"]
 
 
-def test_fusions_head_is_the_fusion_layer_alone():
-    head = module("fusion").configure_optimizers()["optimizer"].param_groups[1]["params"]
-    assert [tuple(parameter.shape) for parameter in head] == [(3, 50), (3,)]
-
-
-def test_step_decay_follows_its_closed_form():
-    step_lr = {"_target_": f"{SCHEDULES}.StepLR", "_partial_": True, "gamma": 0.1, "step_size": 30}
-    for step, (backbone, head) in enumerate(rates(module("haptic", schedule=step_lr), 70)):
-        assert backbone == pytest.approx(1e-3 * 0.1 ** (step // 30))
-        assert head == pytest.approx(20 * backbone)
-
-
 def test_one_cycle_rises_to_the_rate_and_falls_to_nothing():
     found = rates(module("haptic"), 100)
     backbone = [pair[0] for pair in found]
@@ -106,16 +94,6 @@ def test_one_cycle_rises_to_the_rate_and_falls_to_nothing():
     assert backbone[0] < 1e-4
     assert backbone[-1] < 1e-6
     assert all(head == pytest.approx(20 * base) for base, head in found)
-
-
-def test_any_optimizer_and_schedule_can_be_named():
-    sgd = {"_target_": "torch.optim.SGD", "_partial_": True, "momentum": 0.9}
-    cosine = {"_target_": f"{SCHEDULES}.CosineAnnealingLR", "_partial_": True}
-    model = module("haptic", optimizer=sgd, schedule=cosine)
-    optimizer = model.configure_optimizers()["optimizer"]
-    assert type(optimizer) is torch.optim.SGD
-    assert optimizer.param_groups[0]["momentum"] == 0.9
-    assert rates(model, 101)[100] == pytest.approx((0, 0))  # T_max is the number of steps
 
 
 def test_a_schedule_may_be_a_function():
@@ -147,18 +125,6 @@ def test_what_does_not_go_by_steps_is_no_schedule(target):
         UserError, match=r"^model\.haptic\.fit\.schedule is .* does not go by the number"
     ):
         module("haptic", schedule={"_target_": target, "_partial_": True}).configure_optimizers()
-
-
-@pytest.mark.parametrize("kind", ["haptic", "fusion"])
-def test_whole_recordings_are_scored_in_the_precision_of_the_training(kind):
-    classifier = module(kind).eval().classifier
-    given = {"haptic": torch.from_numpy(make_trace(0, 0))[None]}
-    if kind == "fusion":
-        given["image"] = torch.from_numpy(make_photo(0, 0))
-    with torch.no_grad():
-        single, exact = classifier.logits(**given), classifier.double().logits(**given)
-    assert (single.dtype, exact.dtype) == (torch.float32, torch.float64)
-    torch.testing.assert_close(single.double(), exact, rtol=0, atol=1e-4)
 
 
 def test_the_loss_is_the_mean_cross_entropy_of_all_fragments():

@@ -5,7 +5,6 @@ Lightning starts the second process by the command line of the first, so every r
 
 import csv
 import functools
-import json
 import os
 import signal
 import subprocess
@@ -123,15 +122,6 @@ def test_torchrun_starts_all_processes_and_rank_zero_alone_speaks(alone, surface
     folder = f"hydra.run.dir={tmp_path / 'run'}"
     refused = run(*starter, *(each for each in arguments if each != folder))
     assert refused.stderr.count("share a run folder; give hydra.run.dir") == 1
-
-
-@pytest.mark.slow
-def test_two_folds_are_pooled_by_rank_zero(surfaces, cache, tmp_path):
-    folds = ["task=crossval", "crossval.only=[0,1]", "model=haptic", "logger=csv"]
-    finished = run(*command(surfaces, cache, tmp_path / "run", *folds, *TWO))
-    assert finished.returncode == 0, finished.stderr
-    network = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["haptic"]
-    assert [each["fold"] for each in network["folds"]] == [0, 1]
 
 
 @pytest.mark.slow

@@ -4,16 +4,14 @@ import pytest
 import torch
 from conftest import CLASSES, make_card, make_trace
 from scipy.stats import binomtest
-from sklearn.model_selection import LeaveOneGroupOut
 
 import tex_lightning as tl
+from tex_lightning.classifier.card import novelty_threshold
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
-from tex_lightning.classifier.unknown import novelty_threshold
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
-from tex_lightning.core.groups import leave_out
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.statistics import left_out_novelties
 
@@ -39,14 +37,6 @@ def test_probabilities_that_were_fitted_with_the_weights_get_no_temperature(band
     card = tl.load(bands).classifier.card
     assert "novelties" in card.calibration  # there was a validation fold, of three recordings
     assert "temperature" not in card.calibration
-
-
-def test_they_tell_the_classes_of_other_recordings(bands):
-    classifier = tl.load(bands).classifier
-    for kind in range(len(CLASSES)):
-        (trace,) = traces(kind, [0])
-        mean = classifier.embedding("haptic", trace).mean(dim=1, keepdim=True)
-        assert classifier.statistics["haptic"].distances(mean).argmin() == kind
 
 
 def test_a_part_and_a_fast_copy_keep_them():
@@ -83,19 +73,6 @@ def test_recordings_left_out_are_as_novel_as_new_ones():
     assert statistics.novelty(rows).mean() < found.mean()
     assert left_out_novelties(rows[:4], labels[:4], 3, groups[:4]) == []  # of two there is but one
     assert left_out_novelties(rows, labels, 3, [str(label) for label in labels.tolist()]) == []
-
-
-def test_groups_are_left_out_as_scikit_learn_would_by_the_same_parts():
-    generator = torch.Generator().manual_seed(0)
-    labels = torch.randint(3, (70,), generator=generator)
-    features = torch.randn(70, 4, generator=generator)
-    groups = [f"{label}/{number // 4}" for number, label in enumerate(labels.tolist())]
-    parts = torch.tensor(leave_out(labels.tolist(), groups))
-    expected = torch.empty(70)
-    for kept, out in LeaveOneGroupOut().split(features, labels, parts):
-        own = FeatureStatistics.of(features[kept], labels[kept], 3)
-        expected[out] = own.novelty(features[out])
-    assert left_out_novelties(features, labels, 3, groups) == pytest.approx(expected.tolist())
 
 
 def test_as_many_known_recordings_are_rejected_as_asked_where_four_are_tiles_of_a_photo():

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import pytest
 import torch
 from conftest import make_card
-from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
@@ -32,18 +31,6 @@ def batch_norm_of_one() -> SimpleNamespace:
         torch.nn.BatchNorm2d(3)(torch.ones(1, 3, 1, 1))
 
     return SimpleNamespace(progress_bar_callback=None, fit=fit)
-
-
-def test_a_checkpoint_is_the_one_that_lightning_would_write(tmp_path: Path) -> None:
-    checkpoint = {"epoch": 3, "state_dict": {"weight": torch.arange(5.0)}}
-    CheckpointFiles().save_checkpoint(checkpoint, tmp_path / "new" / "here.ckpt")
-    TorchCheckpointIO().save_checkpoint(checkpoint, tmp_path / "lightning.ckpt")
-    ours, theirs = (
-        torch.load(path, weights_only=True)
-        for path in (tmp_path / "new" / "here.ckpt", tmp_path / "lightning.ckpt")
-    )
-    assert ours["epoch"] == theirs["epoch"] == 3
-    assert torch.equal(ours["state_dict"]["weight"], theirs["state_dict"]["weight"])
 
 
 def test_a_batch_of_one_position_is_said(batch_norm_of_one: SimpleNamespace) -> None:

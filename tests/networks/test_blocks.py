@@ -11,7 +11,6 @@ from tex_lightning.networks.blocks import (
     Head,
     Window,
     conv_block,
-    initialise,
     response_norm,
 )
 
@@ -48,15 +47,6 @@ def test_response_norm_matches_caffes_formula(channels):
         around = x[:, max(0, c - 2) : c + 3]
         expected[:, c] = x[:, c] / (1 + 1e-4 / 5 * (around**2).sum(axis=1)) ** 0.75
     np.testing.assert_allclose(layer(torch.from_numpy(x)).numpy(), expected, rtol=1e-12)
-
-
-def test_initialise_keeps_the_variance_through_relu_layers():
-    torch.manual_seed(0)
-    layers = nn.Sequential(*(conv_block(256, 256, 1, norm="none") for _ in range(6)))
-    initialise(layers)
-    x = torch.randn(64, 256, 1, 1)
-    assert 0.3 < layers(x).square().mean() / x.square().mean() < 3
-    assert all(not block[0].bias.any() for block in layers)
 
 
 def test_head_starts_near_uniform_and_drops_only_in_training():

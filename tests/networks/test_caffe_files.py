@@ -195,14 +195,6 @@ def test_mat_gives_matconvnets_conv1_less_the_mean_colour_of_the_file(tmp_path, 
     np.testing.assert_array_equal(weight, arrays["conv3"][0])
 
 
-def test_mat_without_a_mean_image_takes_caffes(tmp_path):
-    arrays = fabricate(VGG_M)
-    net = visualnet("vgg_m")
-    load_trunk_weights(net.trunk, write_mat(tmp_path / "a.mat", arrays, mean=False))
-    rgb = photo() - np.array([123.0, 117.0, 104.0])[:, None, None]
-    assert_conv1(net, "vgg_m", rgb, *arrays["conv1"])
-
-
 def test_vgg_m_normalises_as_its_files_say():
     """MatConvNet's parameters [5 2 1e-4 0.75]: x_i / (2 + 1e-4 sum of 5 squares)^0.75."""
     x = 100 * np.random.default_rng(0).standard_normal((96, 3, 3))
@@ -239,8 +231,3 @@ def test_files_of_something_else(tmp_path, suffix, content):
     path = tmp_path / f"a.{suffix}"
     path.write_bytes(content)
     refused(visualnet("vgg_m"), path, "cannot be read")
-
-
-def test_other_mat_files(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"x": np.zeros(3)})
-    refused(visualnet("vgg_m"), tmp_path / "a.mat", "cannot be read")

@@ -29,35 +29,10 @@ def unimodal(norm="none"):
     return haptic, visual
 
 
-def fusion(level="fc2", norm="none"):
-    torch.manual_seed(1)
-    return FusionNet(*unimodal(norm), classes=CLASSES, level=level)
-
-
 def inputs(frames=230, height=235, width=250):
     generator = torch.Generator().manual_seed(2)
     spectrogram = torch.rand(2, 1, 50, frames, generator=generator)
     return spectrogram, torch.randn(2, 3, height, width, generator=generator)
-
-
-@pytest.mark.parametrize("level", ["fc2", "fc3"])
-def test_pair_scores_equal_concatenation_and_linear(level):
-    haptic, visual = (net.eval() for net in unimodal())
-    net = fusion(level).eval()
-    torch.nn.init.normal_(net.head.weight)
-    torch.nn.init.normal_(net.head.bias)
-    spectrogram, image = inputs()
-    f_haptic = haptic.features(spectrogram, level)
-    f_visual = visual.features(image, level)
-    length, (rows, columns) = f_haptic.shape[-1], f_visual.shape[-2:]
-    assert (length, rows, columns) == (4, 2, 3)
-    pairs = torch.cartesian_prod(torch.arange(length), torch.arange(rows * columns))
-    scores = net(spectrogram, image, tuples=pairs)
-    assert scores.shape == (2, CLASSES, len(pairs))
-    for index, (i, j) in enumerate(pairs.tolist()):
-        row, column = divmod(j, columns)
-        both = torch.cat([f_haptic[..., i], f_visual[..., row, column]], dim=1)
-        torch.testing.assert_close(scores[..., index], net.head(both))
 
 
 def test_paper_parameter_counts():
@@ -72,17 +47,6 @@ def test_paper_parameter_counts():
     both = 4_408_919 + 5_191_749
     assert count["fc2"] == both - unused + (250 + 250) * 69 + 69
     assert count["fc3"] == both + (69 + 69) * 69 + 69
-
-
-def test_caller_keeps_its_networks():
-    haptic, visual = (net.eval() for net in unimodal())
-    spectrogram, image = inputs()
-    before = haptic(spectrogram), visual(image)
-    net = FusionNet(haptic, visual, classes=CLASSES)
-    for parameter in net.parameters():
-        torch.nn.init.zeros_(parameter)
-    assert torch.equal(haptic(spectrogram), before[0])
-    assert torch.equal(visual(image), before[1])
 
 
 def senses(count):

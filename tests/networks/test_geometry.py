@@ -16,7 +16,6 @@ from tex_lightning.networks.geometry import (
     in_tiles,
     layer_windows,
     side_after,
-    split_axis,
 )
 from tex_lightning.networks.trunks import TRUNKS
 
@@ -123,23 +122,6 @@ def test_a_photo_in_pieces_has_the_class_scores_of_the_whole(trunk, height, widt
     assert len(seen) > 1 or height * width <= most or expected.numel() == 3
 
 
-@pytest.mark.parametrize("trunk", [name for name in TRUNKS if "efficientnet" in name])
-@pytest.mark.parametrize(("height", "width"), [(2401, 300), (310, 2500)])
-def test_pieces_of_a_large_photo_where_a_prediction_sees_much(trunk, height, width):
-    net = network(trunk)
-    x = torch.randn(1, 3, height, width, generator=torch.Generator().manual_seed(0))
-    sizes = []
-
-    def noted(piece):
-        sizes.append(piece.shape[2] * piece.shape[3])
-        return run(net, piece)
-
-    found = in_tiles(noted, x, windows(net), 9 * height * width // 10)
-    torch.testing.assert_close(found, run(net, x), rtol=1e-4, atol=1e-5)
-    assert len(sizes) > 1
-    assert max(sizes) < height * width
-
-
 @examples(max_examples=40)
 @given(st.integers(177, 1500), st.integers(12_000, 40_000))
 def test_a_trace_in_pieces_has_the_class_scores_of_the_whole(frames, most):
@@ -162,16 +144,3 @@ def test_the_pieces_of_a_large_photo_are_not_nearly_all_margin(name):
 
     in_tiles(noted, torch.zeros(1, 1, *size), layers, affordable(layers, default))
     assert sum(computed) < 2 * size[0] * size[1]  # 178 times of EfficientNet-Lite2's before
-
-
-@pytest.mark.parametrize("name", [*TRUNKS, "haptic"])
-@examples(max_examples=20)
-@given(st.integers(700, 3000), st.integers(1, 6))
-def test_pieces_cover_every_position_once(name, size, pieces):
-    layers = layer_windows(network(name), 1)
-    spans = split_axis(layers, size, pieces)
-    positions = [p for _, given, _ in spans for p in range(given.start, given.stop)]
-    assert positions == list(range(side_after(layers, size)))
-    for read, _, own in spans:
-        assert 0 <= read.start < read.stop <= size
-        assert side_after(layers, read.stop - read.start) >= own.stop

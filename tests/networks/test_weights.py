@@ -83,16 +83,6 @@ def test_truncated_file(tmp_path, suffix, kept):
     refused(net, path, str(path), "cannot be read")
 
 
-@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
-def test_damaged_array(tmp_path, save):
-    path = tmp_path / "weights.npz"
-    save(path, **{"conv1.weight": np.random.default_rng(0).random((96, 3, 11, 11))})
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    path.write_bytes(content)
-    refused(visualnet(), path, "cannot be read")
-
-
 @pytest.mark.parametrize("content", [{"_conv_stem.weight": Path("/")}, [1, 2]])
 def test_what_is_no_state_dict_is_refused_and_not_run(tmp_path, content):
     path = tmp_path / "weights.pth"

@@ -11,7 +11,6 @@ from tex_lightning.networks.windows import (
     WindowNet,
     batches,
     cut_windows,
-    dense_grid,
 )
 
 
@@ -71,14 +70,6 @@ def test_windows_stand_where_the_predictions_do():
     assert torch.equal(grid[2, 5], x[0, :, 64 : 64 + 224, 160 : 160 + 224])
     rows, columns = visual.output_size(300, 400)
     assert (rows - 3, columns - 6) in {(0, 0), (0, 1), (1, 0), (1, 1)}
-
-
-def test_an_input_of_one_window_gives_the_same_densely():
-    network = lively(HapticNet(4, width=0.2))
-    x = noise(1, 1, *HapticNet.window_size)
-    with torch.no_grad():
-        dense = dense_grid(network(x))
-        torch.testing.assert_close(dense[0], WindowNet(network)(x), rtol=1e-4, atol=1e-4)
 
 
 def test_a_network_without_trunk_and_head_is_its_own_twin():

@@ -54,13 +54,6 @@ def test_windows_are_crops_through_the_network(sense, level):
         torch.testing.assert_close(column, expected, atol=1e-5, rtol=1e-4)
 
 
-@torch.no_grad()
-def test_positions_are_those_of_the_network_row_by_row(sense):
-    expected = sense.network.features(pixels(photo()), "fc3")[0]
-    assert sense.grid(photo()) == (*expected.shape[1:],)
-    torch.testing.assert_close(sense.positions(photo(), "fc3"), expected.flatten(1))
-
-
 @pytest.mark.parametrize("tile", [224 * 224, 90_000, 10**9])
 @torch.no_grad()
 def test_positions_in_pieces_are_those_of_the_whole(sense, tile):
@@ -68,12 +61,6 @@ def test_positions_in_pieces_are_those_of_the_whole(sense, tile):
     whole = sense.positions(large, "fc3")
     found = changed(sense, tile=tile).positions(large, "fc3")
     torch.testing.assert_close(found, whole, atol=1e-5, rtol=0)
-
-
-def test_too_small_a_photo_is_refused(sense):
-    with pytest.raises(UserError, match=r"The photo has 300x198 pixels .* needs 199 on each side"):
-        sense.check(photo(198))
-    sense.check(photo(199, 199))
 
 
 @pytest.mark.parametrize(

@@ -48,16 +48,6 @@ def signal(level: float, samples: int = 1200) -> torch.Tensor:
     return level * torch.ones(1, samples)
 
 
-@pytest.mark.parametrize(("level", "label"), [(3.0, 0), (0.5, 0), (0.1, 2)])
-def test_own_parts_classify(level, label):
-    sense = own()
-    scores = sense.positions(signal(level), "fc3")
-    assert scores.shape == (3, 3)
-    torch.testing.assert_close(scores[0], torch.full((3,), level - 0.5))
-    if level != 0.5:
-        assert scores.argmax(dim=0).tolist() == [label] * 3
-
-
 def test_it_tells_no_geometry_and_what_needs_one_says_so():
     sense = own()
     assert sense.geometry is None
@@ -73,10 +63,6 @@ def test_too_short_a_signal_is_refused_in_one_sentence(samples):
         own().positions(signal(1.0, samples), "fc3")
     part = "Loudness" if samples == 399 else "Energy"
     assert str(caught.value).startswith(f"{part} makes nothing of this force recording (")
-
-
-def test_the_shortest_signal_gives_a_fragment():
-    assert own().positions(signal(1.0, 400), "fc3").shape == (3, 1)
 
 
 def test_what_is_not_finite_is_refused():

@@ -171,6 +171,25 @@ class MovementSense(SignalSense):
         return True
 
 
+def _baseline_sense(card: Card, baseline: "Baseline") -> Sense:
+    """Make the sense whose network is the baseline; the network of its node is not made."""
+    (sense,), (values,) = card.sense_names, card.senses.values()
+    kind = trusted_class(f"model.{sense}", values)
+    medium = "signal" if baseline.kind == "haptic" else "photo"
+    if kind.medium != medium:
+        raise UserError(
+            f"{card.title} looks at a {medium}, and {sense} is a {kind.medium}; choose "
+            "another sense in model.senses, or leave it out."
+        )
+    decoder = kind.make_decoder(make_value(f"model.{sense}.decode", values["decode"]))
+    network = FittedBaseline(baseline)
+    if medium == PhotoSense.medium:
+        return PhotoSense(sense, values["modality"], decoder, Pixels(), network)
+    baseline.sampling_rate = decoder.sampling_rate
+    moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
+    return MovementSense(sense, values["modality"], decoder, moving, network)
+
+
 class BaselineClassifier(SurfaceClassifier):
     """Classify raw recordings of one sense with a baseline, on the CPU.
 
@@ -180,25 +199,10 @@ class BaselineClassifier(SurfaceClassifier):
 
     baseline: "Baseline"
 
-    def make_senses(self) -> dict[str, Sense]:
-        """Make the branch whose network is the baseline; the network of its node is not made."""
-        name, node, budget = (self.card.baseline[key] for key in ("name", "node", "budget"))
-        self.baseline = make_baseline(name, node, budget)
-        (sense,), (values,) = self.card.sense_names, self.card.senses.values()
-        kind = trusted_class(f"model.{sense}", values)
-        medium = "signal" if self.baseline.kind == "haptic" else "photo"
-        if kind.medium != medium:
-            raise UserError(
-                f"{name} looks at a {medium}, and {sense} is a {kind.medium}; choose "
-                "another sense in model.senses, or leave it out."
-            )
-        decoder = kind.make_decoder(make_value(f"model.{sense}.decode", values["decode"]))
-        network = FittedBaseline(self.baseline)
-        if medium == PhotoSense.medium:
-            return {sense: PhotoSense(sense, values["modality"], decoder, Pixels(), network)}
-        self.baseline.sampling_rate = decoder.sampling_rate
-        moving = Movement(values.get("skip_impact", False), decoder.sampling_rate)
-        return {sense: MovementSense(sense, values["modality"], decoder, moving, network)}
+    def __init__(self, card: Card) -> None:
+        baseline = make_baseline(*(card.baseline[key] for key in ("name", "node", "budget")))
+        super().__init__(card, {card.kind: _baseline_sense(card, baseline)})
+        self.baseline = baseline
 
     def count_parameters(self) -> int:
         """How many numbers were fitted."""

@@ -10,7 +10,6 @@ from typing import Any, Self, get_args
 
 import torch
 
-from tex_lightning.classifier.unknown import novelty_threshold
 from tex_lightning.classifier.vote import RULES
 from tex_lightning.config import DecisionConfig
 from tex_lightning.config.instantiation import TARGET
@@ -24,6 +23,8 @@ from tex_lightning.networks.blocks import NORMS, Level
 from tex_lightning.senses.features.spectrogram import Axes, Normalisation, Scale
 
 SUFFIX = ".ckpt"  # of checkpoints of this package
+LABEL = "unknown"
+ROUNDING = 1e-9  # of a rate times a number of recordings
 
 DECISION = ("pairs", "rule", "seed", "reject_below", "unknown")  # that the card keeps
 NOVELTIES = "novelties"  # of the calibration
@@ -176,6 +177,26 @@ class Card:
         return found
 
 
+def novelty_threshold(known: Sequence[float], rate: float) -> float:
+    """Return the novelty above which a recording is called unknown: split conformal prediction.
+
+    If known recordings to come are exchangeable with the n given, each has a chance of at most
+    k / (n + 1) to lie above the k-th largest of these (Vovk et al. 2005, Lei et al. 2018). Where
+    not even 1 / (n + 1) is as small as ``rate`` the largest is taken, see :func:`least_rate`.
+
+    Args:
+        known: Novelties of recordings of known classes that nothing was fitted on, at least one.
+        rate: Share of known recordings that may be called unknown, in (0, 1).
+    """
+    place = max(1, int((len(known) + 1) * rate + ROUNDING))
+    return sorted(known)[-place]
+
+
+def least_rate(known: int) -> float:
+    """Return the smallest rate of false rejections that so many recordings can guarantee."""
+    return 1 / (known + 1)
+
+
 def read_checkpoint(path: str | Path) -> dict[str, Any]:
     """Read the tensors and plain values of a checkpoint.
 
@@ -208,43 +229,39 @@ def reading(path: Path) -> Iterator[None]:
     except Exception as error:  # damage shows in as many ways as there are formats
         if fault_of(error) is not None:
             raise
-        what = str(error) if isinstance(error, CardError) else type(error).__name__
+        what = shorten(str(error)) if isinstance(error, ValueError) else type(error).__name__
         raise UserError(
             f"Checkpoint {path} is damaged or was not written by tex_lightning of this version "
             f"({what}); give a file from a run's checkpoints folder, or train anew."
         ) from error
 
 
-class CardError(ValueError):
-    """A value of a card that cannot be meant."""
-
-
 def _check(card: Card) -> None:
     """Refuse a card whose values would fail, or be misread, only when they are used.
 
     Raises:
-        CardError: Naming the value.
+        ValueError: Naming the value.
     """
     if not isinstance(card.senses, dict) or not card.senses:
-        raise CardError("it has no senses")
+        raise ValueError("it has no senses")
     for name, sense in card.senses.items():
         if not isinstance(sense["modality"], str) or not isinstance(sense["decode"], dict):
-            raise CardError(f"its senses.{name} has no modality or decoder")
+            raise ValueError(f"its senses.{name} has no modality or decoder")
         for part in (sense, sense["features"], sense["network"]):
             if TARGET not in part or not isinstance(part, dict):
-                raise CardError(f"its senses.{name} names no class")
+                raise ValueError(f"its senses.{name} names no class")
     required = card.rule, card.decision["pairs"], card.decision["seed"]
     if None in required or (card.kind == FUSION and "level" not in card.fusion):
-        raise CardError("its decision is not complete")
+        raise ValueError("its decision is not complete")
     for key in ("senses", "decision", "fusion", "calibration", "input_ranges"):
         _check_values(key, getattr(card, key))
     if card.novelties and set(card.novelties) != set(card.senses):
-        raise CardError("its calibration.novelties are not those of its senses")
+        raise ValueError("its calibration.novelties are not those of its senses")
     if card.trained_on and not isinstance(card.trained_on.get("seen"), list):
-        raise CardError("its trained_on.seen is no list")
+        raise ValueError("its trained_on.seen is no list")
     names = [name for name in card.classes if not isinstance(name, str)]
     if names or not isinstance(card.classes, list) or len(set(card.classes)) != len(card.classes):
-        raise CardError("its classes are not a list of different names")
+        raise ValueError("its classes are not a list of different names")
 
 
 def _check_values(where: str, value: object) -> None:
@@ -257,11 +274,11 @@ def _check_values(where: str, value: object) -> None:
         for each in value if isinstance(value, list) else [value]:
             _check_number(where, each, 0, math.inf)
     elif key in CHOICES and value not in CHOICES[key]:
-        raise CardError(f"its {where} is {shorten(repr(value))}")
+        raise ValueError(f"its {where} is {shorten(repr(value))}")
     elif key in RANGES and not (value is None and key in OPTIONAL):
         _check_number(where, value, *RANGES[key])
 
 
 def _check_number(where: str, value: object, low: float, high: float) -> None:
     if not isinstance(value, int | float) or not math.isfinite(value) or not low <= value <= high:
-        raise CardError(f"its {where} is {shorten(repr(value))}")
+        raise ValueError(f"its {where} is {shorten(repr(value))}")

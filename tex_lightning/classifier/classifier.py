@@ -47,6 +47,10 @@ class SurfaceClassifier(nn.Module):
 
     One sense decides by its own class scores; those of several senses add up (FusionNet).
 
+    Args:
+        card: What it consists of.
+        senses: Senses of the card that are made already; None makes them, with random weights.
+
     Attributes:
         card: The plain values that it was built from.
         senses: The :class:`~tex_lightning.senses.base.Sense` of every name, a ``ModuleDict``.
@@ -71,10 +75,13 @@ class SurfaceClassifier(nn.Module):
     fusion: FusionLayer | None
     statistics: nn.ModuleDict
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: Card, senses: dict[str, Sense] | None = None) -> None:
         super().__init__()
         self.card = card
-        senses = self.make_senses()
+        if senses is None:
+            senses = {}
+            for name, node in card.senses.items():
+                senses[name] = make_sense(name, node, len(card.classes))
         self.senses = cast(Mapping[str, Sense], nn.ModuleDict(senses))
         self.fusion = None
         if card.kind == FUSION:
@@ -83,11 +90,6 @@ class SurfaceClassifier(nn.Module):
             self.fusion.remove_scores(networks)
         self.statistics = nn.ModuleDict()
         self.layers = {name: self._layers(name) for name in senses}
-
-    def make_senses(self) -> dict[str, Sense]:
-        """Make the senses of the card, with random weights."""
-        nodes, classes = self.card.senses.items(), len(self.card.classes)
-        return {name: make_sense(name, node, classes) for name, node in nodes}
 
     @classmethod
     def from_checkpoint(cls, path: str | Path, kind: str | None = None) -> "SurfaceClassifier":

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from tex_lightning.classifier.card import Card
-from tex_lightning.classifier.unknown import LABEL, least_rate
+from tex_lightning.classifier.card import LABEL, Card, least_rate
 from tex_lightning.classifier.vote import Vote
 from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError

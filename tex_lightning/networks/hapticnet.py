@@ -60,8 +60,20 @@ class HapticNet(nn.Module):
         check_norm(norm, NORMS, "model.haptic.norm")
         self.classes = classes
         self.hidden = scaled(HIDDEN_CHANNELS, width)
-        self.trunk = _trunk(width, norm)
-        final = scaled(FINAL_CHANNELS, width)
+        layers: list[nn.Module] = []
+        source, final = 1, scaled(FINAL_CHANNELS, width)
+        for index, channels in enumerate(CHANNELS):
+            target = scaled(channels, width)
+            conv, *rest = conv_block(source, target, 3, norm=norm, padding=1)
+            # ReLU commutes with the maximum, and pooling first leaves it, and batch normalisation,
+            # a quarter of the elements.
+            layers += [conv, POOL.max_pool(), *rest]
+            if index == 0:
+                layers += response_norm(norm)
+            source = target
+        layers.append(conv_block(source, final, FINAL_KERNEL, norm=norm))
+        self.trunk = nn.Sequential(*layers)
+        initialise(self.trunk)
         hidden = nn.Sequential(nn.Dropout(dropout), conv_block(final, self.hidden, 1, norm=norm))
         self.head = Head(hidden, self.hidden, classes, dropout)
 
@@ -93,20 +105,3 @@ class HapticNet(nn.Module):
         for _ in CHANNELS:
             bands, frames = POOL.output(bands), POOL.output(frames)
         return Window(FINAL_KERNEL[0]).output(bands), Window(FINAL_KERNEL[1]).output(frames)
-
-
-def _trunk(width: float, norm: Norm) -> nn.Sequential:
-    layers: list[nn.Module] = []
-    source = 1
-    for index, channels in enumerate(scaled(c, width) for c in CHANNELS):
-        conv, *rest = conv_block(source, channels, 3, norm=norm, padding=1)
-        # ReLU commutes with the maximum, and pooling first leaves it, and batch normalisation, a
-        # quarter of the elements.
-        layers += [conv, POOL.max_pool(), *rest]
-        if index == 0:
-            layers += response_norm(norm)
-        source = channels
-    layers.append(conv_block(source, scaled(FINAL_CHANNELS, width), FINAL_KERNEL, norm=norm))
-    trunk = nn.Sequential(*layers)
-    initialise(trunk)
-    return trunk

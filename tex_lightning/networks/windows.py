@@ -25,8 +25,9 @@ class WindowNet(nn.Module):
     def __init__(self, network: nn.Module) -> None:
         super().__init__()
         whole: Any = deepcopy(network)
-        self.trunk, self.head = Scores(whole), nn.Sequential(nn.Flatten())
-        if hasattr(whole, "trunk") and hasattr(whole, "head"):
+        self.trunk, self.head = whole, nn.Sequential(nn.Flatten())
+        self.connected = hasattr(whole, "trunk") and hasattr(whole, "head")
+        if self.connected:
             leaves = [leaf for leaf in whole.head.modules() if not list(leaf.children())]
             self.trunk = whole.trunk
             self.head.extend(map(_connected, leaves))
@@ -34,20 +35,9 @@ class WindowNet(nn.Module):
 
     def forward(self, windows: Tensor) -> Tensor:
         """Map windows (B, C, height, width) to class scores before softmax (B, classes)."""
-        found: Tensor = self.head(self.trunk(windows))
-        return found
-
-
-class Scores(nn.Module):
-    """A network as a module from its input to its class scores."""
-
-    def __init__(self, network: nn.Module) -> None:
-        super().__init__()
-        self.network = network
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Map inputs to class scores before softmax (B, classes, *positions)."""
-        return scores(self.network, x)
+        features = self.trunk(windows) if self.connected else scores(self.trunk, windows)
+        class_scores: Tensor = self.head(features)
+        return class_scores
 
 
 def scores(network: Any, x: Tensor) -> Tensor:  # noqa: ANN401

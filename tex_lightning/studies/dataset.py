@@ -9,9 +9,8 @@ from pathlib import Path
 from rich.table import Table
 
 from tex_lightning.baselines.classifier import make_baseline, new_classifier
-from tex_lightning.classifier.card import DECISION, Card
+from tex_lightning.classifier.card import DECISION, LABEL, Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
-from tex_lightning.classifier.unknown import LABEL
 from tex_lightning.config import Config
 from tex_lightning.core.console import QUIET, Screen, console
 from tex_lightning.core.progress import track

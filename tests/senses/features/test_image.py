@@ -37,25 +37,6 @@ def test_rotation_equals_opencv_and_has_no_black_corner(angle):
         assert np.abs(ours - theirs).max() < 2.0
 
 
-def test_every_crop_of_a_batch_is_turned_by_its_own_angle():
-    crops = torch.randint(0, 256, (9, 3, 40, 40), dtype=torch.uint8)
-    degrees = torch.linspace(-180, 180, 9)
-    features = ImageFeatures()
-    turned = features.rotated(crops, degrees, 26)
-    for index in range(9):
-        alone = features.rotated(crops[index : index + 1], degrees[index : index + 1], 26)
-        torch.testing.assert_close(turned[index : index + 1], alone)
-
-
-def test_crops_are_turned_in_the_precision_of_the_angles():
-    crops = torch.randint(0, 256, (2, 3, 40, 40), dtype=torch.uint8)
-    degrees = torch.tensor([20.0, -70.0])
-    exact = ImageFeatures().double().rotated(crops, degrees.double(), 26)
-    assert exact.dtype == torch.float64
-    torch.testing.assert_close(ImageFeatures().rotated(crops, degrees, 26).double(), exact,
-                               rtol=0, atol=1e-4)  # fmt: skip
-
-
 @given(patch=st.integers(1, 60), angle=st.floats(-180, 180))
 def test_a_slope_turns_into_a_slope(patch, angle):
     """Interpolation is exact on it, so that a pixel invented beyond the crop would show."""

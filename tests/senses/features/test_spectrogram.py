@@ -56,19 +56,6 @@ def test_blocks_equal_the_whole(seconds, axes, joined, scale):
     torch.testing.assert_close(blocks, whole, atol=1e-5 * float(whole.max()), rtol=0)
 
 
-@pytest.mark.parametrize("scale", ["linear", "mel"])
-@pytest.mark.parametrize("axes", [1, 3])
-def test_blocks_equal_scipys(axes, scale):
-    trace = noise(11.3, axes) + torch.tensor([0.1, 9.81, -3.0])[:axes, None]
-    features = SpectrogramFeatures(skip_impact=False, scale=scale)
-    features.fast_spectrogram = True
-    theirs = scipys(trace)
-    if scale == "mel":
-        theirs = np.sqrt(mel_filters(10_000, 500, 50).double().numpy() @ theirs**2)
-    ours = features.magnitudes(trace).numpy()
-    np.testing.assert_allclose(ours, theirs[:50], atol=1e-5 * theirs.max())
-
-
 @pytest.mark.parametrize("fast", [False, True])
 @pytest.mark.parametrize("scale", ["linear", "mel"])
 @pytest.mark.parametrize(
@@ -99,16 +86,6 @@ def test_a_window_with_too_few_frequencies_for_the_papers_channels_is_refused():
         SpectrogramFeatures(sampling_rate=500.0, scale="linear")
 
 
-@pytest.mark.parametrize("axes", [1, 3])
-def test_mel_bands_are_the_mean_power_of_scipys_channels(axes):
-    trace = noise(1.5, axes) + torch.tensor([0.1, 9.81, -3.0])[:axes, None]
-    features = SpectrogramFeatures(skip_impact=False, scale="mel")
-    channels = scipys(trace) ** 2
-    theirs = np.sqrt(mel_filters(10_000, 500, 50).double().numpy() @ channels)
-    ours = features.magnitudes(trace).numpy()
-    np.testing.assert_allclose(ours, theirs, atol=1e-5 * theirs.max())
-
-
 def test_magnitudes_of_the_whole_trace_equal_scipys():
     trace = noise(1.5)
     ours = SpectrogramFeatures(skip_impact=False, axes="trace").magnitudes(trace).numpy()
@@ -124,11 +101,6 @@ def test_magnitudes_of_the_whole_trace_equal_scipys():
     np.testing.assert_allclose(ours[:, 1 : frames + 1], theirs[:, :frames], rtol=1e-3, atol=2e-3)
 
 
-@pytest.mark.parametrize(("seconds", "frames"), [(20, 1996), (10, 996), (4.7985, 475)])
-def test_number_of_frames(seconds, frames):
-    assert SpectrogramFeatures(skip_impact=False).magnitudes(noise(seconds)).shape == (50, frames)
-
-
 @pytest.mark.parametrize("scale", ["linear", "mel"])
 def test_a_tone_lands_in_its_band(scale):
     features, time = SpectrogramFeatures(scale=scale), torch.arange(20_000) / 10_000
@@ -136,25 +108,10 @@ def test_a_tone_lands_in_its_band(scale):
     assert (magnitudes.argmax(dim=0) == (features.frequencies - 440).abs().argmin()).all()
 
 
-def test_shifting_by_a_hop_shifts_by_a_frame():
-    features = SpectrogramFeatures(skip_impact=False, axes="trace")
-    start, rest = noise(0.01), noise(1.0, seed=1)
-    trace = torch.cat((start - start.mean(), rest - rest.mean()), dim=1)  # both have mean 0
-    whole, later = features.magnitudes(trace), features.magnitudes(trace[:, 100:])
-    torch.testing.assert_close(whole[:, 1:], later, atol=1e-3, rtol=1e-3)
-
-
 def test_paper_normalisation_spans_zero_to_one_per_channel():
     spectrogram = SpectrogramFeatures(normalisation="paper")(noise(1.0, axes=3))[0, 0]
     assert spectrogram.amin(dim=1).eq(0).all()
     assert spectrogram.amax(dim=1).eq(1).all()
-
-
-@given(gain=st.floats(1e-3, 1e3))
-def test_paper_normalisation_cancels_gain(gain):
-    features = SpectrogramFeatures(normalisation="paper")
-    trace = noise(0.5)
-    torch.testing.assert_close(features(trace * gain), features(trace), atol=1e-3, rtol=0)
 
 
 def test_standard_normalisation_of_the_training_set_is_standard():
@@ -205,14 +162,6 @@ def test_channels_are_exact_on_real_traces(shared):
         assert_near(found[1:], expected[1:], 1e-4)
 
 
-@pytest.mark.parametrize("normalisation", ["paper", "standard"])
-def test_silent_and_constant_traces_are_defined(normalisation):
-    features = SpectrogramFeatures(normalisation=normalisation)
-    features.fit([features.magnitudes(torch.zeros(1, 5000))])
-    for trace in (torch.zeros(1, 5000), torch.full((3, 5000), 2.5)):
-        assert torch.equal(features(trace), torch.zeros(1, 1, 50, 46))
-
-
 def test_skips_the_touch_but_no_movement():
     quiet, movement = 0.001 * noise(0.5), 0.3 * noise(3.0, seed=1)
     touch = torch.zeros(1, 500)
@@ -220,13 +169,6 @@ def test_skips_the_touch_but_no_movement():
     start = movement_start(torch.cat((quiet, touch, movement), dim=1), 10_000)
     assert start == 5000 + 2000
     assert movement_start(movement, 10_000) == 0
-
-
-def test_a_burst_in_the_midst_of_a_stroke_is_no_touch():
-    stroke = 0.3 * noise(1.0)
-    stroke[0, :1500] *= 0.5  # a slower moment to begin with
-    stroke[0, [3000, 8500]] = 20.0  # stick and slip
-    assert movement_start(stroke, 10_000) == 0
 
 
 def test_a_touch_is_the_same_as_soon_as_the_movement_after_it_is_known():
