@@ -105,7 +105,7 @@ CASES = [pytest.param(each, marks=pytest.mark.slow) if each in LARGER else each 
 
 
 @pytest.mark.parametrize("trunk", CASES)
-@examples(max_examples=12)
+@examples(max_examples=5)
 @given(st.integers(230, 700), st.integers(230, 700), st.integers(55_000, 250_000))
 def test_a_photo_in_pieces_has_the_class_scores_of_the_whole(trunk, height, width, most):
     net = network(trunk)
@@ -122,7 +122,7 @@ def test_a_photo_in_pieces_has_the_class_scores_of_the_whole(trunk, height, widt
     assert len(seen) > 1 or height * width <= most or expected.numel() == 3
 
 
-@examples(max_examples=40)
+@examples(max_examples=10)
 @given(st.integers(177, 1500), st.integers(12_000, 40_000))
 def test_a_trace_in_pieces_has_the_class_scores_of_the_whole(frames, most):
     net = network("haptic")
