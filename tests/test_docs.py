@@ -69,6 +69,16 @@ def test_keys_named_in_sentences_exist():
     assert wrong == []
 
 
+def test_files_named_in_sentences_exist():
+    missing = []
+    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *USER_PAGES):
+        text = page.read_text("utf-8")
+        for name in re.findall(r"`((?:tex_lightning|conf|tests|benchmarks)/[\w./]+)`", text):
+            if "NAME" not in name and not (ROOT / name).exists():
+                missing.append(f"{page.name}: {name}")
+    assert missing == []
+
+
 def test_the_fragments_of_hapticnet_are_those_of_the_code():
     page = (ROOT / "docs" / "networks.md").read_text(encoding="utf-8")
     network, features = tl.HapticNet(3, width=0.1), SpectrogramFeatures()
