@@ -143,12 +143,3 @@ def test_every_task_can_go_on_without_bad_files(cli, bad, tmp_path):
     evaluated = cli("task=evaluate", checkpoint, skip, *options(bad, tmp_path, "evaluated"))
     assert evaluated.status == 0, evaluated.err
     assert_skipped(results(tmp_path, "evaluated")["skipped"], bad, NAMES[2])
-    stable = cli(
-        "task=stability",
-        f"stability.systems=[{tmp_path}/run]",
-        "stability.only=[white_noise]",
-        skip,
-        *options(bad, tmp_path, "stable"),
-    )
-    assert stable.status == 0, stable.err
-    assert_skipped(results(tmp_path, "stable")["skipped"], bad, NAMES[2])

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-import tex_lightning as tl
 from tex_lightning.config import CONF
 from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
@@ -68,25 +67,3 @@ def test_sound_is_streamed_in_chunks(cli, every, files):
     assert outcome.status == 0, outcome.err
     last = json.loads(outcome.out.splitlines()[-1])
     assert (last["label"], last["fragments"]) == (whole["label"], whole["fragments"])
-
-
-def test_a_sense_that_is_fitted_in_closed_form_is_fused_on_whole_folds(run_once, tiny, surfaces):
-    """Proportions of bands beside a small VisualNet."""
-    run = run_once(
-        "experiment=few/fusion", "weights=null", "trunk=tcnn", "model.visual.norm=batch",
-        "model.visual.head=[30,25]", "model.visual.width=0.1", "data.per_class=2", *tiny,
-    )  # fmt: skip
-    results = json.loads((run / "results.json").read_text())
-    assert list(results["networks"]) == ["haptic", "visual", "fusion"]
-    assert results["networks"]["haptic"]["correct"] == 3  # of two recordings of each class
-    model = tl.load(run)
-    assert len(model.card.trained_on["seen"]) == 2 * (2 * 3 + 3)  # with validation, of both senses
-    files = {
-        "haptic": surfaces / "beta/haptic/beta_0.wav",
-        "image": surfaces / "beta/image/beta_0.png",
-    }
-    assert model.predict(haptic=files["haptic"]).label == "beta"
-    for senses in (["image"], ["haptic", "image"]):
-        said = model.predict(**{name: files[name] for name in senses})
-        assert said.modalities == tuple(senses)
-        assert 0 < said.probability <= 1

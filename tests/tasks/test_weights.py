@@ -9,6 +9,7 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+import tex_lightning as tl
 from tex_lightning.config import CONF, Config, register
 from tex_lightning.config.weights import pick_weights
 from tex_lightning.errors import UserError
@@ -50,26 +51,24 @@ def test_other_weights_are_refused(weights):
         pick_weights(replace(config("visual"), weights=weights))
 
 
-def test_both_parts_of_a_fusion_start_from_their_trunks(run_once, fused, tiny, cli, tmp_path):
-    """Of a run on the same folds, of which HapticNet's hardly moves."""
-    files = {"haptic": "haptic", "alexnet_caffe": "visual"}
-    weights = ",".join(f"{each}:{fused}/checkpoints/{kind}.ckpt" for each, kind in files.items())
+def test_a_network_starts_from_its_trunk_and_inherits_what_it_has_seen(
+    run_once, fused, tiny, cli, tmp_path
+):
+    """It hardly moves from a run on the same folds."""
+    weights = f"weights={{haptic:{fused}/checkpoints/haptic.ckpt}}"
     still = "model.haptic.fit.learning_rate=1e-12"
-    run = run_once("model=fusion", still, f"weights={{{weights}}}", *tiny)
-    found = json.loads((run / "results.json").read_text())
-    assert list(found["weights"]) == ["haptic", "visual"]
-    for source in found["weights"].values():
-        assert re.search(r"\(trained on \d+ recordings\)", source)
-    key = "classifier.senses.haptic.network.trunk.0.weight"
+    run = run_once("model=haptic", still, weights, *tiny)
+    source = json.loads((run / "results.json").read_text())["weights"]["haptic"]
+    assert re.search(r"\(trained on \d+ recordings\)", source)
     start, end = (
-        torch.load(each / "checkpoints" / "haptic.ckpt", weights_only=True)["state_dict"][key]
+        tl.load(each / "checkpoints" / "haptic.ckpt").classifier.state_dict()
         for each in (fused, run)
     )
-    torch.testing.assert_close(start, end, rtol=0, atol=1e-9)
-    card = torch.load(run / "checkpoints" / "fusion.ckpt", weights_only=True)["hyper_parameters"]
-    assert card["card"]["trained_on"]["trunks"].keys() == {"haptic", "visual"}
-    start = f"weights={run}/checkpoints/haptic.ckpt"
-    leak = cli("model=haptic", start, "data.test_fold=3", *tiny, f"hydra.run.dir={tmp_path}")
+    key = "senses.haptic.network.trunk.0.weight"
+    torch.testing.assert_close(start[key], end[key], rtol=0, atol=1e-9)
+    assert tl.load(run).card.trained_on["trunks"].keys() == {"haptic"}
+    begun = f"weights={run}/checkpoints/haptic.ckpt"
+    leak = cli("model=haptic", begun, "data.test_fold=3", *tiny, f"hydra.run.dir={tmp_path}")
     assert leak.status == 2
     assert "has trained on 3 of the 3 test recordings" in leak.err
     assert "set data.folds=10 data.test_fold=0 as in" in leak.err

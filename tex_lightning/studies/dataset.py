@@ -97,8 +97,7 @@ def open_dataset(config: Config, directory: Path) -> Dataset:
     damaged = store.fill(needed)
     readable = recordings.without(each.recording for each in damaged)
     for sense in senses:
-        if _is_new(config, sense):
-            _try_new(config, sense, readable, store)
+        _try_custom(config, sense, readable, store)
     skipped = find_unusable(needed, store, senses, damaged, skip_bad=data.skip_bad)
     bad = [each.recording for each in skipped]
     usable, held = recordings.without(bad), unknown.without(bad)
@@ -239,18 +238,14 @@ def show_opening(config: Config, dataset: Dataset, what: str, *, trains: bool = 
     block.add_row("Data", f"{data.name} {data.manifest or data.root or ''}")
     block.add_row("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
     for modality in modalities:
-        title = plural(modality).partition(" ")[0].capitalize()
-        block.add_row(title, _describe(rows.of(modality), dataset.store))
+        own, title = rows.of(modality), plural(modality).partition(" ")[0].capitalize()
+        decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in own)
+        sizes = [dataset.store.extent(row) for row in own]
+        size = spread(sizes, decoder.unit, decoder.precision)
+        each = spread([*counts.values()], "", "d")
+        block.add_row(title, f"{len(own)}; {size}; {each} of a class")
     block.add_row("Trains" if trains else "Tests", what)
     console.print(block)
-
-
-def _describe(rows: Recordings, store: Store) -> str:
-    """How many there are, how long or large they are once decoded, and how many of each class."""
-    decoder = store.decoders[rows.rows[0].modality]
-    size = spread([store.extent(row) for row in rows], decoder.unit, decoder.precision)
-    counts = Counter(row.label for row in rows)
-    return f"{len(rows)}; {size}; {spread([*counts.values()], '', 'd')} of a class"
 
 
 def check_networks(config: Config) -> list[Sense]:
@@ -289,18 +284,15 @@ def _checked_branch(config: Config, name: str) -> Sense:
     return sense
 
 
-def _is_new(config: Config, sense: Sense) -> bool:
-    """Whether a sense that is to be trained has parts of the user's."""
-    given = config.model.checkpoints.get(sense.name) is not None
-    augmented = config.model.fit_values(sense.name).get("augmentation") is not None
-    return config.model.baseline is None and not given and (augmented or not sense.is_builtin)
-
-
-def _try_new(config: Config, sense: Sense, recordings: Recordings, store: Store) -> None:
-    """Try a sense as it will be trained, for the classes of the data."""
-    card, model = configured_card(config, [sense.name], recordings.classes), config.model
-    piece = model.sense(sense.name).fit.piece
-    try_branch(card, model.fit_values(sense.name), piece, recordings, store)
+def _try_custom(config: Config, sense: Sense, recordings: Recordings, store: Store) -> None:
+    """Try a sense with parts of the user's as it will be trained, for the classes of the data."""
+    model = config.model
+    fit = model.fit_values(sense.name)
+    builtin = sense.is_builtin and fit.get("augmentation") is None
+    if builtin or model.baseline is not None or model.checkpoints.get(sense.name) is not None:
+        return
+    card = configured_card(config, [sense.name], recordings.classes)
+    try_branch(card, fit, model.sense(sense.name).fit.piece, recordings, store)
 
 
 def make_card(dataset: Dataset, senses: Sequence[str], unimodal: dict[str, Trained]) -> Card:
@@ -359,12 +351,12 @@ def given_start(dataset: Dataset, name: str, path: Path) -> Trained:
             f"Checkpoint {path} knows {len(card.classes)} classes that are not the "
             f"{len(dataset.classes)} of this data; train it on the same data."
         )
-    theirs, ours = card.senses[name]["decode"], config.model.sense(name).decode
-    for key in theirs:
-        if key != "file_rate" and theirs[key] != ours.get(key):
+    configured = config.model.sense(name).decode
+    for key, value in card.senses[name]["decode"].items():
+        if key != "file_rate" and value != configured.get(key):
             raise UserError(
-                f"Checkpoint {path} was trained with data.{key}={theirs[key]}, this "
-                f"run has {ours.get(key)}; make them equal."
+                f"Checkpoint {path} was trained with data.{key}={value}, this run has "
+                f"{configured.get(key)}; make them equal."
             )
     test = dataset.parts().test.of(card.modalities[0])
     refuse_leak(test, card, f"Checkpoint {path}", config.data)
