@@ -25,15 +25,6 @@ def test_dense_scores_are_those_of_single_fragments():
     torch.testing.assert_close(dense, torch.stack(single, dim=1))
 
 
-@pytest.mark.parametrize("width", [1, 13])
-def test_fragment_is_the_shortest_input_with_one_output(width):
-    network = make_network(2, width, dropout=0.0).eval()
-    with torch.inference_mode():
-        assert network(torch.zeros(1, 1, fragment_length(width))).shape == (1, 2, 1)
-        with pytest.raises(RuntimeError):
-            network(torch.zeros(1, 1, fragment_length(width) - 1))
-
-
 def test_patches_have_neither_mean_nor_scale_and_silence_stays():
     patches = draw_patches([3 + 5 * torch.randn(500)], 64, 20)
     torch.testing.assert_close(patches.mean(dim=1), torch.zeros(20), atol=1e-5, rtol=0)

@@ -8,8 +8,7 @@ from skimage.feature import fisher_vector as published
 from sklearn.mixture import GaussianMixture
 from sklearn.svm import SVC
 
-from tex_lightning.baselines.fisher import FisherVectors, fisher_vector, fit_planes, improved
-from tex_lightning.errors import UserError
+from tex_lightning.baselines.fisher import FisherVectors, fisher_vector, fit_planes
 
 
 def baseline(trunk="alexnet_caffe", scales=(0.0,), **changes):
@@ -35,12 +34,6 @@ def test_gradients_are_scikit_images(mixture):
     theirs = published(features, fitted)[4:]  # without the gradients towards the weights
     np.testing.assert_allclose(ours[:20], theirs[:20], atol=1e-9)
     np.testing.assert_allclose(ours[20:], -theirs[20:], atol=1e-9)  # theirs has the other sign
-
-
-def test_improved_vectors_have_length_one():
-    vector = improved(torch.tensor([-4.0, 0.0, 9.0]))
-    torch.testing.assert_close(vector, torch.tensor([-2.0, 0.0, 3.0]) / 13**0.5)
-    assert improved(torch.zeros(3)).eq(0).all()
 
 
 def test_planes_are_linear_machines_with_calibrated_scores():
@@ -93,16 +86,6 @@ def test_state_round_trip_and_labels():
         assert logits.argmax() == label
         assert torch.equal(logits, other.logits(photo))
     assert other.count_parameters() == system.count_parameters()
-
-
-def test_budget_shrinks_every_cost():
-    tiny = baseline(scales=(1.0, 0.0, -1.0), components=64, photos=1000).with_budget(0.01)
-    assert (tiny.scales, tiny.components, tiny.photos) == ([0.0], 2, 10)
-
-
-def test_an_unknown_trunk_is_refused():
-    with pytest.raises(UserError, match=r"trunk=vgg is unknown.*alexnet_caffe"):
-        baseline("vgg")
 
 
 def test_command_line(cli, surfaces, tmp_path):

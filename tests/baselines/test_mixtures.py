@@ -33,7 +33,3 @@ def test_naive_bayes_is_a_gaussian_of_the_means_of_a_class(configured):
     scores = torch.log_softmax(torch.from_numpy(density), dim=0)
     scores = scores.clamp(min=np.log(np.finfo(np.float64).tiny))
     torch.testing.assert_close(baseline.logits(TRACES[7])[:, 0], scores)
-
-
-def test_budget_lowers_the_components(configured):
-    assert configured("mfcc_gmm", components=8).with_budget(0.01).components == 1

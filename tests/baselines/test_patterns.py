@@ -27,24 +27,6 @@ def test_a_bright_dot_by_hand():
     assert shares[0] == pytest.approx(1 / 49)  # the dot, all of whose neighbours are darker
 
 
-def test_different_textures_differ():
-    system = LocalBinaryPatterns(radii=[1, 2, 4], strength=1.0)
-    same = np.abs(system.features(make_photo(0, 0)) - system.features(make_photo(0, 1))).sum()
-    other = np.abs(system.features(make_photo(0, 0)) - system.features(make_photo(2, 1))).sum()
-    assert same < other
-
-
-def test_state_round_trip():
-    photos = [make_photo(kind, number, 64) for kind in range(2) for number in range(3)]
-    system = LocalBinaryPatterns(radii=[1, 2], strength=100.0)
-    other = LocalBinaryPatterns(radii=[1, 2], strength=100.0)
-    system.fit(photos, np.repeat([0, 1], 3), seed=0)
-    other.load_state(system.state())
-    for photo in photos:
-        assert system.logits(photo).equal(other.logits(photo))
-    assert system.count_parameters() == other.count_parameters() > 0
-
-
 def test_command_line(cli, surfaces, tmp_path):
     outcome = cli(
         "model=lbp", "data=folder", f"data.root={surfaces}", "data.half_scale=false",

@@ -11,7 +11,6 @@ from tex_lightning.export.signals import (
     BandPower,
     ProportionsGraph,
     SpectrogramGraph,
-    factors,
     signal_graph,
     traced_start,
 )
@@ -59,12 +58,6 @@ def test_proportions():
     assert found.shape == expected.shape
     # a comparison may fall the other way by rounding: one frame of one band in one fragment
     assert ((found - expected).abs() > 1e-5).float().mean() < 0.01
-
-
-@given(length=st.integers(2, 600))
-def test_factors_multiply_to_the_length(length):
-    outer, inner = factors(length)
-    assert outer * inner == length
 
 
 @pytest.mark.parametrize(("length", "hop", "axes"), [(500, 100, 3), (60, 15, 1), (13, 4, 2)])

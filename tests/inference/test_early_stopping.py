@@ -14,7 +14,7 @@ from tex_lightning.classifier.vote import RULES, random_tuples
 from tex_lightning.config import DecisionConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference import early_stopping
-from tex_lightning.inference.early_stopping import SequentialClassifier, decide, needs_threshold
+from tex_lightning.inference.early_stopping import SequentialClassifier, decide
 from tex_lightning.inference.engine import Costs
 
 NEVER = 1.0
@@ -178,15 +178,6 @@ def test_fusion_looks_at_the_photo_only_where_the_trace_is_not_enough(monkeypatc
     assert rows
 
 
-def test_the_cheaper_modality_comes_first(monkeypatch):
-    model = classifier("fusion", confidence_threshold=0.0)
-    small = photo(0, 240, 240)
-    rows = count_positions(monkeypatch, model.senses["haptic"].network)
-    vote = SequentialClassifier(model, CONFIG).classify(haptic=trace(0, 60.0), image=small)
-    assert rows == []
-    assert vote.relative_macs < 0.5
-
-
 @pytest.mark.parametrize("rule", ["vote", "score"])
 def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monkeypatch, rule):
     model = classifier("three")
@@ -208,11 +199,6 @@ def test_the_dearest_of_three_senses_is_not_asked_where_the_others_are_sure(monk
     tuples = random_tuples([each.shape[1] for each in partials], 200, model.seed(**sample))
     scores = sum(each[:, tuples[:, place]] for place, each in enumerate(partials))
     torch.testing.assert_close(vote.probabilities, RULES[rule](scores, 1.0).probabilities)
-
-
-def test_a_single_photo_alone_needs_no_threshold():
-    needs = {kind: needs_threshold(classifier(kind)) for kind in SENSES}
-    assert needs == {"haptic": True, "visual": False, "fusion": True, "three": True}
 
 
 @pytest.mark.parametrize("rule", ["mean", "score"])

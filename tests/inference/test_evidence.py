@@ -8,7 +8,7 @@ from torch import nn
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.errors import UserError
-from tex_lightning.inference.evidence import cell_edges, classify_with_maps, nearest
+from tex_lightning.inference.evidence import classify_with_maps
 from tex_lightning.senses.features.spectrogram import movement_start
 
 
@@ -150,13 +150,6 @@ def test_positions_that_nobody_declared_are_equal_parts(positions):
         _, found = classify_with_maps(with_network("haptic", Closed(positions)), {"haptic": trace})
         evidence = found["haptic"]
         np.testing.assert_allclose(evidence.edges, np.linspace(0, 2.4, 5))
-
-
-def test_nearest_is_by_the_centre_and_within_reach():
-    extents = np.array([[0.0, 10.0], [4.0, 14.0], [8.0, 18.0]])
-    assert cell_edges(extents).tolist() == [0, 7, 11, 18]
-    values = np.array([-0.1, 0.0, 6.9, 7.1, 10.9, 11.1, 17.9, 18.1])
-    assert nearest(extents, values).tolist() == [-1, 0, 0, 1, 1, 2, 2, -1]
 
 
 def test_a_baseline_has_no_map():

@@ -42,16 +42,6 @@ def test_the_last_seconds_vote_as_if_there_were_no_others(axes):
     assert found.probability == pytest.approx(vote.probability)
 
 
-@torch.no_grad()
-def test_half_a_second_is_repeated_until_it_fills_a_fragment():
-    stream, trace = make_stream(), noise(0.5)
-    found = stream.push(trace)
-    frames = stream.live["haptic"].dense_input(torch.from_numpy(trace))  # 46 of 192
-    scores = stream.classifier.network(torch.cat([frames] * 5, dim=-1)[..., :192])
-    assert scores.shape[-1] == found.fragments == 1
-    assert found.probability == pytest.approx(float(scores[0, :, 0].double().softmax(0).max()))
-
-
 @settings(max_examples=8)
 @given(chunks=st.lists(st.sampled_from([1, 99, 1000, 1601, 7000]), max_size=9))
 def test_chunks_do_not_matter(chunks):

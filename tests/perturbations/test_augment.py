@@ -41,10 +41,6 @@ def test_a_share_is_changed_by_every_kind_alike():
     assert never(PHOTO, np.random.default_rng(0)) is PHOTO
 
 
-def test_without_names_there_is_none():
-    assert Augmentation.of([], 0.5) is None
-
-
 def test_signals_of_any_sensor_have_the_generic_ones():
     names = trainable("force")
     assert {"force_white_noise", "force_clipping", "force_silent"} <= {*names}

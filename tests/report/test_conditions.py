@@ -35,11 +35,6 @@ def test_the_file_has_a_line_for_each_value_and_network(tmp_path):
     assert [*first.values()] == ["speed", "60", "75.0% (3/4)", "", ""]
 
 
-def test_without_conditions_there_is_no_file(tmp_path):
-    write_conditions({"haptic": {}}, tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_condition_of_many_values_is_left_to_the_file():
     values = {f"v{n}": (1, 1) for n in range(MAX_LISTED + 1)}
     assert condition_rows({"haptic": entry(**values)}) == []

@@ -4,7 +4,7 @@ import matplotlib
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tex_lightning.report.style import FAMILIES, OTHERS, STYLE, brief, colour_of, looks, styled
+from tex_lightning.report.style import FAMILIES, OTHERS, STYLE, colour_of, looks, styled
 
 NETWORKS = ["haptic", "visual", "sound", "fusion"]
 PEERS = ["minirocket", "mfcc_gmm", "mfcc_nb", "acnn", "lbp", "alexnet_fv", "tcnn"]
@@ -38,8 +38,3 @@ def test_the_callers_settings_stay(monkeypatch):
     monkeypatch.setitem(matplotlib.rcParams, "font.size", 33)
     size = styled(lambda: matplotlib.rcParams["font.size"])()
     assert (size, matplotlib.rcParams["font.size"]) == (STYLE["font.size"], 33)
-
-
-def test_the_middle_of_a_long_name_is_left_out():
-    assert brief("abcdefgh", 8) == "abcdefgh"
-    assert brief("abcdefghi", 8) == "abcd…fghi"

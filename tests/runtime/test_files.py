@@ -115,12 +115,6 @@ def test_what_takes_all_memory_is_refused(tmp_path, monkeypatch):
         read(write(tmp_path / "d.csv", "1,2,3,4,5,6,7\n"))
 
 
-@pytest.mark.parametrize("given", [AXES.astype("U"), AXES[:, :0], [[1], [1, 2]], 1.0])
-def test_arrays_that_are_no_trace_are_refused(given):
-    with pytest.raises(UserError, match="The trace"):
-        read(given)
-
-
 @pytest.mark.parametrize("mode", ["RGB", "L", "RGBA", "LA", "P", "CMYK", "1"])
 def test_photos_are_those_of_the_package(tmp_path, mode):
     path = tmp_path / f"a.{'webp' if mode == 'RGBA' else 'jpg' if mode == 'CMYK' else 'png'}"

@@ -11,7 +11,6 @@ from tex_lightning.data.decode import halve as reference
 from tex_lightning.data.decode import rate_ratio
 from tex_lightning.data.quality import TraceMonitor, limits, trace_measures
 from tex_lightning.data.quality import photo_quality as photo_reference
-from tex_lightning_runtime import UserError
 from tex_lightning_runtime.recordings import decode, resample
 
 LEVELS = {"level": [0.1, 0.3], "rate": [9e3, 1e4]}
@@ -56,22 +55,9 @@ def test_photos(half, gain, side):
     np.testing.assert_array_equal(found.array, photo)
 
 
-@given(st.integers(2, 40), st.integers(2, 40))
-def test_halving(height, width):
-    photo = np.random.default_rng(height).integers(0, 256, (height, width, 3), np.uint8)
-    found = decode(photo, {**PHOTO, "half_scale": True, "limits": {}})
-    np.testing.assert_array_equal(found.content, reference(photo))
-
-
 @given(RATES, RATES, st.integers(1, 900), st.sampled_from(["f4", "f8"]), st.sampled_from([1, 3]))
 def test_resamples_as_scipy_does(source, target, count, dtype, axes):
     x = np.random.default_rng(count).standard_normal((axes, count)).astype(dtype)
     ratio = rate_ratio(source, target, "it")
     expected = resample_poly(x, ratio.numerator, ratio.denominator, axis=1).astype(np.float32)
     np.testing.assert_array_equal(resample(x, source, target), expected)
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), 1.0, 1e9])
-def test_refuses_rates_that_are_none(rate):
-    with pytest.raises(UserError, match="Hz"):
-        resample(AXES, rate, 10_000)

@@ -55,11 +55,6 @@ def test_predicts_of_files_as_the_package_does(runtime, model, files, trace, pho
     check(runtime, model, **given)
 
 
-@pytest.mark.parametrize("rate", [None, 4_000, 44_100 / 2])
-def test_predicts_of_arrays_as_the_package_does(runtime, model, rate):
-    check(runtime, model, haptic=np.tile(TRACE, 2), image=PHOTO, rate=rate)
-
-
 @pytest.mark.parametrize("trace", [0 * TRACE, TRACE.clip(-0.1, 0.1), 100 * TRACE])
 @pytest.mark.parametrize("photo", [0 * PHOTO, PHOTO // 8])
 def test_warns_as_the_package_does(runtime, model, trace, photo):
