@@ -14,7 +14,7 @@ from tex_lightning.config import flatten
 from tex_lightning.core.console import console
 
 FOREMOST = "ratio"
-LONG = ("digests", "faults", "hostile", "mutants", "mutations", "scale")  # minutes each: by name
+LONG = ("accuracy", "digests", "faults", "hostile", "mutants", "mutations")  # by name
 
 
 def names() -> list[str]:

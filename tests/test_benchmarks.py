@@ -1,11 +1,12 @@
 """The runner of the benchmarks; what they measure is measured by them."""
 
 import json
+import shutil
 
 import pytest
 
 from benchmarks import __main__ as runner
-from benchmarks import _run
+from benchmarks import _run, accuracy
 from tex_lightning.errors import UserError
 
 
@@ -63,3 +64,49 @@ def test_options_reach_the_benchmark(tmp_path, monkeypatch):
     monkeypatch.setattr(_run, "RESULTS", tmp_path)
     monkeypatch.setattr(_run, "import_module", lambda name: Module({}))
     assert _run.run_one("faults", {"rounds": "2"})["figures"] == {"rounds": "2"}
+
+
+TABLE = """
+common: [task=fit, data.val_fold=null, explained_samples=0, verbose=0, "data.cache_dir=CACHE"]
+protocols:
+  first: {first: 3}
+  folds: {folds: 2}
+  third: {tests: [{lamp: a}, {lamp: b}]}
+data:
+  waves: {reads: [data=folder, "data.root=$DATA"], modality: haptic, protocols: [first, folds]}
+  lamps:
+    reads: [data=manifest, "data.manifest=$DATA/lamps.csv"]
+    modality: haptic
+    window: 16000
+    balanced: true
+    protocols: [third]
+systems:
+  haptic: {bands: [model=haptic_bands], log_bands: [], broken: [model=mfcc_nb, "data.channels=[7]"]}
+"""
+
+
+def test_accuracy_of_systems_by_data_set_and_protocol(surfaces, cache, tmp_path, monkeypatch):
+    data, table = tmp_path / "data", tmp_path / "table.yaml"
+    shutil.copytree(surfaces, data)
+    files = [file for file in sorted(data.glob("*/haptic/*")) if int(file.stem[-1]) < 4]
+    lines = [f"{x.parts[-3]},haptic,{x},{x.stem[-1]},{'ab'[int(x.stem[-1]) % 2]}" for x in files]
+    (data / "lamps.csv").write_text("\n".join(["label,modality,path,group,lamp", *lines]))
+    table.write_text(TABLE.replace("CACHE", str(cache)))
+    where = {"data": str(data), "out": str(tmp_path / "out"), "table": str(table)}
+    figures = accuracy.measure(**where, choose="bands,log_bands")
+    assert figures["waves.first.bands"].startswith("100.0% (21/21), fit ")
+    assert figures["waves.folds.log_bands"].startswith("100.0% (30/30), fit ")
+    assert figures["lamps.third.log_bands"].startswith("100.0% (12/12), fit ")
+    assert figures["waves.first.broken"].startswith("failed: ")
+    assert "data.channels" in figures["waves.first.broken"]
+    assert figures["chosen without lamps"] == "bands, 100.0% of at most 100.0%"
+    lines = (tmp_path / "out" / "accuracy.md").read_text().splitlines()
+    assert len(lines) == 2 + 9
+    assert (tmp_path / "out" / "accuracy.png").stat().st_size > 1000
+
+    monkeypatch.setattr(accuracy, "run_package", lambda *_: pytest.fail("runs again"))
+    again = accuracy.measure(**where, only="waves,ba,log_bands")
+    assert again.items() <= figures.items()
+    assert len(again) == 2 * 2 + 1
+    with pytest.raises(UserError, match="nothing begins no name; choose from bands, "):
+        accuracy.measure(**where, only="nothing")
