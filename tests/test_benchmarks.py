@@ -2,11 +2,13 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 
 from benchmarks import __main__ as runner
 from benchmarks import _run, accuracy
+from tex_lightning.data.recordings import Recording
 from tex_lightning.errors import UserError
 
 
@@ -70,16 +72,15 @@ TABLE = """
 common: [task=fit, data.val_fold=null, explained_samples=0, verbose=0, "data.cache_dir=CACHE"]
 protocols:
   first: {first: 3}
-  folds: {folds: 2}
-  third: {tests: [{lamp: a}, {lamp: b}]}
+  lamp: {tests: [{lamp: a}]}
 data:
-  waves: {reads: [data=folder, "data.root=$DATA"], modality: haptic, protocols: [first, folds]}
+  waves: {reads: [data=folder, "data.root=$DATA"], modality: haptic, protocols: [first]}
   lamps:
     reads: [data=manifest, "data.manifest=$DATA/lamps.csv"]
     modality: haptic
     window: 16000
     balanced: true
-    protocols: [third]
+    protocols: [lamp]
 systems:
   haptic: {bands: [model=haptic_bands], log_bands: [], broken: [model=mfcc_nb, "data.channels=[7]"]}
 """
@@ -95,18 +96,38 @@ def test_accuracy_of_systems_by_data_set_and_protocol(surfaces, cache, tmp_path,
     where = {"data": str(data), "out": str(tmp_path / "out"), "table": str(table)}
     figures = accuracy.measure(**where, choose="bands,log_bands")
     assert figures["waves.first.bands"].startswith("100.0% (21/21), fit ")
-    assert figures["waves.folds.log_bands"].startswith("100.0% (30/30), fit ")
-    assert figures["lamps.third.log_bands"].startswith("100.0% (12/12), fit ")
+    assert "/6), fit " in figures["lamps.lamp.log_bands"]
     assert figures["waves.first.broken"].startswith("failed: ")
     assert "data.channels" in figures["waves.first.broken"]
-    assert figures["chosen without lamps"] == "bands, 100.0% of at most 100.0%"
+    assert figures["chosen without lamps"].startswith("bands, ")
     lines = (tmp_path / "out" / "accuracy.md").read_text().splitlines()
-    assert len(lines) == 2 + 9
+    assert len(lines) == 2 + 6
     assert (tmp_path / "out" / "accuracy.png").stat().st_size > 1000
 
     monkeypatch.setattr(accuracy, "run_package", lambda *_: pytest.fail("runs again"))
     again = accuracy.measure(**where, only="waves,ba,log_bands")
     assert again.items() <= figures.items()
-    assert len(again) == 2 * 2 + 1
+    assert len(again) == 2 + 1
     with pytest.raises(UserError, match="nothing begins no name; choose from bands, "):
         accuracy.measure(**where, only="nothing")
+
+
+def test_rows_are_divided_by_group_by_number_and_by_condition():
+    rows = [
+        Recording(label, "haptic", Path(f"{label}{n}.wav"), n, None, (("lamp", "ab"[n % 2]),))
+        for label in "xy"
+        for n in (10, 2, 3, 1)
+    ]
+
+    def tested(division):
+        masks = accuracy.divide(rows, division)
+        return [[rows[n].group for n in range(4) if mask[n]] for mask in masks]
+
+    assert tested({"first": 3}) == [[10]]
+    assert tested({"folds": 2}) == [[10, 2], [3, 1]]
+    assert tested({"tests": [{"lamp": "b"}, {"lamp": ["a", "b"]}]}) == [[3, 1], [10, 2, 3, 1]]
+
+
+def test_balanced_scores_are_means_of_the_classes():
+    tested = [("x", "x", 1.0)] * 3 + [("y", "x", 1.0)]
+    assert [accuracy.score(tested, balanced) for balanced in (False, True)] == [0.75, 0.5]
