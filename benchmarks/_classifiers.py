@@ -1,5 +1,7 @@
 """Classifiers of the configured networks with random weights."""
 
+from functools import cache
+
 import torch
 from torch import nn
 
@@ -10,8 +12,9 @@ from tex_lightning.config.weights import read_config
 from tex_lightning.studies.dataset import configured_card
 
 
+@cache
 def configured(*overrides: str) -> Config:
-    """The configuration as a command line composes it."""
+    """Return the configuration as a command line composes it; it is shared and stays as it is."""
     return read_config(compose_config(CONF, overrides))
 
 

@@ -4,9 +4,8 @@
 
 ``accuracy.yaml`` (or ``--table=FILE``) says what is run on the folder ``--data``, or that in
 ``TEX_LIGHTNING_REAL_DATA``. ``--only`` takes names of data sets, protocols and systems, or how they
-begin. A cell leaves a JSON file in ``--out``, whose name has a digest of the settings, and is not
-run again; one that failed is. ``--choose`` names candidates: for each data set, that of the best
-mean rank on all the others is chosen, so that no choice has seen its score there.
+begin. Each cell leaves a JSON file in ``--out`` and is run again only if it failed or its settings
+changed. ``--choose`` names candidates, of which the best one on all other data sets is reported.
 """
 
 import json
@@ -15,7 +14,6 @@ import time
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -102,8 +100,10 @@ def run(settings: Node, cell: Cell, target: Path) -> Node:
     entry, division = settings["data"][data], settings["protocols"][protocol]
     overrides = tuple(settings["systems"][entry["modality"]][system])
     try:
-        made = composed(overrides) if overrides else None
-        described = [entry.get("keys"), entry.get("window"), division, overrides, made]
+        config = configured(*overrides)
+        model = config.model
+        parts = model.baseline or [*map(model.sense, model.senses), config.decision]
+        described = entry.get("keys"), entry.get("window"), division, overrides, overrides and parts
         digest = sha256(repr(described).encode()).hexdigest()[:8]
         file = target / "cells" / f"{data}-{protocol}-{system}-{digest}.json"
         if file.is_file():
@@ -116,20 +116,11 @@ def run(settings: Node, cell: Cell, target: Path) -> Node:
     return result
 
 
-@cache
-def composed(overrides: tuple[str, ...]) -> str:
-    """Return what the overrides compose of model and decision, as text."""
-    config = configured(*overrides)
-    model = config.model
-    return repr(model.baseline or [*map(model.sense, model.senses), config.decision])
-
-
 def test(common: list[str], entry: Node, division: Node, overrides: Sequence[str]) -> Node:
     """Train and test on every division; the interval is that of all counts together."""
     rows, keys, balanced = read_rows(entry), entry.get("keys", ()), entry.get("balanced", False)
     train = run_package if overrides else run_log_bands
-    settings = [*common, *overrides, *keys]
-    runs = [train(settings, rows, is_test) for is_test in divide(rows, division)]
+    runs = [train([*common, *overrides, *keys], rows, mask) for mask in divide(rows, division)]
     tests = [prediction for tested, _ in runs for prediction in tested]
     correct = sum(label == predicted for label, predicted, _ in tests)
     low, high = wilson_interval(correct, len(tests))
