@@ -4,7 +4,8 @@ A rule with one weight for each feature needs few recordings of a class, and fit
 moment: ridge regression of the classes on the features, as in MiniRocket (Dempster et al. 2021).
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 
 import torch
 from scipy.optimize import minimize_scalar
@@ -13,26 +14,37 @@ from torch import Tensor, nn
 from tex_lightning.core.groups import PARTS, leave_out
 from tex_lightning.networks.blocks import Head, Level
 
-LEAST_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
+MIN_DEVIATION = 1e-3  # of a feature; one that hardly varies says nothing
 SHARPNESS = 10.0  # of scores from about 0 to 1, to begin with
+STRENGTHS = (0.001, 0.01, 0.1, 1.0)  # of the ridge
+OPTIONAL = "power"  # kind of block that is left out unless it helps
+MAX_ROWS = 2000  # that strength and blocks are chosen on
 
 
 class LinearNet(nn.Module):
     """Classify every fragment by a ridge regression on its features.
 
-    The score of a mean is the mean of the scores: averaging the fragments' scores is as good as
-    looking at the whole recording at once.
+    Every recording is one row, the mean of its fragments, and every class counts alike, however
+    many recordings it has: what varies between the fragments of one recording is not what varies
+    between recordings. Where a class has but one recording, its fragments are the rows. The score
+    of a mean is the mean of the scores, so averaging the fragments' scores is the same as
+    classifying the whole recording.
+
+    The strength of the ridge, and whether blocks of the kind ``power`` are used, are chosen on the
+    training recordings: by the squared error on groups of them that are left out of the fit.
 
     Args:
         classes: Number of materials.
         bands: Features of a fragment, D.
-        strength: Strength of the ridge, as a share of the mean squared length of a fragment's
-            standardised features.
+        blocks: Kind and number of the features that belong together, in their order; each block
+            counts alike, however many features it has. None takes all as one.
+        strength: Strength of the ridge, as a share of the mean squared length of a row; None
+            chooses it.
 
     Example:
         >>> import torch
         >>> from tex_lightning.networks.linear import LinearNet
-        >>> network = LinearNet(classes=2, bands=3, strength=0.03)
+        >>> network = LinearNet(classes=2, bands=3)
         >>> one, other = torch.rand(1, 3, 20), 1 + torch.rand(1, 3, 20)
         >>> network.fit([one, other, one, other], torch.tensor([0, 1, 0, 1]))
         >>> network(other[None]).argmax(dim=1).unique()
@@ -42,9 +54,17 @@ class LinearNet(nn.Module):
     mean: Tensor
     scale: Tensor
 
-    def __init__(self, classes: int, *, bands: int, strength: float) -> None:
+    def __init__(
+        self,
+        classes: int,
+        *,
+        bands: int,
+        blocks: Sequence[tuple[str, int]] | None = None,
+        strength: float | None = None,
+    ) -> None:
         super().__init__()
         self.classes, self.strength = classes, strength
+        self.blocks = [("", bands)] if blocks is None else [(kind, size) for kind, size in blocks]
         self.register_buffer("mean", torch.zeros(bands, 1, 1))
         self.register_buffer("scale", torch.ones(bands, 1, 1))
         self.head = Head(nn.Sequential(), bands, classes, dropout=0)
@@ -64,8 +84,8 @@ class LinearNet(nn.Module):
             level: "fc2" for the features (B, D, L), "fc3" for the scores (B, classes, L).
         """
         standardised = (x.transpose(1, 2) - self.mean) * self.scale
-        found: Tensor = self.head(standardised, level)
-        return found.squeeze(2)
+        scores: Tensor = self.head(standardised, level)
+        return scores.squeeze(2)
 
     @property
     def score_layer(self) -> nn.Conv2d:
@@ -87,45 +107,127 @@ class LinearNet(nn.Module):
             labels: (recordings,) class indices, each at least once.
             groups: What was recorded together, of each recording; None takes each by itself.
         """
-        counts = torch.tensor([each.shape[-1] for each in inputs])
-        rows = torch.cat([each[0].T for each in inputs]).cpu().double()
         labels = labels.cpu()
-        mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
-        scale = torch.where(deviation > LEAST_DEVIATION, 1 / deviation, 0)
+        left_out = torch.tensor(leave_out(labels.tolist(), groups or range(len(labels))))
+        if len(left_out):
+            rows = torch.stack([each[0].double().mean(dim=1).cpu() for each in inputs])
+        else:
+            counts = torch.tensor([each.shape[-1] for each in inputs])
+            rows = torch.cat([each[0].T for each in inputs]).cpu().double()
+            labels = torch.repeat_interleave(labels, counts)
+            left_out = torch.arange(len(rows)) % PARTS
+        mean, scale = self._standardise(rows)
         rows = (rows - mean) * scale
-        owners = torch.repeat_interleave(torch.arange(len(labels)), counts)
-        targets = nn.functional.one_hot(labels, self.classes).double()[owners]
-        share = targets.mean(dim=0)
-        parts = leave_out(labels.tolist(), groups or range(len(labels)))
-        alone = not parts
-        left_out = torch.arange(len(rows)) % PARTS if alone else torch.tensor(parts)[owners]
-        weight, held_out = _ridge(rows, targets - share, self.strength, left_out)
-        votes = torch.split(SHARPNESS * (held_out + share), counts.tolist())
-        scores = [vote.T if alone else vote.mean(dim=0)[:, None] for vote in votes]
-        sharpness = SHARPNESS / fit_temperature(scores, labels.tolist())
+        some = slice(None, None, math.ceil(len(rows) / MAX_ROWS))
+        kept, strength, held_out = self._choose(rows[some], labels[some], left_out[some])
+        scores = list(SHARPNESS * held_out[:, :, None])
+        sharpness = SHARPNESS / fit_temperature(scores, labels[some].tolist())
+        problem = _Ridge(rows, labels, self.classes)
+        weight = problem.solve(kept, strength)
         self.mean.copy_(mean[:, None, None])
-        self.scale.copy_(scale[:, None, None])
+        self.scale.copy_((scale * kept)[:, None, None])
         layer = self.score_layer
         layer.weight.copy_(sharpness * weight.T[:, :, None, None])
-        layer.bias = nn.Parameter((sharpness * share).to(layer.weight))
+        offset = problem.share - problem.centre @ weight
+        layer.bias = nn.Parameter((sharpness * offset).to(layer.weight))
+
+    def _standardise(self, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """Return mean and factor (D,) of each feature; those of a block have unit length."""
+        deviation = rows.std(dim=0, correction=0)
+        sizes = torch.tensor([size for _, size in self.blocks])
+        share = torch.repeat_interleave(sizes.double().rsqrt(), sizes)
+        scale = torch.where(deviation > MIN_DEVIATION, share / deviation, 0)
+        return rows.mean(dim=0), scale
+
+    def _choose(
+        self, rows: Tensor, labels: Tensor, left_out: Tensor
+    ) -> tuple[Tensor, float, Tensor]:
+        """Choose features and strength by the squared error on parts that are left out.
+
+        Args:
+            rows: (rows, D) standardised.
+            labels: (rows,) class indices.
+            left_out: (rows,) part in which each row is left out.
+
+        Returns:
+            Which features are used (D,), the strength, and the scores (rows, classes) of each row
+            when it was left out.
+        """
+        problem = _Ridge(rows, labels, self.classes)
+        targets = nn.functional.one_hot(labels, self.classes)
+        least, choice = math.inf, (torch.ones(0), 0.0, torch.ones(0))
+        for kept in self._subsets():
+            gram = problem.gram(kept)
+            for strength in STRENGTHS if self.strength is None else (self.strength,):
+                scores = problem.held_out(gram, strength, left_out)
+                error = float(problem.weight @ (scores - targets).square().sum(dim=1))
+                if error < least:
+                    least, choice = error, (kept, strength, scores)
+        return choice
+
+    def _subsets(self) -> Iterator[Tensor]:
+        """Yield which features (D,) are used: without the optional blocks, then all."""
+        sizes = torch.tensor([size for _, size in self.blocks])
+        basic = torch.tensor([kind != OPTIONAL for kind, _ in self.blocks])
+        if basic.any() and not basic.all():
+            yield torch.repeat_interleave(basic, sizes).double()
+        yield torch.ones(int(sizes.sum()), dtype=torch.float64)
 
 
-def _ridge(rows: Tensor, targets: Tensor, strength: float, parts: Tensor) -> tuple[Tensor, Tensor]:
-    """Weights (D, classes), and what each row gets by weights fitted without its part."""
-    ridge = strength * rows.square().sum() / len(rows)
-    normal = rows.T @ rows + ridge * torch.eye(rows.shape[1], dtype=rows.dtype)
-    moment = rows.T @ targets
-    held_out = torch.empty_like(targets)
-    for part in set(parts.tolist()):
-        out = parts == part
-        own = rows[out]
-        held_out[out] = own @ _solved(normal - own.T @ own, moment - own.T @ targets[out])
-    return _solved(normal, moment), held_out
+class _Ridge:
+    """Ridge regression of the classes on rows, in which every class weighs the same.
+
+    Args:
+        rows: (rows, D) float64.
+        labels: (rows,) class indices.
+        classes: Number of classes.
+
+    Attributes:
+        weight: (rows,) weights, of sum 1.
+        centre: (D,) weighted mean of the rows.
+        share: (classes,) weighted mean of the targets.
+    """
+
+    def __init__(self, rows: Tensor, labels: Tensor, classes: int) -> None:
+        counts = torch.bincount(labels, minlength=classes)
+        self.weight = 1 / ((counts > 0).sum() * counts[labels]).double()
+        self.root = self.weight.sqrt()[:, None]
+        targets = nn.functional.one_hot(labels, classes).double()
+        self.centre, self.share = self.weight @ rows, self.weight @ targets
+        self.rows = (rows - self.centre) * self.root
+        self.targets = (targets - self.share) * self.root
+
+    def gram(self, kept: Tensor) -> Tensor:
+        """Return products (rows, rows) of the rows by the features in use (D,)."""
+        rows = self.rows * kept
+        return rows @ rows.T
+
+    def held_out(self, gram: Tensor, strength: float, left_out: Tensor) -> Tensor:
+        """Return the scores (rows, classes) of each row by a fit without its part."""
+        inverse = torch.linalg.inv(gram + _ridge(gram, strength))
+        dual = inverse @ self.targets
+        scores = torch.empty_like(self.targets)
+        for part in left_out.unique():
+            out = left_out == part
+            scores[out] = self.targets[out] - torch.linalg.solve(inverse[out][:, out], dual[out])
+        return scores / self.root + self.share
+
+    def solve(self, kept: Tensor, strength: float) -> Tensor:
+        """Return the weights (D, classes) of standardised features."""
+        rows = self.rows * kept
+        if len(rows) <= rows.shape[1]:
+            gram = rows @ rows.T
+            return rows.T @ torch.linalg.solve(gram + _ridge(gram, strength), self.targets)
+        covariance = rows.T @ rows
+        ridge = strength * covariance.trace() / len(rows)
+        identity = torch.eye(len(covariance), dtype=covariance.dtype)
+        return torch.linalg.solve(covariance + ridge * identity, rows.T @ self.targets)
 
 
-def _solved(matrix: Tensor, target: Tensor) -> Tensor:
-    """The matrix is positive definite."""
-    return torch.cholesky_solve(target, torch.linalg.cholesky(matrix))
+def _ridge(gram: Tensor, strength: float) -> Tensor:
+    """Return the ridge: a multiple of the identity, relative to the mean squared row."""
+    ridge = (strength * gram.trace() / len(gram)).clamp_min(torch.finfo(gram.dtype).tiny)
+    return ridge * torch.eye(len(gram), dtype=gram.dtype)
 
 
 def fit_temperature(logits: Sequence[Tensor], labels: Sequence[int]) -> float:

@@ -1,8 +1,8 @@
 """How often each band of a signal is above its usual share of the spectrum.
 
 MiniRocket (Dempster et al. 2021) classifies time series by the proportion of positive values of
-many convolutions. Here the convolutions are the bands of two short-time spectra: a feature has a
-frequency and a threshold, and the window and its bands depend on the data's own rate.
+many convolutions. Here the convolutions are the bands of short-time spectra: a feature has a
+frequency and a threshold, and the windows and their bands follow from the data's own rate.
 """
 
 import math
@@ -21,146 +21,259 @@ from tex_lightning.senses.features.spectrogram import (
 )
 
 OVERLAP = 4  # frames that every sample is in
-LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64}
+MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
+WINDOWS_IN_RECORDING = 3  # the shortest training recording is at least as many windows long
+LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64, "levels": 64}
 KEPT = 2000  # frames of a recording, at most, that thresholds are learnt from
 FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
+QUIET = 1e-3  # of a channel's usual deviation, likewise
+SHAPE, POWER, LEVEL = "shape", "power", "level"
 
 
 class BandProportions(nn.Module):
     """Proportions of time that bands are above thresholds, for each fragment of the movement.
 
-    The bands of a frame, triangles even in the logarithm of frequency from one period of the window
-    up to half the rate, are compared with the frame's mean and with the band a third of an octave
-    below, so that neither the strength of a stroke nor the sensor's gain matters. Thresholds
-    are quantiles over the training set, without labels. Axes are joined by adding their power.
+    The bands of a frame are triangles even in the logarithm of frequency, from one period of the
+    window up to half the rate. Axes are joined by adding their power. A band is compared with
+    thresholds in four ways, each a block of features:
+
+    - ``shape``: with the mean of its frame, with the band a third of an octave below, and with
+      itself one window earlier, so that neither the strength of a stroke nor the sensor's gain
+      matters;
+    - ``power``: with the mean power of the training set.
+
+    Thresholds are quantiles over the training set, without labels. A slow signal also has a block
+    ``level`` with the mean and the logarithm of the deviation of each channel; where all training
+    samples of a channel are positive, as of a pressure, the mean is a logarithm too, so that a gain
+    becomes a constant.
 
     Args:
         sampling_rate: Rate of the signals in Hz.
         windows: Lengths of the Hann windows in seconds, rounded up to a number of samples with a
-            fast transform; a short one resolves the order of events, a long one low bands.
-        bands_per_octave: How finely frequency is divided.
+            fast transform; a short one resolves the order of events, a long one low bands. Those
+            of fewer than eight samples at this rate are left out, and so are those that are longer
+            than a third of the shortest training recording, but for the shortest.
+        bands_per_octave: How finely frequency is divided, for each window.
         thresholds: Number of thresholds for each band.
         fragment_seconds: Approximate length of a fragment; a movement is cut into equal ones.
         skip_impact: Leave out the part before steady movement.
+        levels: Number of channels whose level counts; None or 0 for none.
 
     Raises:
-        UserError: If a window at this rate has no band.
+        UserError: If no window at this rate has a band.
 
     Attributes:
-        bands: Number of features of a fragment.
+        bands: Number of features of a fragment, D.
+        blocks: Kind and number of features of each block, in their order.
     """
 
     level: Tensor
+    fits: Tensor
+    positive: Tensor
+    deviation: Tensor
 
     def __init__(
         self,
         *,
         sampling_rate: float,
         windows: Sequence[float],
-        bands_per_octave: int,
+        bands_per_octave: Sequence[int],
         thresholds: int,
         fragment_seconds: float,
         skip_impact: bool,
+        levels: int | None = None,
     ) -> None:
         super().__init__()
-        numbers = (len(windows), bands_per_octave, thresholds)
+        numbers = (len(windows), max(bands_per_octave), thresholds, levels or 1)
         for (name, most), number in zip(LIMITS.items(), numbers, strict=True):
             if not 1 <= number <= most:
                 raise UserError(f"features.{name}: give 1 to {most}, not {number}.")
+        if len(windows) != len(bands_per_octave):
+            raise UserError(
+                "features.bands_per_octave: give a number for each of features.windows."
+            )
         if not fragment_seconds > 0:
             raise UserError("features.fragment_seconds has to be more than 0 s.")
-        for seconds in windows:
-            length = min(seconds * sampling_rate, 1e9)
-            check_window(round(length), max(1, round(length / OVERLAP)), sampling_rate)
         self.sampling_rate, self.skip_impact = sampling_rate, skip_impact
-        self.fragment_seconds, self.gap = fragment_seconds, max(1, bands_per_octave // 3)
-        self.lengths = [
-            scipy.fft.next_fast_len(max(2, round(each * sampling_rate))) for each in windows
-        ]
-        self.bands = 0
+        self.fragment_seconds, self.levels = fragment_seconds, levels or 0
+        self.lengths: list[int] = []
+        self.gaps: list[int] = []
+        self.blocks: list[tuple[str, int]] = []
+        for seconds, per_octave in zip(windows, bands_per_octave, strict=True):
+            self._add_window(seconds, per_octave, thresholds)
+        if not self.lengths:
+            raise UserError(
+                f"No window of {MIN_SAMPLES} samples at {sampling_rate:g} Hz has a band; choose "
+                "longer features.windows."
+            )
+        self.blocks += [(LEVEL, self.levels)] * 2 if self.levels else []
+        self.bands = sum(size for _, size in self.blocks)
         self.register_buffer("level", torch.ones(()))
-        for index, length in enumerate(self.lengths):
-            filters = octave_filters(sampling_rate, length, bands_per_octave)
-            channels = 2 * len(filters) - self.gap
-            if channels < 1:
-                raise UserError(
-                    f"A window of {length} samples at {sampling_rate:g} Hz has no band; choose "
-                    "longer features.windows."
-                )
-            self.bands += channels * thresholds
-            window = torch.hann_window(length, periodic=False)
-            self.register_buffer(f"window{index}", window, persistent=False)
-            self.register_buffer(f"filters{index}", filters.T.contiguous(), persistent=False)
-            self.register_buffer(f"thresholds{index}", torch.zeros(channels, thresholds))
+        self.register_buffer("fits", torch.ones(len(self.lengths), dtype=torch.bool))
+        self.register_buffer("positive", torch.zeros(self.levels, dtype=torch.bool))
+        self.register_buffer("deviation", torch.ones(self.levels))
 
-    def responses(self, trace: Tensor) -> list[Tensor]:
-        """Bands relative to their frame's mean, then to the bands below, for each window.
+    def _add_window(self, seconds: float, per_octave: int, thresholds: int) -> None:
+        """Add buffers and blocks of one window, if it has enough samples."""
+        exact = min(seconds * self.sampling_rate, 1e9)
+        length = scipy.fft.next_fast_len(max(2, round(exact)))
+        gap = max(1, per_octave // 3)
+        if length < MIN_SAMPLES:
+            return
+        check_window(length, hop_length(length), self.sampling_rate)
+        filters = octave_filters(self.sampling_rate, length, per_octave)
+        bands = len(filters)
+        if bands <= gap:
+            return
+        index, window = len(self.lengths), torch.hann_window(length, periodic=False)
+        self.register_buffer(f"window{index}", window, persistent=False)
+        self.register_buffer(f"filters{index}", filters.T.contiguous(), persistent=False)
+        self.register_buffer(f"thresholds{index}", torch.zeros(thresholds, 4 * bands - gap))
+        self.lengths.append(length)
+        self.gaps.append(gap)
+        sizes = (SHAPE, bands), (SHAPE, bands - gap), (SHAPE, bands), (POWER, bands)
+        self.blocks += [(kind, size * thresholds) for kind, size in sizes]
 
-        Args:
-            trace: (axes, samples).
+    @property
+    def min_samples(self) -> int:
+        """Samples of movement that a recording has to have."""
+        return max(length for length, fits in zip(self.lengths, self.fits, strict=True) if fits)
 
-        Returns:
-            (channels, frames) for each window.
+    def movement(self, trace: Tensor) -> Tensor:
+        """Return the steady movement (axes, samples) of a trace.
 
         Raises:
-            UserError: If the movement is shorter than the longest window.
+            UserError: If it is shorter than the longest window that is used.
         """
         if self.skip_impact:
             trace = trace[:, movement_start(trace, self.sampling_rate) :]
-        least = max(self.lengths)
-        if trace.shape[-1] < least:
+        if trace.shape[-1] < self.min_samples:
             raise UserError(
                 f"The signal has {trace.shape[-1] / self.sampling_rate:.2f} s of movement, less "
-                f"than one window of {least / self.sampling_rate:g} s; record a longer stroke."
+                f"than one window of {self.min_samples / self.sampling_rate:.3g} s; record a "
+                "longer stroke."
             )
-        return [self._responses(trace, index) for index in range(len(self.lengths))]
+        return trace
 
-    def _responses(self, trace: Tensor, index: int) -> Tensor:
-        length = self.lengths[index]
+    def responses(self, movement: Tensor, index: int) -> Tensor:
+        """Return what one window compares with thresholds: (frames, channels), block after block.
+
+        Args:
+            movement: (axes, samples).
+            index: Number of the window.
+        """
+        length, gap = self.lengths[index], self.gaps[index]
         window, filters = self.get_buffer(f"window{index}"), self.get_buffer(f"filters{index}")
-        frames = trace.unfold(-1, length, max(1, round(length / OVERLAP)))
+        frames = movement.unfold(-1, length, hop_length(length))
         frames = (frames - frames.mean(dim=-1, keepdim=True)) * window
         power = torch.view_as_real(torch.fft.rfft(frames)).square().sum(dim=(0, -1))
         power = power @ filters / window.sum().square()
-        bands = (power / self.level).add_(FLOOR).log_().T
-        return torch.cat((bands - bands.mean(dim=0), bands[self.gap :] - bands[: -self.gap]))
+        return compared((power / self.level).add_(FLOOR).log_(), gap)
 
     def learn(self, traces: Iterable[Tensor]) -> None:
-        """Take the level and the thresholds from the training set.
+        """Take level, thresholds, and which windows fit, from the training set.
 
         Args:
-                traces: (axes, samples) each.
+            traces: (axes, samples) each.
         """
-        traces = list(traces)
-        powers = [trace.var(dim=-1, correction=0).sum() for trace in traces]
+        self.fits.fill_(False)[self.lengths.index(min(self.lengths))] = True
+        movements = [self.movement(trace) for trace in traces]
+        shortest = min(movement.shape[-1] for movement in movements)
+        lengths = torch.tensor(self.lengths, device=self.fits.device)
+        self.fits |= lengths * WINDOWS_IN_RECORDING <= shortest
+        powers = [movement.var(dim=-1, correction=0).sum() for movement in movements]
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
-        found = [[_thinned(each) for each in self.responses(trace)] for trace in traces]
-        for index, each in enumerate(zip(*found, strict=True)):
-            ordered = torch.cat(each, dim=1).sort(dim=1).values
+        for index in self.fits.nonzero().flatten().tolist():
+            responses = [_thinned(self.responses(movement, index)) for movement in movements]
+            ordered = torch.cat(responses).sort(dim=0).values
             thresholds = self.get_buffer(f"thresholds{index}")
-            count = thresholds.shape[1]
+            count = len(thresholds)
             shares = (torch.arange(count, dtype=torch.float64) + 0.5) / count
-            places = (shares * ordered.shape[1]).long().to(ordered.device)
-            thresholds.copy_(ordered[:, places])
+            places = (shares * len(ordered)).long().to(ordered.device)
+            thresholds.copy_(ordered[places])
+        if self.levels:
+            self._learn_levels(movements)
+
+    def _learn_levels(self, movements: Sequence[Tensor]) -> None:
+        """Find the channels that are positive, and the usual deviation of each."""
+        self.positive.copy_(torch.stack([(each > 0).all(dim=-1) for each in movements]).all(dim=0))
+        deviation = torch.stack([each.std(dim=-1, correction=0) for each in movements]).mean(dim=0)
+        self.deviation.copy_(torch.where(deviation > 0, deviation, torch.ones_like(deviation)))
 
     def forward(self, trace: Tensor) -> Tensor:
-        """Trace (axes, samples) to proportions (1, 1, bands, fragments)."""
-        responses = self.responses(trace)
-        seconds = trace.shape[-1] / self.sampling_rate
-        fewest = min(each.shape[1] for each in responses)
+        """Map a trace (axes, samples) to features (1, 1, D, fragments).
+
+        Raises:
+            UserError: If it is too short, or does not have the channels whose level counts.
+        """
+        if self.levels and len(trace) != self.levels:
+            raise UserError(
+                f"The signal has {len(trace)} channels, and this network was trained on "
+                f"{self.levels}; give a recording of the same sensor."
+            )
+        seconds, movement = trace.shape[-1] / self.sampling_rate, self.movement(trace)
+        fewest = 1 + (movement.shape[-1] - self.min_samples) // hop_length(self.min_samples)
         count = min(fewest, max(1, round(seconds / self.fragment_seconds)))
-        parts = [self._proportions(each, index, count) for index, each in enumerate(responses)]
+        parts = [self._proportions(movement, index, count) for index in range(len(self.lengths))]
+        if self.levels:
+            parts.append(self._levels(movement, count))
         return torch.cat(parts)[None, None]
 
-    def _proportions(self, responses: Tensor, index: int, fragments: int) -> Tensor:
-        """(channels * thresholds, fragments)."""
+    def _proportions(self, movement: Tensor, index: int, fragments: int) -> Tensor:
+        """Return (channels * thresholds, fragments); zeros of a window that is left out."""
         limits = self.get_buffer(f"thresholds{index}")
-        above = (responses[:, None] > limits[..., None]).flatten(0, 1).to(responses.dtype)
-        frames = above.shape[1]
-        place = torch.arange(frames, device=above.device) * fragments // frames
-        member = nn.functional.one_hot(place, fragments).to(above.dtype)
-        return above @ (member / member.sum(dim=0))
+        if not self.fits[index]:
+            return limits.new_zeros(limits.numel(), fragments)
+        return proportions(self.responses(movement, index), limits, fragments)
+
+    def _levels(self, movement: Tensor, fragments: int) -> Tensor:
+        """Return mean and logarithm of the deviation of each channel (2 * levels, fragments)."""
+        member = membership(movement.shape[-1], fragments, movement)
+        mean = movement @ member
+        square = (movement - movement.mean(dim=-1, keepdim=True)).square() @ member
+        tiny = torch.finfo(mean.dtype).tiny
+        level = torch.where(self.positive[:, None], mean.clamp_min(tiny).log(), mean)
+        return torch.cat((level, (square.sqrt() / self.deviation[:, None] + QUIET).log()))
+
+
+def hop_length(length: int) -> int:
+    """Return the samples between the starts of frames of so many samples."""
+    return max(1, round(length / OVERLAP))
+
+
+def compared(bands: Tensor, gap: int) -> Tensor:
+    """Return log bands (frames, bands) in the four comparisons, side by side.
+
+    With the mean of the frame, with the band ``gap`` below, with the same band one window earlier
+    (the first frames with the first), and as they are.
+    """
+    earlier = torch.cat((bands[:1].expand(OVERLAP, -1), bands))[: len(bands)]
+    relative, steps = bands - bands.mean(dim=1, keepdim=True), bands[:, gap:] - bands[:, :-gap]
+    return torch.cat((relative, steps, bands - earlier, bands), dim=1)
+
+
+def proportions(responses: Tensor, limits: Tensor, fragments: int) -> Tensor:
+    """Return the proportion of the frames of each fragment that are above each threshold.
+
+    Args:
+        responses: (frames, channels).
+        limits: (thresholds, channels).
+        fragments: Number of equal fragments.
+
+    Returns:
+        (channels * thresholds, fragments), the thresholds of a channel side by side.
+    """
+    member = membership(len(responses), fragments, responses).T.contiguous()
+    parts = [member @ (responses > limit).to(responses.dtype) for limit in limits]
+    return torch.stack(parts, dim=-1).flatten(1).T
+
+
+def membership(frames: int, fragments: int, like: Tensor) -> Tensor:
+    """Return the matrix (frames, fragments) that averages frames over equal fragments."""
+    place = torch.arange(frames, device=like.device) * fragments // frames
+    member = nn.functional.one_hot(place, fragments).to(like.dtype)
+    return member / member.sum(dim=0)
 
 
 def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tensor:
@@ -191,4 +304,4 @@ def octave_filters(sampling_rate: float, samples: int, per_octave: int) -> Tenso
 
 
 def _thinned(responses: Tensor) -> Tensor:
-    return responses[:, :: math.ceil(responses.shape[1] / KEPT)]
+    return responses[:: math.ceil(len(responses) / KEPT)]
