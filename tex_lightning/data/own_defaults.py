@@ -6,6 +6,7 @@ is kept, and VisualNet starts from weights that know images where those are inst
 """
 
 import logging
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -33,6 +34,7 @@ SUBSETS = ("frontier=senses", "frontier.senses=")  # of the senses of one model
 PAPERS_RATE = 10_000.0  # Hz; more is not kept unless asked for
 LOOKED_AT = 20  # recordings, beside one of each class, that the rate is taken from
 RATE = "data.sampling_rate"
+SLOW_RATE = 500.0  # Hz; below it a signal's level and direction tell much: pressure, gravity
 
 
 def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> Job:
@@ -53,6 +55,9 @@ def with_defaults(task: str, data: DataConfig, model: ModelConfig, job: Job) -> 
     if data.sampling_rate is None and (reads_data or task == "profile"):  # others have a card
         rate = _own_rate(data, model) if reads_data else PAPERS_RATE
         job = replace(job, overrides=(*job.overrides, f"{RATE}={rate:g}"))
+        data = replace(data, sampling_rate=rate)
+    if reads_data:
+        job = replace(job, overrides=(*job.overrides, *_level_overrides(data, model)))
     return _with_pretrained(task, data, model, job)
 
 
@@ -128,3 +133,16 @@ def _rate(row: Recording, assumed: float | None) -> float:
     except UserError:
         return 0.0
     return round(source.hz, 3)
+
+
+def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
+    """Yield the number of channels whose level counts, for features that leave it open."""
+    for name in model.senses:
+        sense = model.sense(name)
+        rate: float = sense.decode.get("sampling_rate") or data.sampling_rate or PAPERS_RATE
+        if sense.features.get("levels", 0) is None and rate < SLOW_RATE:
+            recordings = read_recordings(data, [sense.modality])
+            row = next(row for row in recordings if row.modality == sense.modality)
+            decoder = SignalDecoder(rate, rate, sense.decode.get("channels"))
+            trace, _ = read_trace(row.path, decoder, row.sampling_rate)
+            yield f"model.{name}.features.levels={len(trace)}"

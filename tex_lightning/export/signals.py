@@ -14,10 +14,16 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tex_lightning.errors import UserError
-from tex_lightning.senses.features.proportions import FLOOR, OVERLAP, BandProportions
+from tex_lightning.senses.features.proportions import (
+    FLOOR,
+    BandProportions,
+    compared,
+    hop_length,
+)
 from tex_lightning.senses.features.spectrogram import (
     IMPACT_FACTOR,
     KNOWN_SECONDS,
+    MIN_QUIET,
     QUIET_SECONDS,
     SEARCH_SECONDS,
     SETTLING_SECONDS,
@@ -43,6 +49,8 @@ def traced_start(trace: Tensor, sampling_rate: float) -> Tensor:
         int(seconds * sampling_rate)
         for seconds in (QUIET_SECONDS, SETTLING_SECONDS, SEARCH_SECONDS, KNOWN_SECONDS)
     )
+    if quiet < MIN_QUIET:
+        return torch.zeros((), dtype=torch.int64)
     head = pad(trace, (0, known))[:, :known]
     middle = (quiet - 1) // 2  # PyTorch's median is the lower one
     offset = head[:, :quiet].sort(dim=-1).values[:, middle : middle + 1]
@@ -188,10 +196,10 @@ class ProportionsGraph(nn.Module):
         super().__init__()
         self.features = features
         self.powers = nn.ModuleList()
-        for index, length in enumerate(features.lengths):
+        for index in features.used:
             window = features.get_buffer(f"window{index}")
             filters = features.get_buffer(f"filters{index}").T / window.sum().square()
-            hop = max(1, round(length / OVERLAP))
+            hop = hop_length(features.lengths[index])
             self.powers.append(BandPower(window, hop, filters, centred=True))
 
     def forward(self, trace: Tensor) -> Heard:
@@ -199,40 +207,26 @@ class ProportionsGraph(nn.Module):
         features, start, samples = self.features, None, trace.shape[-1]
         if features.skip_impact:
             start = traced_start(trace, features.sampling_rate)
-            trace = movement(trace, start, max(features.lengths))
-        trace = trace - trace.mean(dim=-1, keepdim=True)
-        responses = [self._responses(trace, index) for index in range(len(features.lengths))]
-        fragments = self._fragments(samples, responses)
-        parts = [self._proportions(each, index, fragments) for index, each in enumerate(responses)]
-        return torch.cat(parts)[None, None], start
+            trace = movement(trace, start, features.min_samples)
+        centred = trace - trace.mean(dim=-1, keepdim=True)
+        responses = []
+        for index, power in zip(features.used, self.powers, strict=True):
+            bands = (power(centred) / features.level + FLOOR).log().T
+            responses.append(compared(bands, features.gaps[index]))
+        longest = features.lengths.index(features.min_samples)
+        frames = len(responses[features.used.index(longest)])
+        fragments = self._fragments(samples, frames)
+        return features.join(responses, trace, fragments), start
 
-    def _responses(self, trace: Tensor, index: int) -> Tensor:
-        """(channels, frames) of one window."""
-        features = self.features
-        bands = (self.powers[index](trace) / features.level + FLOOR).log()
-        steps = bands[features.gap :] - bands[: -features.gap]
-        return torch.cat((bands - bands.mean(dim=0), steps))
-
-    def _fragments(self, samples: int, responses: list[Tensor]) -> Any:  # noqa: ANN401
+    def _fragments(self, samples: int, fewest: int) -> Any:  # noqa: ANN401
         """How many fragments the whole signal is cut into."""
         features = self.features
         seconds = torch.scalar_tensor(samples, dtype=torch.float64) / features.sampling_rate
         count = (seconds / features.fragment_seconds).round().long().clamp(min=1)
-        for each in responses:
-            count = torch.minimum(count, torch.scalar_tensor(each.shape[1], dtype=torch.int64))
-        found: Any = count.item()
-        promise(found >= 1)
-        return found
-
-    def _proportions(self, responses: Tensor, index: int, fragments: Any) -> Tensor:  # noqa: ANN401
-        """(channels * thresholds, fragments)."""
-        limits = self.features.get_buffer(f"thresholds{index}")
-        above = (responses[:, None] > limits[..., None]).flatten(0, 1).to(responses.dtype)
-        frames = above.shape[1]
-        place = torch.arange(frames) * fragments // frames
-        member = (place[:, None] == torch.arange(fragments)).to(above.dtype)
-        found: Tensor = above @ (member / member.sum(dim=0))
-        return found
+        fewest_frames = torch.scalar_tensor(fewest, dtype=torch.int64)
+        fragments: Any = torch.minimum(count, fewest_frames).item()
+        promise(fragments >= 1)
+        return fragments
 
 
 class OwnSignalGraph(nn.Module):

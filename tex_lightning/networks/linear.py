@@ -207,7 +207,7 @@ class _Ridge:
         inverse = torch.linalg.inv(gram + _ridge(gram, strength))
         dual = inverse @ self.targets
         scores = torch.empty_like(self.targets)
-        for part in left_out.unique():
+        for part in set(left_out.tolist()):
             out = left_out == part
             scores[out] = self.targets[out] - torch.linalg.solve(inverse[out][:, out], dual[out])
         return scores / self.root + self.share
@@ -217,11 +217,13 @@ class _Ridge:
         rows = self.rows * kept
         if len(rows) <= rows.shape[1]:
             gram = rows @ rows.T
-            return rows.T @ torch.linalg.solve(gram + _ridge(gram, strength), self.targets)
+            dual: Tensor = torch.linalg.solve(gram + _ridge(gram, strength), self.targets)
+            return rows.T @ dual
         covariance = rows.T @ rows
         ridge = strength * covariance.trace() / len(rows)
         identity = torch.eye(len(covariance), dtype=covariance.dtype)
-        return torch.linalg.solve(covariance + ridge * identity, rows.T @ self.targets)
+        weights: Tensor = torch.linalg.solve(covariance + ridge * identity, rows.T @ self.targets)
+        return weights
 
 
 def _ridge(gram: Tensor, strength: float) -> Tensor:

@@ -135,9 +135,14 @@ class BandProportions(nn.Module):
         self.blocks += [(kind, size * thresholds) for kind, size in sizes]
 
     @property
+    def used(self) -> list[int]:
+        """Numbers of the windows in use."""
+        return self.fits.nonzero().flatten().tolist()
+
+    @property
     def min_samples(self) -> int:
         """Samples of movement that a recording has to have."""
-        return max(length for length, fits in zip(self.lengths, self.fits, strict=True) if fits)
+        return max(self.lengths[index] for index in self.used)
 
     def movement(self, trace: Tensor) -> Tensor:
         """Return the steady movement (axes, samples) of a trace.
@@ -166,8 +171,8 @@ class BandProportions(nn.Module):
         window, filters = self.get_buffer(f"window{index}"), self.get_buffer(f"filters{index}")
         frames = movement.unfold(-1, length, hop_length(length))
         frames = (frames - frames.mean(dim=-1, keepdim=True)) * window
-        power = torch.view_as_real(torch.fft.rfft(frames)).square().sum(dim=(0, -1))
-        power = power @ filters / window.sum().square()
+        squares = torch.view_as_real(torch.fft.rfft(frames)).square_()
+        power = (squares[..., 0] + squares[..., 1]).sum(dim=0) @ filters / window.sum().square()
         return compared((power / self.level).add_(FLOOR).log_(), gap)
 
     def learn(self, traces: Iterable[Tensor]) -> None:
@@ -184,7 +189,7 @@ class BandProportions(nn.Module):
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements]
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
-        for index in self.fits.nonzero().flatten().tolist():
+        for index in self.used:
             responses = [_thinned(self.responses(movement, index)) for movement in movements]
             ordered = torch.cat(responses).sort(dim=0).values
             thresholds = self.get_buffer(f"thresholds{index}")
@@ -214,18 +219,29 @@ class BandProportions(nn.Module):
             )
         seconds, movement = trace.shape[-1] / self.sampling_rate, self.movement(trace)
         fewest = 1 + (movement.shape[-1] - self.min_samples) // hop_length(self.min_samples)
-        count = min(fewest, max(1, round(seconds / self.fragment_seconds)))
-        parts = [self._proportions(movement, index, count) for index in range(len(self.lengths))]
-        if self.levels:
-            parts.append(self._levels(movement, count))
-        return torch.cat(parts)[None, None]
+        fragments = min(fewest, max(1, round(seconds / self.fragment_seconds)))
+        responses = [self.responses(movement, index) for index in self.used]
+        return self.join(responses, movement, fragments)
 
-    def _proportions(self, movement: Tensor, index: int, fragments: int) -> Tensor:
-        """Return (channels * thresholds, fragments); zeros of a window that is left out."""
-        limits = self.get_buffer(f"thresholds{index}")
-        if not self.fits[index]:
-            return limits.new_zeros(limits.numel(), fragments)
-        return proportions(self.responses(movement, index), limits, fragments)
+    def join(self, responses: Iterable[Tensor], movement: Tensor, fragments: int) -> Tensor:
+        """Return the features (1, 1, D, fragments) of what the windows in use give.
+
+        Args:
+            responses: (frames, channels) of each window in use.
+            movement: (axes, samples), for the levels.
+            fragments: Number of equal fragments.
+        """
+        by_window = dict(zip(self.used, responses, strict=True))
+        parts = []
+        for index in range(len(self.lengths)):
+            limits = self.get_buffer(f"thresholds{index}")
+            if index in by_window:
+                parts.append(proportions(by_window[index], limits, fragments))
+            else:
+                parts.append(limits.new_zeros(limits.numel(), fragments))
+        if self.levels:
+            parts.append(self._levels(movement, fragments))
+        return torch.cat(parts)[None, None]
 
     def _levels(self, movement: Tensor, fragments: int) -> Tensor:
         """Return mean and logarithm of the deviation of each channel (2 * levels, fragments)."""
@@ -272,7 +288,7 @@ def proportions(responses: Tensor, limits: Tensor, fragments: int) -> Tensor:
 def membership(frames: int, fragments: int, like: Tensor) -> Tensor:
     """Return the matrix (frames, fragments) that averages frames over equal fragments."""
     place = torch.arange(frames, device=like.device) * fragments // frames
-    member = nn.functional.one_hot(place, fragments).to(like.dtype)
+    member = (place[:, None] == torch.arange(fragments, device=like.device)).to(like.dtype)
     return member / member.sum(dim=0)
 
 

@@ -74,6 +74,7 @@ Axes = Literal["frame", "trace"]
 Normalisation = Literal["standard", "paper"]
 Scale = Literal["mel", "linear"]
 QUIET_SECONDS = 0.1  # the level before the touch is taken over this time
+MIN_QUIET = 20  # samples that a level takes; at a lower rate no touch is looked for
 IMPACT_FACTOR = 20.0  # a touch is this many times louder than the quiet before it
 SETTLING_SECONDS = 0.2  # from the touch to steady movement
 STEADY_FACTOR = 10.0  # steady movement is this many times louder than the quiet before the touch
@@ -315,7 +316,7 @@ def movement_start(trace: Tensor, sampling_rate: float) -> int:
     quiet, settling = int(QUIET_SECONDS * sampling_rate), int(SETTLING_SECONDS * sampling_rate)
     search, known = int(SEARCH_SECONDS * sampling_rate), int(KNOWN_SECONDS * sampling_rate)
     trace = trace[:, :known].cpu()  # the sums are float64, which not every device has
-    if trace.shape[-1] < 2 * quiet + settling:
+    if quiet < MIN_QUIET or trace.shape[-1] < 2 * quiet + settling:
         return 0
     # the median is gravity or an offset: a mean would be drawn towards the movement
     centred = trace - trace[:, :quiet].median(dim=-1, keepdim=True).values
