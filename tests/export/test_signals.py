@@ -49,11 +49,13 @@ def test_spectrogram(axes, options):
 
 def test_proportions():
     features = BandProportions(
-        sampling_rate=RATE, windows=[0.05, 0.3], bands_per_octave=4, thresholds=3,
-        fragment_seconds=0.8, skip_impact=True,
+        sampling_rate=RATE, windows=[0.05, 0.3, 5], bands_per_octave=[4, 4, 6], thresholds=3,
+        fragment_seconds=0.8, skip_impact=True, levels=3,
     )  # fmt: skip
     trace = recording(3)
-    features.learn([recording(1)])  # of its own thresholds every value would be one
+    features.learn(
+        [2 + recording(3).roll(37, dims=1)]
+    )  # of its own thresholds every value would be one
     found, expected = ProportionsGraph(features)(trace)[0], features(trace)
     assert found.shape == expected.shape
     # a comparison may fall the other way by rounding: one frame of one band in one fragment

@@ -6,7 +6,7 @@ import torch
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
-from tex_lightning.networks.linear import LinearNet, _ridge
+from tex_lightning.networks.linear import LinearNet, _Ridge
 
 CLASSES, BANDS = 3, 12
 
@@ -23,25 +23,43 @@ def recordings(each: int, seed: int = 0) -> tuple[list[torch.Tensor], torch.Tens
     return inputs, labels
 
 
-def standardised(inputs: list[torch.Tensor]) -> np.ndarray:
-    rows = torch.cat([each[0].T for each in inputs]).double().numpy()
-    return (rows - rows.mean(axis=0)) / rows.std(axis=0)
+@pytest.mark.parametrize("bands", [BANDS, 60])  # fewer and more features than rows
+def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_learns(bands):
+    rng = np.random.default_rng(0)
+    labels = np.repeat(np.arange(CLASSES), [8, 12, 20])  # each class weighs the same
+    rows, strength = rng.standard_normal((40, bands)) + labels[:, None] / 3, 0.05
+    weight = 1 / (CLASSES * np.bincount(labels)[labels])
+    kept = np.ones(bands)
+    kept[3:5] = 0
+    problem = _Ridge(torch.from_numpy(rows), torch.from_numpy(labels), CLASSES)
+    centred = (rows - weight @ rows) * kept
+    targets = np.eye(CLASSES)[labels] - 1 / CLASSES
+    ridge = strength * (weight @ (centred**2).sum(axis=1)) / len(rows)
+    theirs = Ridge(alpha=ridge, fit_intercept=False)
+    groups = np.arange(40) % 5
+    left_out = cross_val_predict(
+        theirs, centred, targets, groups=groups, cv=LeaveOneGroupOut(),
+        params={"sample_weight": weight},
+    )  # fmt: skip
+    gram = problem.gram(torch.from_numpy(kept))
+    ours = problem.held_out(gram, strength, torch.from_numpy(groups))
+    np.testing.assert_allclose(ours, left_out + 1 / CLASSES, atol=1e-8)
+    weights = problem.solve(torch.from_numpy(kept), strength)
+    np.testing.assert_allclose(weights.T, theirs.fit(centred, targets, weight).coef_, atol=1e-8)
 
 
-def test_the_ridge_and_what_it_says_of_rows_that_it_has_not_seen_are_scikit_learns():
-    inputs, labels = recordings(4)
-    counts = [each.shape[-1] for each in inputs]
-    rows = standardised(inputs)
-    targets = np.eye(CLASSES)[np.repeat(labels.numpy(), counts)]
-    targets -= targets.mean(axis=0)
-    strength = 0.05
-    theirs = Ridge(alpha=strength * (rows**2).sum() / len(rows), fit_intercept=False)
-    groups = np.repeat(np.arange(len(counts)), counts)
-    left_out = cross_val_predict(theirs, rows, targets, groups=groups, cv=LeaveOneGroupOut())
-    given = torch.from_numpy(rows), torch.from_numpy(targets)
-    weight, ours = _ridge(*given, strength, torch.from_numpy(groups))
-    np.testing.assert_allclose(weight.T, theirs.fit(rows, targets).coef_, atol=1e-10)
-    np.testing.assert_allclose(ours, left_out, atol=1e-10)
+@pytest.mark.parametrize("tells", [True, False])
+def test_optional_features_are_used_where_they_help(tells):
+    """Classes differ in the optional block, or it holds what differs between groups."""
+    rng, size = np.random.default_rng(3), 6
+    labels = torch.arange(2).repeat(30)
+    shape = np.eye(size)[labels] + rng.standard_normal((60, size))
+    power = 20 * rng.standard_normal((60, size)) * (not tells) + 5 * np.eye(size)[labels] * tells
+    rows = torch.from_numpy(np.concatenate([shape, power], axis=1)).float()
+    blocks = [("shape", size), ("power", size)]
+    network = LinearNet(2, bands=2 * size, blocks=blocks, strength=0.01)
+    network.fit(list(rows[:, None, :, None]), labels)
+    assert bool(network.score_layer.weight[:, size:].any()) == tells
 
 
 @pytest.mark.parametrize("each", [1, 5])
@@ -115,6 +133,7 @@ def test_features_of_fusion_are_standardised_or_the_scores():
     network = LinearNet(CLASSES, bands=BANDS, strength=0.03)
     network.fit(inputs, labels)
     whole = torch.cat(inputs, dim=2)[None]
-    rows = network.features(whole, "fc2")[0].T
-    np.testing.assert_allclose(rows, standardised(inputs), atol=1e-5)
+    means = torch.stack([one[0].mean(dim=1) for one in inputs])  # a row a recording
+    expected = (whole[0, 0] - means.mean(dim=0)[:, None]) / means.std(dim=0, correction=0)[:, None]
+    torch.testing.assert_close(network.features(whole, "fc2")[0], expected, atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(network.features(whole, "fc3"), network(whole))

@@ -42,6 +42,8 @@ def check_numbers(state: Mapping[str, Tensor]) -> None:
         ValueError: If there is NaN, infinity or a number that makes them.
     """
     for name, tensor in state.items():
+        if tensor.dtype == torch.bool:
+            continue
         if tensor.is_complex() or not bool((tensor.abs() < LARGEST_WEIGHT).all()):
             raise ValueError(f"{name} holds NaN or huge numbers")
 

@@ -116,8 +116,11 @@ class LinearNet(nn.Module):
             rows = torch.cat([each[0].T for each in inputs]).cpu().double()
             labels = torch.repeat_interleave(labels, counts)
             left_out = torch.arange(len(rows)) % PARTS
-        mean, scale = self._standardise(rows)
-        rows = (rows - mean) * scale
+        mean, deviation = rows.mean(dim=0), rows.std(dim=0, correction=0)
+        scale = torch.where(deviation > MIN_DEVIATION, 1 / deviation, 0)
+        sizes = torch.tensor([size for _, size in self.blocks])
+        share = torch.repeat_interleave(sizes.double().rsqrt(), sizes)  # of unit length by block
+        rows = (rows - mean) * scale * share
         some = slice(None, None, math.ceil(len(rows) / MAX_ROWS))
         kept, strength, held_out = self._choose(rows[some], labels[some], left_out[some])
         scores = list(SHARPNESS * held_out[:, :, None])
@@ -125,19 +128,11 @@ class LinearNet(nn.Module):
         problem = _Ridge(rows, labels, self.classes)
         weight = problem.solve(kept, strength)
         self.mean.copy_(mean[:, None, None])
-        self.scale.copy_((scale * kept)[:, None, None])
+        self.scale.copy_(scale[:, None, None])
         layer = self.score_layer
-        layer.weight.copy_(sharpness * weight.T[:, :, None, None])
+        layer.weight.copy_(sharpness * (share[:, None] * weight).T[:, :, None, None])
         offset = problem.share - problem.centre @ weight
         layer.bias = nn.Parameter((sharpness * offset).to(layer.weight))
-
-    def _standardise(self, rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Return mean and factor (D,) of each feature; those of a block have unit length."""
-        deviation = rows.std(dim=0, correction=0)
-        sizes = torch.tensor([size for _, size in self.blocks])
-        share = torch.repeat_interleave(sizes.double().rsqrt(), sizes)
-        scale = torch.where(deviation > MIN_DEVIATION, share / deviation, 0)
-        return rows.mean(dim=0), scale
 
     def _choose(
         self, rows: Tensor, labels: Tensor, left_out: Tensor

@@ -15,7 +15,7 @@ WINDOWS = (0.032, 0.256)
 def make(rate: float = 2000.0, **changes) -> BandProportions:
     settings = {
         "windows": WINDOWS,
-        "bands_per_octave": 4,
+        "bands_per_octave": (4, 4),
         "thresholds": 8,
         "fragment_seconds": 0.5,
         "skip_impact": False,
@@ -42,35 +42,75 @@ def test_bands_are_means_over_channels_from_one_period_to_half_the_rate(rate, se
     assert rate / 2 / 2**0.5 < centres[-1] <= rate / 2
 
 
-def test_responses_are_logarithms_of_scipys_spectrum_against_mean_and_band_below():
-    features = make(windows=(0.064,))
+def test_responses_compare_the_logarithms_of_scipys_spectrum():
+    features = make(windows=(0.064,), bands_per_octave=(4,))
     trace = noise(1.0)
-    (ours,) = features.responses(trace)
     length, hop = 128, 32
     transform = ShortTimeFFT(hann(length), hop, fs=2000.0)
     signal = trace[0].double().numpy()
     frames = np.lib.stride_tricks.sliding_window_view(signal, length)[::hop]
-    spectra = np.stack([np.fft.rfft((each - each.mean()) * transform.win) for each in frames])
+    spectra = np.stack([np.fft.rfft((frame - frame.mean()) * transform.win) for frame in frames])
     power = np.abs(spectra) ** 2 @ octave_filters(2000.0, length, 4).double().numpy().T
-    bands = np.log(power / transform.win.sum() ** 2 + FLOOR).T
-    expected = np.concatenate([bands - bands.mean(axis=0), bands[1:] - bands[:-1]])
-    np.testing.assert_allclose(ours, expected, atol=2e-3)
+    bands = np.log(power / transform.win.sum() ** 2 + FLOOR)
+    earlier = bands[np.maximum(np.arange(len(bands)) - 4, 0)]  # one window
+    mean = bands.mean(axis=1, keepdims=True)
+    expected = [bands - mean, bands[:, 1:] - bands[:, :-1], bands - earlier, bands]
+    np.testing.assert_allclose(
+        features.responses(trace, 0), np.concatenate(expected, axis=1), atol=2e-3
+    )
 
 
 def test_half_of_the_frames_stand_above_the_middle_of_an_even_number_of_thresholds():
     features, traces = make(), [noise(4, seed=seed) for seed in range(6)]
     features.learn(traces)
-    found = torch.cat([features(trace)[0, 0] for trace in traces], dim=1)
-    shares = found.reshape(-1, 8, found.shape[1]).mean(dim=(0, 2))
-    torch.testing.assert_close(shares, 1 - (torch.arange(8) + 0.5) / 8, atol=0.03, rtol=0)
+    shares = torch.cat([features(trace)[0, 0] for trace in traces], dim=1)
+    by_threshold = shares.reshape(-1, 8, shares.shape[1]).mean(dim=(0, 2))
+    expected = 1 - (torch.arange(8) + 0.5) / 8
+    torch.testing.assert_close(by_threshold, expected, atol=0.03, rtol=0)
+
+
+def test_blocks_name_all_features_in_their_order():
+    features = make(levels=2)
+    features.learn([noise(4, axes=2)])
+    kinds = [kind for kind, _ in features.blocks]
+    assert kinds == [*["shape"] * 3, "power"] * 2 + ["level"] * 2
+    assert sum(size for _, size in features.blocks) == features.bands
+    assert features(noise(4, axes=2)).shape[2] == features.bands
 
 
 def test_neither_strength_nor_offset_nor_polarity_counts():
     features = make()
     features.learn([noise(4), noise(4, seed=1)])
     trace = noise(3, seed=2)
+    kinds = [kind for kind, size in features.blocks for _ in range(size)]
+    shape = torch.tensor([kind == "shape" for kind in kinds])
     for other in (5 * trace, trace + 9.81, -trace):
-        assert (features(other) - features(trace)).abs().mean() < 1e-3
+        assert (features(other) - features(trace))[:, :, shape].abs().mean() < 1e-3
+    assert (features(5 * trace) - features(trace))[:, :, ~shape].mean() > 0.1  # louder
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_levels_are_logarithms_where_all_training_samples_are_positive(sign):
+    features = make(levels=3, rate=100.0, fragment_seconds=4)
+    offset = torch.tensor([9.81, sign * 7.0, 5.0])[:, None]
+    features.learn([offset + 0.5 * noise(5, 100.0, seed, axes=3) for seed in range(4)])
+    trace = offset + 0.5 * noise(4, 100.0, 9, axes=3)
+    level = features(trace)[0, 0, -6:-3, 0]
+    mean = trace.mean(dim=1)
+    expected = torch.stack([mean[0].log(), mean[1].log() if sign > 0 else mean[1], mean[2].log()])
+    torch.testing.assert_close(level, expected)
+    with pytest.raises(UserError, match="has 1 channels, and this network was trained on 3"):
+        features(trace[:1])
+
+
+def test_windows_follow_from_rate_and_length():
+    slow = make(rate=36.0, windows=(0.032, 0.256, 0.93), bands_per_octave=(6, 6, 12))
+    assert slow.lengths == [9, 33]  # 0.032 s would be one sample
+    slow.learn([noise(3.5, 36.0)])
+    assert slow.used == [0, 1]
+    slow.learn([noise(3.5, 36.0), noise(2.5, 36.0)])
+    assert slow.used == [0]
+    assert slow(noise(1, 36.0)).shape[2] == slow.bands
 
 
 def test_three_axes_count_by_their_power_whichever_way_the_tool_is_turned():
@@ -86,9 +126,9 @@ def test_fragments_are_about_half_seconds(seconds, fragments):
     features = make()
     features.learn([noise(5)])
     trace = noise(seconds, seed=3)
-    found = features(trace)
-    assert found.shape == (1, 1, features.bands, fragments)
-    assert 0 <= found.min() <= found.max() <= 1 + 1e-6
+    shares = features(trace)
+    assert shares.shape == (1, 1, features.bands, fragments)
+    assert 0 <= shares.min() <= shares.max() <= 1 + 1e-6
 
 
 def test_rows_of_a_fragment_are_the_frames_inside_of_it():
@@ -106,4 +146,4 @@ def test_what_is_too_short_is_refused_with_its_length():
     with pytest.raises(UserError, match=r"0\.20 s of movement, less than one window of 0\.256 s"):
         features(noise(0.2))
     with pytest.raises(UserError, match="choose longer features"):
-        make(windows=(0.001,))
+        make(windows=(0.001,), bands_per_octave=(4,))

@@ -136,8 +136,9 @@ class BandProportions(nn.Module):
 
     @property
     def used(self) -> list[int]:
-        """Numbers of the windows in use."""
-        return self.fits.nonzero().flatten().tolist()
+        """Numbers of the windows in use: those that fit, and the shortest in any case."""
+        shortest = self.lengths.index(min(self.lengths))
+        return [n for n, fits in enumerate(self.fits.tolist()) if fits or n == shortest]
 
     @property
     def min_samples(self) -> int:
@@ -181,11 +182,11 @@ class BandProportions(nn.Module):
         Args:
             traces: (axes, samples) each.
         """
-        self.fits.fill_(False)[self.lengths.index(min(self.lengths))] = True
+        self.fits.fill_(False)
         movements = [self.movement(trace) for trace in traces]
         shortest = min(movement.shape[-1] for movement in movements)
         lengths = torch.tensor(self.lengths, device=self.fits.device)
-        self.fits |= lengths * WINDOWS_IN_RECORDING <= shortest
+        self.fits.copy_(lengths * WINDOWS_IN_RECORDING <= shortest)
         powers = [movement.var(dim=-1, correction=0).sum() for movement in movements]
         level = torch.stack(powers).mean()
         self.level.copy_(level if level > 0 else torch.ones_like(level))
