@@ -80,16 +80,16 @@ class Movement(nn.Module):
     def forward(self, trace: Tensor) -> Tensor:
         """Map (axes, samples) to (1, 1, samples), float32, without its mean.
 
-        The last samples of three axes, fewer than 4 %, are left out where DFT321 of the rest is
+        The last samples of several axes, fewer than 4 %, are left out where DFT321 of the rest is
         quick: a Fourier transform over a large prime takes many times as long.
 
         Raises:
             UserError: If there is too little movement.
         """
         axes = self.steady(trace)
-        if len(axes) == 3:
+        if len(axes) > 1:
             return dft321(axes[:, : quick_length(axes.shape[1])])[None, None]
-        return (axes - axes.mean(dim=1, keepdim=True))[None, :1]
+        return (axes - axes.mean(dim=1, keepdim=True))[None]
 
     def steady(self, trace: Tensor) -> Tensor:
         """Steady movement (axes, samples) of a trace.

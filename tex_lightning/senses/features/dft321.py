@@ -10,20 +10,18 @@ from torch import Tensor
 
 
 def dft321(trace: Tensor) -> Tensor:
-    """Reduce three axes to one over the whole trace.
+    """Reduce three axes, or any number of channels, to one over the whole trace.
 
     The mean of each axis (gravity, sensor offset) is removed first. The energy of the result
     equals that of the three axes together. Where axes cancel in the sum its phase carries no
     meaning; the magnitude is right all the same.
 
     Args:
-        trace: Real tensor (..., 3, samples).
+        trace: Real tensor (..., axes, samples).
 
     Returns:
         Tensor (..., samples) of the same type.
     """
-    if trace.shape[-2] != 3:
-        raise ValueError(f"DFT321 takes three axes, got shape {tuple(trace.shape)}")
     samples = trace.shape[-1]
     axes = torch.fft.rfft(trace - trace.mean(dim=-1, keepdim=True))
     magnitude = axes.abs().square().sum(dim=-2).sqrt()
