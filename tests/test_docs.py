@@ -23,7 +23,7 @@ from scipy.stats import binomtest
 import tex_lightning as tl
 from tex_lightning.config import CONF, Config
 from tex_lightning.config.check import check_known
-from tex_lightning.config.composition import compose_config
+from tex_lightning.config.composition import compose_config, quote_files
 from tex_lightning.config.keys import walk
 from tex_lightning.config.weights import read_config
 from tex_lightning.report.table import paper_table
@@ -47,7 +47,7 @@ def test_a_command_of_the_documentation_composes(page, command):
     arguments = [each for each in package_arguments(command) if each not in MULTIRUN]
     if "--config-dir" in arguments:  # a user's own parts, which tests/plugin runs
         return
-    jobs = sweep_jobs(arguments)
+    jobs = sweep_jobs(quote_files(arguments))
     composed = compose_config(CONF, jobs)
     check_known(composed)
     read_config(composed)

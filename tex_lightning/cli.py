@@ -25,6 +25,7 @@ from tex_lightning.config.check import check_config, check_known, check_missing,
 from tex_lightning.config.composition import (
     Job,
     current_job,
+    quote_files,
     run_composed,
     split_flags,
 )
@@ -145,7 +146,7 @@ def data(*overrides: str) -> "InputData":
 
 def _in_process(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401
     """Call a function with what the overrides compose; raise mistakes as one sentence."""
-    arguments = split_config_dir(overrides)[1]
+    arguments = quote_files(split_config_dir(overrides)[1])
     for each in arguments:
         if each.startswith("-"):
             raise UserError(f"{shorten(each)} is for the command line; give overrides key=value.")
@@ -252,7 +253,7 @@ def _run(arguments: Sequence[str]) -> int:
     if not is_rank_zero():
         suppress_output()
         overrides.append("hydra/job_logging=none")
-    sys.argv[1:] = [*flags, *with_own_senses(overrides)]
+    sys.argv[1:] = [*flags, *with_own_senses(quote_files(overrides))]
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")(run_job)
     with fresh_screen(), finishing():
         entry()

@@ -67,7 +67,7 @@ def test_the_threshold_of_rejection_travels_with_the_checkpoint(sequential, surf
     [
         ("data.hold_out=[granite]", "data.hold_out names granite, and the data has no such"),
         ("data.hold_out=[alpha beta]", "with commas between names"),
-        ("model=minirocket", "decision=sequential needs a network"),
+        ("model=minirocket", "goes with neither a baseline"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(cli, surfaces, argument, said):

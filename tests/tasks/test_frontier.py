@@ -209,6 +209,7 @@ def test_data_that_no_sense_reads_is_refused(cli, surfaces, tmp_path):
     ],
 )
 def test_what_cannot_be_meant_is_refused(overrides, message, tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "tex_lightning.baselines.rocket", raising=False)
     monkeypatch.setitem(sys.modules, "aeon.transformations.collection.convolution_based", None)
     job = make_job(tmp_path, "task=frontier", *overrides)
     with pytest.raises(UserError, match=message):

@@ -163,19 +163,18 @@ def test_ctrl_c_keeps_what_is_long_enough(record, tmp_path, monkeypatch, chunks,
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["haptic=null"], ["nothing is recorded: give haptic=SOURCE"]),
+        (["haptic=null"], ["task=record has nothing to read: give haptic=FILE"]),
         (
-            ["record.label=a/b", "record.out=null", "haptic=[a,b]", "record.least_seconds=9"],
+            ["record.label=a/b", "haptic=[a,b]", "record.least_seconds=9"],
             [
                 "record.label is 'a/b', which cannot be the name of a folder",
-                "record.out is null: name the folder",
-                "is several: task=record takes one source",
-                "record.least_seconds is 9: choose at most record.seconds, 5",
+                "task=record takes one source",
+                "record.least_seconds exceeds record.seconds: choose less",
             ],
         ),
         (
             ["record.label=null", "haptic=null", "image=a.png", "record.contact=true"],
-            ["record.label is null: name the class", "record.contact needs a signal"],
+            ["record.label is null, but task=record needs one", "record.contact needs a signal"],
         ),
         (["image=camera:93"], ["image=camera:93 cannot be opened"]),
         (["record.seconds=1", "record.least_seconds=0.9"], ["has ended after 0.50 s"]),

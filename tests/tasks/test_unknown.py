@@ -133,7 +133,7 @@ def test_checkpoints_that_cannot_tell_are_refused(untrained, bands, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["decision=sequential"], "use decision=max_vote"),
+        (["decision=sequential"], "decision=sequential looks at parts"),
         (["model=minirocket"], "model=minirocket is none"),
         (["data.val_fold=null"], "give data.val_fold=1"),
     ],

@@ -168,6 +168,12 @@ def _decision_rules(config: Config) -> Iterator[Rule]:
 
 def _task_rules(config: Config) -> Iterator[Rule]:
     task, model, baseline = config.task, config.model, config.model.baseline
+    yield (
+        (config.trainer.devices, config.trainer.num_nodes) != (1, 1)
+        and config.task not in ("fit", "crossval"),
+        "several devices are used by task=fit and task=crossval, not by "
+        f"task={config.task}: leave out trainer.devices and trainer.num_nodes",
+    )
     for key, tasks in NEEDED.items():
         yield (
             task in tasks and attrgetter(key)(config) in (None, []),

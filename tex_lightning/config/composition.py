@@ -4,6 +4,7 @@ Beside that stand the job that Hydra has begun, the keys that a composed task re
 of a command line.
 """
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +16,9 @@ from hydra._internal.callbacks import Callbacks
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobRuntime, run_job
+from hydra.errors import HydraException
 from hydra.types import HydraContext, RunMode
 from hydra.version import VersionBase
 from omegaconf import DictConfig, OmegaConf
@@ -25,6 +28,7 @@ from tex_lightning.config.keys import Key, walk
 from tex_lightning.config.model import FUSION, PACKAGE_SENSES, PhotoConfig, SignalConfig
 from tex_lightning.config.search import with_own_senses
 from tex_lightning.config.tasks import READS
+from tex_lightning.core.files import matches
 from tex_lightning.errors import UserError, reason
 
 NAME = "config"
@@ -185,6 +189,11 @@ def _own_keys(where: str, node: object) -> dict[str, Key]:
     }
 
 
+# whose values name files
+KEYS = ("haptic", "image", "sound", "checkpoint", "data.root", "data.manifest")
+OWN_SENSE = re.compile(r"\+\w+")  # a key beside those of the schema
+
+
 def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the flags of a command line with their values, and its overrides.
 
@@ -204,3 +213,40 @@ def split_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     parser.error = refuse  # type: ignore[method-assign]
     overrides = parser.parse_intermixed_args(arguments).overrides
     return [each for each in arguments if each not in overrides], overrides
+
+
+def quote_files(arguments: Sequence[str]) -> list[str]:
+    """Add quotes to names of files that Hydra's grammar would misread, as ``haptic=my file.wav``.
+
+    A pattern that matches files is such a name, too. Everything else stays as it is.
+    """
+    parser, quoted = OverridesParser.create(), []
+    for argument in arguments:
+        key, _, value = argument.partition("=")
+        names_files = key in KEYS or OWN_SENSE.fullmatch(key)
+        if names_files and _names_files(value) and _misread(parser, argument):
+            # Hydra reads backslashes literally, except before a quote
+            escaped = re.sub(r'(\\*)("|$)', lambda found: 2 * found[1] + _quote(found[2]), value)
+            argument = f'{key}="{escaped}"'
+        quoted.append(argument)
+    return quoted
+
+
+def _quote(mark: str) -> str:
+    return f"\\{mark}" if mark else ""
+
+
+def _names_files(value: str) -> bool:
+    try:
+        path = Path(value).expanduser()
+        return bool(value) and (path.exists() or bool(matches(str(path))))
+    except (OSError, RuntimeError, ValueError):  # too long, no such user, a null character
+        return False
+
+
+def _misread(parser: OverridesParser, argument: str) -> bool:
+    """Whether Hydra fails to read the value as the text that it is."""
+    try:
+        return bool(parser.parse_override(argument).value() != argument.partition("=")[2])
+    except HydraException:
+        return True

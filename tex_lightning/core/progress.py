@@ -52,7 +52,8 @@ class Stage:
         counted = self.total is not None and self.total > 1
         count = f" {min(int(done) + 1, self.total or 0)}/{self.total}" if counted else ""
         self.label = printable(f"{self.title}{count}{self.note and f', {self.note}'}")
-        Stage.bars.update(self._task, completed=done, description=self.label)
+        if self._task in Stage.bars.task_ids:  # else another thread has ended all levels
+            Stage.bars.update(self._task, completed=done, description=self.label)
         _log_progress()
 
     def end(self) -> None:
