@@ -20,7 +20,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 SECONDS = 400  # for the tests of one fault
 FAULTS = """
-number % count if whole else at ==> (number + 1) % count if whole and number else at
+len({number % count for number in groups}) == min( ==> len({number % count for number in groups}) <= min(
 (row.fold - fold) % folds, ==> (row.fold - fold - 1) % folds,
 each[i % len(each)] for name ==> each[0] for name
 ("train", "test") if by.inverted ==> ("test", "train") if by.inverted
@@ -35,7 +35,7 @@ features/spectrogram: frames = frames - frames.mean(dim=-1, keepdim=True) ==> fr
 (frequencies - below) / (centres - below) ==> (frequencies - below) / (centres + below)
 std = self._mean(count - 1, away).sqrt() ==> std = self._mean(count - 1, away)
 (squares[..., 0] + squares[..., 1]).sum(dim=0) ==> (squares[..., 0] - squares[..., 1]).sum(dim=0)
-features/proportions: (bands - bands.mean(dim=0), ==> (bands - bands.mean(),
+features/proportions: bands - bands.mean(dim=1, keepdim=True) ==> bands - bands.mean()
 @ filters / window.sum().square() ==> @ filters / window.sum()
 - (patch - 1) / 2) / half ==> - patch / 2) / half
 torch.fft.rfft(trace - trace.mean(dim=-1, keepdim=True)) ==> torch.fft.rfft(trace)
@@ -52,16 +52,16 @@ if index == len(self.sizes) - 1 ==> if index < len(self.sizes)
 rows - means[labels], len(rows) - classes ==> rows - means[labels], len(rows)
 apart.square().sum(dim=-1) ==> apart.abs().sum(dim=-1)
 return classifier.eval() ==> return classifier
-sums = probabilities(logits, temperature) ==> sums = probabilities(logits, 1.0)
-key=lambda label: (sums[label], -label) ==> key=lambda label: (-sums[label], -label)
+sums, fragments = probabilities(logits, temperature), ==> sums, fragments = probabilities(logits, 1.0),
+label=int(self.probabilities.argmax()) ==> label=int(self.probabilities.argmin())
 int((len(known) + 1) * rate + ==> int(len(known) * rate +
 log(self.alpha / (self.classes - 1)) ==> log(self.alpha)
 first - second > remaining ==> first - second >= remaining
 torch.full((count, classes), rest / (classes - 1), ==> torch.full((count, classes), rest / classes,
 return torch.stack(drawn, dim=1) ==> return torch.stack(drawn[::-1], dim=1)
 learning/statistics: classifier.eval() ==> classifier.train()
-InputData(data, module.eval()) ==> InputData(data, module)
-inputs = (inputs - mean) / std ==> inputs = inputs / std
+sense.network.eval()  # and stays ==> sense.network.train()  # and stays
+rows = (rows - mean) * scale * share ==> rows = rows * scale * share
 biases.detach() - weights @ origin ==> biases.detach() + weights @ origin
 / (known + added) + penalty ==> / (known + added) - penalty
 (draw * len(parts) / dropout).long() ==> (draw * len(parts)).long()
@@ -70,16 +70,16 @@ cross_entropy(scores.T, label.expand( ==> cross_entropy(-scores.T, label.expand(
 np.arange(1, len(order) + 1)[last] ==> np.arange(len(order))[last]
 best.accuracy - other.accuracy <= error ==> best.accuracy - other.accuracy <= 4 * error
 sum(p * (1 - p) / n for ==> sum(p * (1 - p) for
-net[recording] += new - old ==> net[recording] += new + old
-(1 - share) * old.fragments ==> share * old.fragments
+self.targets[out] - torch.linalg.solve( ==> self.targets[out] + torch.linalg.solve(
+(targets - self.share) * self.root ==> targets * self.root
 vote.probability < least ==> vote.probability > least
 shift + scale * conv.bias.double() ==> shift + conv.bias.double()
 cepstrum[:, self.first - 1 : self.last] ==> cepstrum[:, self.first : self.last]
 - 2 * features @ (means * precision).T ==> - features @ (means * precision).T
 self.network.eval() ==> self.network.train()
-if places[row][0] == fold ==> if places[row][0] >= fold
+[kind != OPTIONAL for ==> [kind == OPTIONAL for
 novelty.double() > torch.tensor(above ==> novelty.double() < torch.tensor(above
-features/proportions: above @ (member / member.sum(dim=0)) ==> above @ member
+features/proportions: return member / member.sum(dim=0) ==> return member
 """.strip().splitlines()
 
 

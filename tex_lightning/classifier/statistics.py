@@ -72,8 +72,8 @@ class FeatureStatistics(nn.Module):
         centred, freedom = rows - means[labels], len(rows) - classes
         if freedom < 1:
             centred, freedom = means - means.mean(dim=0), max(1, classes - 1)
-        _, scales, directions = torch.linalg.svd(centred, full_matrices=False)
-        variances, rest = _shrunk(scales.square() / freedom, freedom, rows.shape[1])
+        spread, directions = _principal(centred)
+        variances, rest = _shrunk(spread / freedom, freedom, rows.shape[1])
         found = cls(classes, rows.shape[1], len(variances))
         for name, value in (
             ("means", means), ("counts", counts), ("directions", directions[: len(variances)]),
@@ -149,6 +149,20 @@ class FeatureStatistics(nn.Module):
         lengths = point.norm(dim=-1, keepdim=True) * means.norm(dim=-1)
         cosines: Tensor = (point @ means.T) / lengths.clamp(min=LEAST_VARIANCE)
         return 1 - cosines.amax(dim=-1).clamp(max=1)  # rounding may pass it
+
+
+def _principal(centred: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the squared singular values of rows (N, D), and their first directions (rank, D).
+
+    They are those of the smaller one of the two products of the rows with themselves.
+    """
+    wide = len(centred) < centred.shape[1]
+    square = centred @ centred.T if wide else centred.T @ centred
+    values, vectors = torch.linalg.eigh(square)
+    spread, first = values.flip(0).clamp_min(0), vectors.flip(1)[:, :MAX_RANK].T
+    if wide:
+        first = nn.functional.normalize(first @ centred, dim=1)
+    return spread, first
 
 
 def _shrunk(spread: Tensor, freedom: int, size: int) -> tuple[Tensor, Tensor]:
