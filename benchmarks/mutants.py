@@ -20,7 +20,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 SECONDS = 400  # for the tests of one fault
 FAULTS = """
-len({number % count for number in groups}) == min( ==> len({number % count for number in groups}) <= min(
+== min(len(groups), count) ==> <= min(len(groups), count)
 (row.fold - fold) % folds, ==> (row.fold - fold - 1) % folds,
 each[i % len(each)] for name ==> each[0] for name
 ("train", "test") if by.inverted ==> ("test", "train") if by.inverted
@@ -52,7 +52,7 @@ if index == len(self.sizes) - 1 ==> if index < len(self.sizes)
 rows - means[labels], len(rows) - classes ==> rows - means[labels], len(rows)
 apart.square().sum(dim=-1) ==> apart.abs().sum(dim=-1)
 return classifier.eval() ==> return classifier
-sums, fragments = probabilities(logits, temperature), ==> sums, fragments = probabilities(logits, 1.0),
+= probabilities(logits, temperature), ==> = probabilities(logits, 1.0),
 label=int(self.probabilities.argmax()) ==> label=int(self.probabilities.argmin())
 int((len(known) + 1) * rate + ==> int(len(known) * rate +
 log(self.alpha / (self.classes - 1)) ==> log(self.alpha)
