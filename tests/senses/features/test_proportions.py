@@ -106,9 +106,9 @@ def test_levels_are_logarithms_where_all_training_samples_are_positive(sign):
 def test_windows_follow_from_rate_and_length():
     slow = make(rate=36.0, windows=(0.032, 0.256, 0.93), bands_per_octave=(6, 6, 12))
     assert slow.lengths == [9, 33]  # 0.032 s would be one sample
-    slow.learn([noise(3.5, 36.0)])
+    slow.learn([noise(4, 36.0)])
     assert slow.used == [0, 1]
-    slow.learn([noise(3.5, 36.0), noise(2.5, 36.0)])
+    slow.learn([noise(4, 36.0), noise(3.5, 36.0)])
     assert slow.used == [0]
     assert slow(noise(1, 36.0)).shape[2] == slow.bands
 

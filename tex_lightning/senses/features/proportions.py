@@ -22,7 +22,7 @@ from tex_lightning.senses.features.spectrogram import (
 
 OVERLAP = 4  # frames that every sample is in
 MIN_SAMPLES = 8  # of a window; at a slow rate the short ones are left out
-WINDOWS_IN_RECORDING = 3  # the shortest training recording is at least as many windows long
+WINDOWS_IN_RECORDING = 4  # at least, of the shortest training recording; fewer give no proportion
 LIMITS = {"windows": 16, "bands_per_octave": 48, "thresholds": 64, "levels": 64}
 KEPT = 2000  # frames of a recording, at most, that thresholds are learnt from
 FLOOR = 1e-7  # of the mean power of the training set; below it the logarithm is flat
@@ -52,7 +52,7 @@ class BandProportions(nn.Module):
         windows: Lengths of the Hann windows in seconds, rounded up to a number of samples with a
             fast transform; a short one resolves the order of events, a long one low bands. Those
             of fewer than eight samples at this rate are left out, and so are those that are longer
-            than a third of the shortest training recording, but for the shortest.
+            than a quarter of the shortest training recording, but for the shortest.
         bands_per_octave: How finely frequency is divided, for each window.
         thresholds: Number of thresholds for each band.
         fragment_seconds: Approximate length of a fragment; a movement is cut into equal ones.
