@@ -194,7 +194,7 @@ def test_a_sweep_is_refused_before_its_first_job(cli, tmp_path):
 def test_flags_of_the_trainer_are_passed_on_or_refused(cli, surfaces, tmp_path):
     small = [f"data.root={surfaces}", "data=folder", "data.half_scale=false", "debug=tiny"]
     for wrong, said in (
-        ("trainer.gradient_clip_vall=1", "did you mean trainer.gradient_clip_val?"),
+        ("trainer.gradient_clip_vall=1", "unexpected keyword argument 'gradient_clip_vall'"),
         ("+trainer.logger=x", "trainer.logger is set by this package"),
     ):
         outcome = cli("model=haptic", *small, wrong, f"hydra.run.dir={tmp_path / 'a'}")
