@@ -141,8 +141,11 @@ def _level_overrides(data: DataConfig, model: ModelConfig) -> Iterator[str]:
         sense = model.sense(name)
         rate: float = sense.decode.get("sampling_rate") or data.sampling_rate or PAPERS_RATE
         if sense.features.get("levels", 0) is None and rate < SLOW_RATE:
-            recordings = read_recordings(data, [sense.modality])
-            row = next(row for row in recordings if row.modality == sense.modality)
             decoder = SignalDecoder(rate, rate, sense.decode.get("channels"))
-            trace, _ = read_trace(row.path, decoder, row.sampling_rate)
-            yield f"model.{name}.features.levels={len(trace)}"
+            for row in read_recordings(data, [sense.modality]).of(sense.modality):
+                try:
+                    trace, _ = read_trace(row.path, decoder, row.sampling_rate)
+                except UserError:  # said later of all together, or left out by data.skip_bad
+                    continue
+                yield f"model.{name}.features.levels={len(trace)}"
+                break
