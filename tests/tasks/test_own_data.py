@@ -2,13 +2,11 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Outcome, make_photo, make_trace
+from conftest import make_photo, make_trace
 from PIL import Image
 
 FOLDS = 4
@@ -54,21 +52,6 @@ def entry(err: str, title: str) -> str:
     return line.removeprefix(title).strip()
 
 
-@pytest.fixture
-def command(cache, tmp_path):
-    """The command line in a process of its own, so that the whole of its screen is seen."""
-
-    def run(*arguments: object) -> Outcome:
-        words = [*map(str, arguments), f"data.cache_dir={cache}"]
-        done = subprocess.run(
-            [sys.executable, "-m", "tex_lightning", *words],
-            cwd=tmp_path, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        return Outcome(done.returncode, done.stdout, done.stderr)
-
-    return run
-
-
 def stamp(folder: Path) -> None:
     """Give the files of a folder times at 2.5 kHz."""
     for path in folder.glob("*.txt"):
@@ -80,11 +63,11 @@ def results(tmp_path: Path, name: str = "run") -> dict:
     return json.loads((tmp_path / name / "results.json").read_text())
 
 
-def test_mixed_rates_are_told_apart_and_said_first(cli, command, mixed, tmp_path):
+def test_mixed_rates_are_told_apart_and_said_first(cli, mixed, tmp_path):
     stamp(mixed / "gamma" / "Haptic")
     (mixed / "empty").mkdir()
     (mixed / "alpha" / "stray.wav").write_text("x")
-    outcome = command("model=fusion", "data.val_fold=1", *options(mixed, tmp_path))
+    outcome = cli("model=fusion", "data.val_fold=1", *options(mixed, tmp_path))
     assert outcome.status == 0, outcome.err
     assert entry(outcome.err, "Classes") == "3: alpha, beta, gamma"
     assert entry(outcome.err, "Traces") == "12; 2.4 to 8 s; 4 of a class"
@@ -143,9 +126,9 @@ def assert_skipped(found: list[dict], root: Path, *names: str) -> None:
     }
 
 
-def test_every_task_can_go_on_without_bad_files(cli, command, bad, tmp_path):
+def test_every_task_can_go_on_without_bad_files(cli, bad, tmp_path):
     skip = "data.skip_bad=true"
-    fitted = command("model=haptic", skip, *options(bad, tmp_path))
+    fitted = cli("model=haptic", skip, *options(bad, tmp_path))
     assert fitted.status == 0, fitted.err
     assert "Going on without 2 files:" in fitted.err
     assert entry(fitted.err, "Traces").endswith("3 to 4 of a class")

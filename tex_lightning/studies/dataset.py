@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.table import Table
+from rich.text import Text
 
 from tex_lightning.baselines.classifier import make_baseline, new_classifier
 from tex_lightning.classifier.card import DECISION, LABEL, Card
@@ -28,6 +29,7 @@ from tex_lightning.networks.blocks import is_builtin
 from tex_lightning.report.durations import mixed_rates, spread, unlike_the_others
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.leaks import refuse_leak, trained_on
+from tex_lightning.text import printable_lines
 
 log = logging.getLogger(__name__)
 
@@ -233,18 +235,21 @@ def show_opening(config: Config, dataset: Dataset, what: str, *, trains: bool = 
     if Screen.verbose == QUIET:
         return
     block = Table.grid(padding=(0, 2))
-    block.add_column(min_width=7)
-    block.add_column(no_wrap=True, overflow="ellipsis")
-    block.add_row("Data", f"{data.name} {data.manifest or data.root or ''}")
-    block.add_row("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
+    block.add_column(no_wrap=True)  # so that the other is what a narrow screen cuts
+
+    def add(title: str, text: str) -> None:
+        block.add_row(title, Text(printable_lines(text), no_wrap=True, overflow="ellipsis"))
+
+    add("Data", f"{data.name} {data.manifest or data.root or ''}")
+    add("Classes", f"{len(rows.classes)}: {', '.join(rows.classes)}")
     for modality in modalities:
         own, title = rows.of(modality), plural(modality).partition(" ")[0].capitalize()
         decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in own)
         sizes = [dataset.store.extent(row) for row in own]
         size = spread(sizes, decoder.unit, decoder.precision)
         each = spread([*counts.values()], "", "d")
-        block.add_row(title, f"{len(own)}; {size}; {each} of a class")
-    block.add_row("Trains" if trains else "Tests", what)
+        add(title, f"{len(own)}; {size}; {each} of a class")
+    add("Trains" if trains else "Tests", what)
     console.print(block)
 
 
