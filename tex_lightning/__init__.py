@@ -2,7 +2,6 @@
 
 import os
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from tex_lightning.errors import UserError
@@ -34,7 +33,6 @@ __all__ = [
     "SurfaceData",
     "UserError",
     "VisualNet",
-    "data",
     "load",
     "read_folder",
     "read_manifest",
@@ -66,16 +64,6 @@ _MODULES = {
 # OpenMP reads this once, when PyTorch is imported.
 if not {"OMP_WAIT_POLICY", "GOMP_SPINCOUNT", "KMP_BLOCKTIME"} & os.environ.keys():
     os.environ["OMP_WAIT_POLICY"] = "PASSIVE"
-
-
-class _Data(ModuleType):
-    """The package ``tex_lightning.data``, which is the function of that name when it is called."""
-
-    def __call__(self, *overrides: str) -> object:
-        return import_module(f"{__package__}.cli").data(*overrides)
-
-
-import_module(f"{__name__}.data").__class__ = _Data
 
 
 def __getattr__(name: str) -> object:

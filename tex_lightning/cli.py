@@ -14,7 +14,6 @@ from contextlib import nullcontext
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import hydra
@@ -41,9 +40,6 @@ from tex_lightning.core.progress import finishing
 from tex_lightning.core.ranks import is_rank_zero, started_processes, suppress_output
 from tex_lightning.core.run_folder import claim_folder, find_checkpoint, holds_work, locked_folder
 from tex_lightning.errors import UserError, reason, shorten
-
-if TYPE_CHECKING:
-    from tex_lightning.learning.inputs import InputData
 
 FAILED, USER_FAULT, INTERRUPTED = 1, 2, 130  # exit statuses
 
@@ -111,37 +107,6 @@ def train(*overrides: str) -> Results:
 
     results: Results = _in_process(run, overrides)
     return results
-
-
-def data(*overrides: str) -> "InputData":
-    """Read, decode and divide recordings, for a network and a Lightning Trainer of one's own.
-
-    Args:
-        *overrides: As for :func:`train`; ``model=NAME`` says which inputs are made, and
-            ``data.test_fold`` and ``data.val_fold`` which recordings are left out of training.
-
-    Returns:
-        A ``LightningDataModule`` whose batches are pairs of inputs and labels, see
-        :class:`~tex_lightning.learning.inputs.InputData`.
-
-    Raises:
-        UserError: With the sentence that the command line would print.
-    """
-
-    def run(composed: DictConfig) -> "InputData":
-        from tex_lightning.studies.fold import fold_data
-
-        config, _, job = settled_config(composed, current_job(python=True))
-        if config.task != "fit" or config.model.baseline is not None:
-            raise UserError(
-                "tl.data makes the inputs of a network for training; give a model that is one, "
-                "and no task."
-            )
-        return fold_data(config, job.directory)
-
-    with TemporaryDirectory() as folder:
-        made: InputData = _in_process(run, [*overrides, f"hydra.run.dir={folder}"])
-    return made
 
 
 def _in_process(function: Callable[[DictConfig], Any], overrides: Sequence[str]) -> Any:  # noqa: ANN401

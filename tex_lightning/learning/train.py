@@ -32,7 +32,6 @@ from tex_lightning.errors import UserError
 from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.learning.callbacks import ProgressBar
 from tex_lightning.learning.fusion import FusionModule, start_fusion
-from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.start import start_network
 from tex_lightning.learning.statistics import complete_card, keep_statistics
 from tex_lightning.learning.trainer import make_trainer, quiet_lightning
@@ -98,12 +97,6 @@ def train_network(
             shutil.rmtree(working, ignore_errors=True)
     seconds, loss = module.fit_seconds, module.val_loss
     return Trained(module.classifier, final, seconds, loss, module.left_out)
-
-
-def input_data(config: Config, card: Card, parts: Split, store: Store) -> InputData:
-    """Make batches of network inputs; features learn what they have to from the training part."""
-    module, batches = _prepare(config, card, parts, store, {})
-    return InputData(_with_samples(config, card, parts, store, batches), module.eval())
 
 
 def _prepare(

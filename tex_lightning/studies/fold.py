@@ -13,7 +13,6 @@ from tex_lightning.baselines.classifier import BaselineClassifier, Loaded, as_pa
 from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import Trained
 from tex_lightning.config import Config, plain_values
-from tex_lightning.config.instantiation import named_classes, trust
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import log_once
 from tex_lightning.core.contract import calling
@@ -26,14 +25,12 @@ from tex_lightning.data.store import load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.calibration import calibrated_card
 from tex_lightning.evaluation.outcomes import RANDOM
-from tex_lightning.learning.inputs import InputData
 from tex_lightning.learning.loggers import log_test
 from tex_lightning.learning.start import name_source
-from tex_lightning.learning.train import checkpoint_of, input_data, train_network, train_once
+from tex_lightning.learning.train import checkpoint_of, train_network, train_once
 from tex_lightning.learning.trial import try_baseline
 from tex_lightning.studies.dataset import (
     Dataset,
-    configured_card,
     given_start,
     make_card,
     open_dataset,
@@ -166,14 +163,6 @@ def fit_fold(
         if is_rank_zero() and (whole or test_parts):  # it alone tests and writes
             networks[name] = test(trained)
     return networks
-
-
-def fold_data(config: Config, directory: Path) -> InputData:
-    """Read the data of a configuration as inputs of its network, for any Lightning Trainer."""
-    trust(*config.trusted, *named_classes(config.model.nodes))
-    dataset = open_announced(config, directory)
-    card = configured_card(config, config.model.senses, dataset.classes)
-    return input_data(config, card, dataset.parts(), dataset.store)
 
 
 def _test_network(
