@@ -17,7 +17,7 @@ class MemoryLogger(Logger):
 
     def __init__(self, run_name: str):
         super().__init__()
-        self.metrics, self.params, self.images = {}, {}, {}
+        self.metrics, self.params = {}, {}
         self.kept[run_name] = self
 
     @property
@@ -39,9 +39,6 @@ class MemoryLogger(Logger):
 
     def log_hyperparams(self, params: Any, *args: Any, **kwargs: Any) -> None:
         self.params.update(params)
-
-    def log_image(self, key: str, images: list[Any]) -> None:
-        self.images[key] = images
 
 
 class NothingOfLightning:

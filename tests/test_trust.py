@@ -19,7 +19,6 @@ from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.config import CONF
 from tex_lightning.config.instantiation import CLASSES, named_classes, trust
-from tex_lightning.learning.base import SurfaceModule
 from tex_lightning.networks.archives import SizeLimit
 
 CARD = make_card("haptic", classes=["a", "b"], width=0.1)
@@ -68,7 +67,7 @@ def test_an_interpolation_in_a_card_is_refused_and_runs_nothing(
     trace = next(surfaces.glob("*/haptic/*.wav"))
     outcome = cli("task=predict", f"checkpoint={path}", f"haptic={trace}")
     assert (outcome.status, outcome.out, outcome.err.count("\n")) == (2, "", 1)
-    for load in (tl.load, load_classifier, SurfaceModule.load_from_checkpoint):
+    for load in (tl.load, load_classifier):
         with pytest.raises(tl.UserError):
             load(path)
     assert not (tmp_path / "ran").exists()
@@ -101,27 +100,16 @@ def test_what_is_no_plain_value_or_no_class_of_a_card_is_refused(tmp_path, key, 
         SurfaceClassifier.from_checkpoint(write(tmp_path, {key: value}))
 
 
-def test_lightning_makes_nothing_that_a_recipe_names(tmp_path):
-    made = {"_target_": "numpy.testing.measure", "code_str": code(tmp_path / "ran")}
-    fit = {"head_factor": 1.0, "augmentation": made, "optimizer": made, "schedule": made}
-    module = SurfaceModule.load_from_checkpoint(str(write(tmp_path, {}, fit=fit)))
-    with pytest.raises(KeyError, match="learning_rate"):  # a recipe has to be given
-        module.configure_optimizers()
-    assert not (tmp_path / "ran").exists()
-
-
 def test_trust_holds_for_the_process(tmp_path, monkeypatch):
     (tmp_path / "theirs.py").write_text(
         "from tex_lightning.networks.hapticnet import HapticNet\nclass Net(HapticNet): pass\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     path = write(tmp_path, {"senses.haptic.network._target_": "theirs.Net"})
-    for load in (tl.load, SurfaceModule.load_from_checkpoint):
-        with pytest.raises(tl.UserError, match=r"theirs is not trusted: give trusted=\[theirs\]"):
-            load(path)
+    with pytest.raises(tl.UserError, match=r"theirs is not trusted: give trusted=\[theirs\]"):
+        tl.load(path)
     trust("theirs")
-    for load in (tl.load, SurfaceModule.load_from_checkpoint):
-        assert type(load(path).classifier.network).__name__ == "Net"
+    assert type(tl.load(path).classifier.network).__name__ == "Net"
 
 
 def test_every_class_that_the_configuration_puts_into_a_card_may_be_named():

@@ -4,14 +4,13 @@ import csv
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from own_parts import EpochCounter, MemoryLogger
 
 from tex_lightning.errors import UserError
 from tex_lightning.learning.loggers import open_loggers
 
-VOTES = ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
+VOTES = ("loss", "fragment_accuracy", "vote_accuracy")
 
 
 def arguments(surfaces: Path) -> list[str]:
@@ -30,7 +29,7 @@ def run(run_once, surfaces) -> Path:
     )
 
 
-def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
+def test_a_users_logger_gets_metrics_and_hyper_parameters(run):
     logger = MemoryLogger.kept["haptic"]
     assert logger.metrics.keys() >= {
         "train/loss", "train/fragment_accuracy", "lr/head", *(f"val/{name}" for name in VOTES),
@@ -45,13 +44,6 @@ def test_a_users_logger_gets_metrics_figures_and_hyper_parameters(run):
     assert "test/unknown_auroc" not in logger.metrics
     assert logger.params["haptic.fit.epochs"] == 2
     assert logger.params["seed"] == 0
-    assert logger.images.keys() == {
-        "samples/haptic", "test/confusion", "test/calibration",
-    }  # fmt: skip
-    (pixels,) = logger.images["test/confusion"]
-    assert pixels.dtype == np.uint8
-    assert pixels.ndim == 3
-    assert pixels.std() > 10  # something is drawn
 
 
 @pytest.mark.parametrize(
@@ -74,7 +66,7 @@ def test_a_users_callback_is_called(run):
 def test_the_csv_has_the_same_metrics(run):
     with (run / "metrics" / "haptic" / "metrics.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    for name in ("train/loss", "val/auroc", "test/ece"):
+    for name in ("train/loss", "val/vote_accuracy", "test/ece"):
         written = [float(row[name]) for row in rows if row[name]]
         assert written == pytest.approx(MemoryLogger.kept["haptic"].metrics[name], rel=1e-4)
 
@@ -83,23 +75,6 @@ def test_the_csv_has_the_same_metrics(run):
 def test_a_logger_that_is_none_is_named(node, tmp_path):
     with pytest.raises(UserError, match=r"logger\.mine has no _target_; name the class there"):
         open_loggers({"mine": node}, tmp_path, "haptic")
-
-
-@pytest.mark.slow
-def test_mlflow_gets_metrics_figures_and_hyper_parameters(cli, surfaces, tmp_path):
-    pytest.importorskip("mlflow")
-    from mlflow import MlflowClient
-
-    outcome = cli(*arguments(surfaces), "logger=mlflow", f"hydra.run.dir={tmp_path}")
-    assert outcome.status == 0, outcome.err
-    client = MlflowClient(f"sqlite:///{tmp_path}/mlflow.db")
-    (experiment,) = client.search_experiments(filter_string="name = 'tex_lightning'")
-    (logged,) = client.search_runs([experiment.experiment_id])
-    assert logged.info.run_name == "haptic"
-    assert logged.data.metrics.keys() >= {"train/loss", "val/auroc", "test/vote_accuracy"}
-    assert logged.data.params["seed"] == "0"
-    figures = {Path(each.path).stem for each in client.list_artifacts(logged.info.run_id, "test")}
-    assert figures == {"confusion", "calibration"}
 
 
 def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
@@ -114,7 +89,6 @@ def test_an_evaluation_is_logged_too(cli, run, surfaces, tmp_path):
     assert logger.metrics["test/vote_accuracy"] == [entry["vote_accuracy"]]
     assert logger.params["data.root"] == str(surfaces)
     assert not [name for name in logger.params if name.startswith("haptic")]
-    assert logger.images.keys() >= {"test/confusion", "test/calibration"}
     assert [*tmp_path.glob("tensorboard/haptic/events*")]
     with (tmp_path / "metrics/haptic/metrics.csv").open() as stream:
         (line,) = csv.DictReader(stream)

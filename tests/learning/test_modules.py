@@ -32,7 +32,7 @@ SENSES = {
     "fusion": ["haptic", "visual"],
     "three": ["haptic", "visual", "sound"],
 }
-VOTES = ("loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc")
+VOTES = ("loss", "fragment_accuracy", "vote_accuracy")
 PIECES = {"haptic": 240, "visual": 224, "sound": 256}
 
 

@@ -50,8 +50,8 @@ def votes(directory: Path, kind: str) -> list[tuple[str, ...]]:
 
 
 def validated(directory: Path, kind: str) -> torch.Tensor:
-    """Loss and metrics (epochs, 5) on three samples, which two processes share unevenly."""
-    names = "loss", "fragment_accuracy", "vote_accuracy", "ece", "auroc"
+    """Loss and metrics (epochs, 3) on three samples, which two processes share unevenly."""
+    names = "loss", "fragment_accuracy", "vote_accuracy"
     with (directory / "metrics" / kind / "metrics.csv").open() as stream:
         rows = [row for row in csv.DictReader(stream) if row["val/loss"]]
     assert len(rows) == 2

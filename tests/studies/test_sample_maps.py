@@ -30,5 +30,5 @@ def test_what_an_earlier_test_drew_goes(tmp_path):
     older.touch()
     classifier = SimpleNamespace(card=SimpleNamespace(kind="haptic", baseline={}))
     config = SimpleNamespace(explained_samples=0)
-    assert draw_worst(classifier, [], [outcome("a", "b", 1.0, 0.9)], None, config, tmp_path) == {}
+    draw_worst(classifier, [], [outcome("a", "b", 1.0, 0.9)], None, config, tmp_path)
     assert not older.exists()

@@ -37,7 +37,7 @@ def same(left: dict[str, torch.Tensor], right: dict[str, torch.Tensor]) -> bool:
 def tags(directory: Path, kind: str) -> set[str]:
     events = EventAccumulator(str(directory / "tensorboard" / kind))
     events.Reload()
-    return {*events.Tags()["scalars"], *events.Tags()["images"]}
+    return {*events.Tags()["scalars"]}
 
 
 def test_fusion_trains_three_networks_and_reports_them(fused):
@@ -63,12 +63,11 @@ def test_fusion_trains_three_networks_and_reports_them(fused):
         assert "optimizer_states" not in content
 
 
-def test_tensorboard_shows_curves_figures_and_hyper_parameters(fused):
+def test_tensorboard_shows_curves_and_hyper_parameters(fused):
     for kind in ("haptic", "visual"):
         assert tags(fused, kind) >= {
             "train/loss", "train/fragment_accuracy", "val/loss", "val/vote_accuracy",
-            "lr/head", "lr/backbone", "test/vote_accuracy", "test/confusion",
-            f"samples/{kind}",
+            "lr/head", "lr/backbone", "test/vote_accuracy",
         }  # fmt: skip
     events = EventAccumulator(str(fused / "tensorboard" / "fusion"))
     events.Reload()

@@ -1,37 +1,24 @@
 """Training of the network of one sense: loss, metrics, optimiser and checkpoint."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import torch
 from lightning import LightningModule
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
-from torchmetrics import Metric, MetricCollection
-from torchmetrics.classification import (
-    BinaryAUROC,
-    BinaryCalibrationError,
-    MulticlassAccuracy,
-    MulticlassConfusionMatrix,
-)
+from torchmetrics.classification import MulticlassAccuracy
 
-from tex_lightning.classifier.card import LEFT_OUT, Card, read_checkpoint
-from tex_lightning.classifier.classifier import SurfaceClassifier, own_state
-from tex_lightning.classifier.vote import Vote
+from tex_lightning.classifier.card import LEFT_OUT, Card
+from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config.instantiation import build, call
 from tex_lightning.config.model import FUSION
 from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
-from tex_lightning.evaluation.calibration import BINS
-from tex_lightning.learning.loggers import log_figures
 from tex_lightning.networks.blocks import is_builtin
-from tex_lightning.report.figures import confusion_figure
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
-CONFUSION = "confusion"  # a matrix, which is drawn and not logged
-THRESHOLDS = 1000  # of the ROC curve, so that its memory does not grow with the samples
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
 
 
@@ -42,8 +29,8 @@ class SurfaceModule(LightningModule):
 
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
-    with a validation fold ``val/loss`` and the metrics of
-    :func:`vote_metrics`; the same of testing as ``test/...``.
+    with a validation fold ``val/loss`` and the shares of correct fragments and of correct samples,
+    ``val/fragment_accuracy`` and ``val/vote_accuracy``.
 
     Args:
         card: What is trained.
@@ -68,35 +55,7 @@ class SurfaceModule(LightningModule):
         self.left_out: dict[str, list[float]] = {}
         classes = len(card.classes)
         self.train_accuracy = accuracy(classes)
-        self.val_metrics = vote_metrics(classes, "val")
-        self.test_metrics = vote_metrics(classes, "test")
-
-    @classmethod
-    def load_from_checkpoint(  # type: ignore[override]  # Lightning's is no plain class method
-        cls,
-        checkpoint_path: str | Path,
-        map_location: str | torch.device | None = None,
-        hparams_file: None = None,
-        strict: bool | None = None,
-        weights_only: bool | None = None,
-        **kwargs: Any,  # noqa: ANN401
-    ) -> Self:
-        """Load a network as :meth:`.SurfaceClassifier.from_checkpoint` does, to test and predict.
-
-        Optimiser, schedule and augmentation, which the stored recipe names, are not made: a
-        checkpoint is data. Give the argument ``fit`` to train on.
-
-        Raises:
-            UserError: If the file cannot be used, or names a class that is not trusted.
-        """
-        path = Path(checkpoint_path).expanduser()
-        content = read_checkpoint(path)
-        classifier = SurfaceClassifier.from_content(path, content)
-        stored = {key: content["hyper_parameters"][key] for key in ("fit", "seed", "pieces")}
-        fit = {key: value for key, value in stored["fit"].items() if not isinstance(value, dict)}
-        module = cls(classifier.card, **{**stored, "fit": fit, **kwargs})
-        module.classifier = classifier
-        return module if map_location is None else module.to(map_location)
+        self.fragment_accuracy, self.vote_accuracy = accuracy(classes), accuracy(classes)
 
     def inputs(self, batch: Batch) -> list[Tensor]:
         """The network's input tensors (batch, ...) for a training batch, one for each sense."""
@@ -164,55 +123,23 @@ class SurfaceModule(LightningModule):
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Classify a whole sample as in testing."""
-        self._evaluate(batch, "val", self.val_metrics)
-
-    def test_step(self, batch: Batch, batch_idx: int) -> None:
-        """Classify a whole sample as prediction would."""
-        self._evaluate(batch, "test", self.test_metrics)
-
-    def predict_step(self, batch: Batch, batch_idx: int) -> dict[str, Any]:
-        """Decide on a whole sample; return the fields of its :class:`Vote`.
-
-        Lightning moves results to the CPU, which it cannot do in a frozen dataclass.
-        """
-        return vars(self._decide(self._whole_scores(batch)))
-
-    def _whole_scores(self, batch: Batch) -> Tensor:
-        """Class scores (classes, fragments) of a whole sample."""
-        return self.classifier.logits(**batch["recordings"])
-
-    def _decide(self, scores: Tensor) -> Vote:
-        return self.classifier.decide(scores, self.classifier.card.temperature)
-
-    def _evaluate(self, batch: Batch, stage: str, metrics: MetricCollection) -> None:
-        scores, label = self._whole_scores(batch), batch["label"]
+        scores, label = self.classifier.logits(**batch["recordings"]), batch["label"]
         decided = scores
-        if stage == "val" and not bool(scores.isfinite().all()):  # weights that diverge end nothing
+        if not bool(scores.isfinite().all()):  # weights that diverge do not end the training
             decided = -nn.functional.one_hot(label, len(scores))[:, None].float()  # an error
-        update_metrics(metrics, self._decide(decided), label)
+        vote = self.classifier.decide(decided, self.classifier.card.temperature)
+        fragments = vote.fragments.to(label.device)
+        self.fragment_accuracy.update(fragments, label.expand_as(fragments))
+        self.vote_accuracy.update(torch.full_like(label, vote.label)[None], label[None])
         loss = nn.functional.cross_entropy(scores.T, label.expand(scores.shape[1]))
         # Lightning rounds the mean number of samples of the processes down; this divides evenly
         count = self.trainer.world_size
-        self.log(f"{stage}/loss", loss, prog_bar=True, batch_size=count, sync_dist=True)
+        self.log("val/loss", loss, prog_bar=True, batch_size=count, sync_dist=True)
 
     def on_validation_epoch_end(self) -> None:
-        """Log the metrics of the votes, once: Lightning looks at all they keep each time."""
-        self._log_votes(self.val_metrics)
-
-    def _log_votes(self, metrics: MetricCollection) -> None:
-        for name, metric in metrics.items():
-            if not name.endswith(CONFUSION):
-                self.log(name, metric, prog_bar=True)
-
-    def on_test_epoch_end(self) -> None:
-        """Log the metrics of the votes, and draw the confusion matrix for the loggers."""
-        self._log_votes(self.test_metrics)
-        confusion = self.test_metrics[CONFUSION]
-        counts = confusion.compute().cpu().numpy()
-        confusion.reset()
-        title = f"votes on {counts.sum()} test samples"
-        figure = confusion_figure(counts, self.classifier.card.classes, title)
-        log_figures(self.trainer.loggers, {f"test/{CONFUSION}": figure})
+        """Log the shares, once: Lightning looks at all that a metric keeps each time."""
+        self.log("val/fragment_accuracy", self.fragment_accuracy, prog_bar=True)
+        self.log("val/vote_accuracy", self.vote_accuracy, prog_bar=True)
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401  (Lightning's union of unions)
         """Make two named groups up front, for every scheduler and for resumption.
@@ -233,10 +160,6 @@ class SurfaceModule(LightningModule):
             "lr_scheduler": {"scheduler": scheduler, "interval": "step"},
         }
 
-    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Make room for the statistics that a finished training has added."""
-        self.classifier.expect_statistics(own_state(checkpoint))
-
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the cost of the weights beside them, and the validation loss that chose them.
 
@@ -251,45 +174,6 @@ class SurfaceModule(LightningModule):
 def accuracy(classes: int) -> MulticlassAccuracy:
     """Make the share of correct predictions."""
     return MulticlassAccuracy(classes, average="micro", validate_args=False)
-
-
-def vote_metrics(classes: int, stage: str) -> MetricCollection:
-    """Make the metrics of whole samples, see :func:`update_metrics`.
-
-    ``fragment_accuracy`` and ``vote_accuracy`` are shares of all fragments and of all samples,
-    ``ece`` is the expected calibration error of the probability of the class that won (lower is
-    better), and ``auroc`` the area under the ROC curve of all class probabilities, each class
-    against the rest and pooled: unlike the mean over classes it exists where one has no sample.
-
-    Args:
-        classes: Their number.
-        stage: ``val`` or ``test``; the names begin with it. Testing counts confusions as well.
-    """
-    metrics: dict[str, Metric | MetricCollection] = {
-        "fragment_accuracy": accuracy(classes),
-        "vote_accuracy": accuracy(classes),
-        "ece": BinaryCalibrationError(BINS, validate_args=False),
-        "auroc": BinaryAUROC(thresholds=THRESHOLDS, validate_args=False),
-    }
-    if stage == "test":
-        metrics[CONFUSION] = MulticlassConfusionMatrix(classes, validate_args=False)
-    return MetricCollection(metrics, prefix=f"{stage}/", compute_groups=False)
-
-
-def update_metrics(metrics: MetricCollection, vote: Vote, label: Tensor) -> None:
-    """Add the vote on a sample of class ``label`` () to :func:`vote_metrics`."""
-    # a mean probability may be rounded to more than 1, which torchmetrics would take for a logit
-    probabilities = vote.probabilities.clamp(max=1).float().to(label.device)
-    fragments = vote.fragments.to(label.device)
-    winner = torch.full_like(label, vote.label)[None]
-    correct = (label == vote.label).long()[None]
-    one_hot = nn.functional.one_hot(label, len(probabilities))
-    metrics["fragment_accuracy"].update(fragments, label.expand_as(fragments))
-    metrics["vote_accuracy"].update(winner, label[None])
-    metrics["ece"].update(probabilities[vote.label][None], correct)
-    metrics["auroc"].update(probabilities, one_hot)
-    if CONFUSION in metrics:
-        metrics[CONFUSION].update(winner, label[None])
 
 
 def training_layout(classifier: nn.Module) -> torch.memory_format:

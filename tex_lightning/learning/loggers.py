@@ -1,14 +1,10 @@
-"""Metrics, figures and hyper-parameters for all configured loggers."""
+"""Metrics and hyper-parameters for all configured loggers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-from lightning.pytorch.loggers import CSVLogger, Logger, MLFlowLogger, TensorBoardLogger
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 
 from tex_lightning.config import flatten
 from tex_lightning.config.instantiation import build_derived
@@ -56,37 +52,14 @@ def _make(where: str, node: Mapping[str, Any], directory: Path, name: str) -> Lo
     return logger
 
 
-def log_figures(loggers: Sequence[Logger], figures: Mapping[str, Figure]) -> None:
-    """Hand figures to the loggers that can show them.
-
-    Beside TensorBoard and MLflow these are all with a method ``log_image(key, images)``, as
-    Lightning's WandbLogger has it; they get arrays (height, width, 4) of uint8.
-    """
-    for logger in loggers:
-        for title, figure in figures.items():
-            if isinstance(logger, TensorBoardLogger):
-                logger.experiment.add_figure(title, figure, global_step=0)
-            elif isinstance(logger, MLFlowLogger):
-                logger.experiment.log_figure(logger.run_id, figure, f"{title}.png")
-            elif hasattr(logger, "log_image"):
-                logger.log_image(key=title, images=[_pixels(figure)])
-
-
-def _pixels(figure: Figure) -> npt.NDArray[np.uint8]:
-    canvas: Any = FigureCanvasAgg(figure)  # without annotations
-    canvas.draw()
-    return np.array(canvas.buffer_rgba())
-
-
 def log_test(
     nodes: Nodes,
     directory: Path,
     name: str,
     config: dict[str, Any],
     result: dict[str, Any],
-    figures: Mapping[str, Figure],
 ) -> None:
-    """Add the metrics of the test, its figures and the hyper-parameters that led to them.
+    """Add the metrics of the test and the hyper-parameters that led to them.
 
     Args:
         nodes: ``logger`` of the configuration.
@@ -94,7 +67,6 @@ def log_test(
         name: Name of the network: its sense, or ``fusion``.
         config: The whole configuration as plain values, or what of it was read.
         result: The network's entry of ``results.json``.
-        figures: Matplotlib figures by title.
     """
     metrics = {
         "test/fragment_accuracy": result["fragment_accuracy"],
@@ -106,7 +78,6 @@ def log_test(
     if (unknown := result.get("unknown", {}).get("auroc")) is not None:  # of classes held out
         metrics["test/unknown_auroc"] = unknown
     loggers = open_loggers(nodes, directory, name)
-    log_figures(loggers, {f"test/{title}": figure for title, figure in figures.items()})
     for logger in loggers:
         parameters = _hyper_parameters(config, name)
         if isinstance(logger, TensorBoardLogger):

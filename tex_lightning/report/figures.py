@@ -9,14 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
-from torch import Tensor, nn
 
 from tex_lightning.core.files import write_atomically
 from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes, risk_coverage
 from tex_lightning.evaluation.outcomes import Counts, Outcome
-from tex_lightning.networks.blocks import MEAN, STD
 from tex_lightning.report.style import GUIDE, brief, colour_of, styled
-from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 from tex_lightning.text import printable
 
 MAX_NAMED = 30  # classes up to which counts are written in
@@ -104,38 +101,6 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
     if many:
         axes.tick_params(labelsize=SMALL, length=0, pad=1)
     axes.set(xlabel="predicted", ylabel="true", title=title)
-    return figure
-
-
-@styled
-def spectrogram_figure(spectrograms: Tensor, titles: list[str], features: nn.Module) -> Figure:
-    """Network inputs (count, bands, frames) of signals side by side.
-
-    Axes count seconds and, every tenth band, Hz; of features that tell neither, frames and bands.
-    """
-    figure, grid = make_grid(len(titles), 4, (3, 2.4))
-    for axes, spectrogram, title in zip(grid, spectrograms, titles, strict=True):
-        bands, frames = spectrogram.shape
-        image = axes.imshow(spectrogram.numpy(), origin="lower", aspect="auto", cmap="magma")
-        axes.set(title=printable(title), xlabel="frame", ylabel="band")
-        if isinstance(features, SpectrogramFeatures):
-            seconds = frames * features.hop_length / features.sampling_rate
-            image.set_extent((0, seconds, -0.5, bands - 0.5))
-            hertz = [f"{frequency:.0f}" for frequency in features.frequencies[::10]]
-            axes.set_yticks(range(0, bands, 10), hertz)
-            axes.set(xlabel="s", ylabel="Hz")
-    return figure
-
-
-@styled
-def patch_figure(patches: Tensor, titles: list[str]) -> Figure:
-    """Normalised patches (count, 3, height, width) side by side, in their own colours."""
-    figure, grid = make_grid(len(titles), 4, (3, 2.4))
-    pixels = patches.permute(0, 2, 3, 1).numpy() * np.array(STD) + np.array(MEAN)
-    for axes, patch, title in zip(grid, pixels.clip(0, 1), titles, strict=True):
-        axes.imshow(patch)
-        axes.set_title(printable(title))
-        axes.set_axis_off()
     return figure
 
 

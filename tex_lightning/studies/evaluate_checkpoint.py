@@ -110,8 +110,8 @@ def draw_figures(
     classes: list[str],
     name: str,
     directory: Path,
-) -> dict[str, Any]:
-    """Save confusions and calibration; return the figures for other uses."""
+) -> None:
+    """Save confusions and calibration."""
     counts = vote_counts(outcomes, classes)
     title = f"{name}: votes on {len(outcomes)} test samples"
     figures = {
@@ -120,4 +120,3 @@ def draw_figures(
     }
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{name}_{title}")
-    return figures

@@ -174,12 +174,11 @@ def _test_network(
     kind, modalities = classifier.card.kind, classifier.card.modalities
     samples, unknown = make_samples(parts.test, modalities), dataset.unknown_samples(modalities)
     result, outcomes = report_network(trained, samples, dataset.store, directory, config, unknown)
-    figures = {}
     if draw:
-        figures = draw_figures(outcomes, dataset.classes, kind, directory)
+        draw_figures(outcomes, dataset.classes, kind, directory)
     if draw and kind == config.model.kind:
-        figures |= draw_worst(classifier, samples, outcomes, dataset.store, config, directory)
-    log_test(config.logger, directory, kind, plain_values(config), result, figures)
+        draw_worst(classifier, samples, outcomes, dataset.store, config, directory)
+    log_test(config.logger, directory, kind, plain_values(config), result)
     log.info(
         "Fold %s, %s: %d of %d votes correct, trained in %.1f s.",
         config.data.test_fold, classifier.card.title, result["correct"], result["test_samples"],

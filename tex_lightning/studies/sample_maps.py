@@ -4,8 +4,6 @@ import glob
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.data.folds import Sample
@@ -35,28 +33,25 @@ def draw_worst(
     store: Store,
     config: Config,
     directory: Path,
-) -> dict[str, Figure]:
+) -> None:
     """Draw the worst samples by the full decision, in place of what an earlier run drew.
 
-    Returns:
-        The pictures by title, for other uses; none of a baseline.
+    A baseline has no such pictures.
     """
     name = classifier.card.kind
     for older in (directory / "figures").glob(f"{glob.escape(name)}_why_*"):
         older.unlink()
     worst = worst_samples(outcomes, config.explained_samples)
     if classifier.card.baseline or not worst:
-        return {}
+        return
     fast = accelerate(classifier, config.engine)
     fast.card = fast.card.deciding(config.decision)
-    figures = {}
     for number, row in enumerate(worst, start=1):
-        sample, title = samples[row], f"why_{number}"
+        sample = samples[row]
         files = ", ".join(Path(each.source).name for each in sample.recordings.values())
         explanation = _explain(fast, sample, store)
-        figures[title] = explanation.figure(f"{name}: test sample of {sample.label} ({files})")
-        save_figure(figures[title], directory / "figures" / f"{name}_{title}")
-    return figures
+        figure = explanation.figure(f"{name}: test sample of {sample.label} ({files})")
+        save_figure(figure, directory / "figures" / f"{name}_why_{number}")
 
 
 def _explain(fast: SurfaceClassifier, sample: Sample, store: Store) -> Explanation:

@@ -82,7 +82,7 @@ def _pool(
     by_fold = [read_outcomes(home / "predictions" / f"{name}.csv") for home in folds]
     outcomes = [outcome for fold in by_fold for outcome in fold]
     write_outcomes(outcomes, directory / "predictions" / f"{name}.csv")
-    figures = draw_figures(outcomes, dataset.classes, name, directory)
+    draw_figures(outcomes, dataset.classes, name, directory)
     pooled = {
         **pooled_metrics(outcomes, config.decision.reject_below),
         **pool_conditions(entries.values()),
@@ -96,5 +96,5 @@ def _pool(
             for home, entry in entries.items()
         ],
     }
-    log_test(config.logger, directory, name, plain_values(config), pooled, figures)
+    log_test(config.logger, directory, name, plain_values(config), pooled)
     return pooled

@@ -35,11 +35,11 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     store, samples = dataset.store, make_samples(dataset.recordings, card.modalities)
     unknown = make_samples(dataset.unknown, card.modalities)
     network, outcomes = report_network(trained, samples, store, directory, config, unknown)
-    figures = draw_figures(outcomes, card.classes, card.kind, directory)
-    figures |= draw_worst(classifier, samples, outcomes, store, config, directory)
+    draw_figures(outcomes, card.classes, card.kind, directory)
+    draw_worst(classifier, samples, outcomes, store, config, directory)
     values = plain_values(config)
     tested_on = {name: values[name] for name in ("seed", "data")}
-    log_test(config.logger, directory, card.kind, tested_on, network, figures)
+    log_test(config.logger, directory, card.kind, tested_on, network)
     networks, seconds = {card.kind: network}, time.perf_counter() - begin
     results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
     write_conditions(networks, directory)
