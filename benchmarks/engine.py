@@ -32,7 +32,6 @@ SWITCHES = {
     "fast_response_norm": replace(OFF, fast_response_norm=True),
     "channels_last": replace(OFF, channels_last=True),
     "default": DEFAULT,
-    "bf16": replace(DEFAULT, precision="bf16"),
 }
 REPEATS = 9
 

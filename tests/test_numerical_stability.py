@@ -21,7 +21,6 @@ ENGINE = EngineConfig(
     fast_response_norm=True,
     fast_spectrogram=True,
     channels_last=True,
-    precision="fp32",
     tile=None,
 )
 

@@ -15,7 +15,7 @@ from tex_lightning.config.weights import read_config
 from tex_lightning.inference.engine import accelerate
 from tex_lightning.learning.statistics import left_out_novelties
 
-ENGINE = read_config(compose_config(CONF, ["engine.precision=bf16"])).engine
+ENGINE = read_config(compose_config(CONF)).engine
 
 
 def traces(kind, numbers):

@@ -63,7 +63,6 @@ def test_samples_from_standard_input(cli, stream, tmp_path, monkeypatch):
     [
         ([], ["haptic=/no.wav"], "/no.wav does not exist"),
         ([], ["haptic=[a.wav,b.wav]"], "give one file"),
-        ([], ["haptic=-", "engine.precision=bf16"], "computed in float32"),
         ([], ["haptic=-", "image=a.jpg"], "does not look at image"),
         ([], ["haptic=-", "sound=-"], "only one signal can be standard input"),
         ([], ["haptic=-", "stream.window=2"], "too soon for a vote"),

@@ -107,9 +107,6 @@ class EngineConfig:
     )
     fast_spectrogram: bool = key("on the CPU, compute spectrograms in blocks that fit its cache")
     channels_last: bool = key("store weights with the channels innermost, as decoded photos are")
-    precision: str = key(
-        "precision of convolutions; class scores are float32 with either", choices=("fp32", "bf16")
-    )
     tile: int | None = key(
         "most pixels, or frames times 50 channels, that go through a network at once, but at least "
         "twice its receptive field each way; null never divides",

@@ -4,11 +4,9 @@ Layers are rewritten by exact algebra, so that only the rounding of float32 diff
 :class:`Costs` counts the multiply-accumulates of a decision before it is made.
 """
 
-import logging
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import lru_cache
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -20,7 +18,6 @@ from tex_lightning.config import EngineConfig
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
 
 PIECE = 1 << 18  # elements; with two float32 buffers of this size the cache is not exceeded
-log = logging.getLogger(__name__)
 
 
 class FastResponseNorm(nn.Module):
@@ -103,9 +100,6 @@ def _scaled(conv: nn.Conv2d, scale: Tensor, shift: Tensor) -> nn.Conv2d:
     return conv
 
 
-BFLOAT16 = ("avx512_bf16", "amx_bf16", "bf16")  # what processors call it
-
-
 def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceClassifier:
     """Copy a classifier for inference, with the switches of ``config``; a baseline has none.
 
@@ -128,20 +122,7 @@ def accelerate(classifier: SurfaceClassifier, config: EngineConfig) -> SurfaceCl
                 features.fast_spectrogram = config.fast_spectrogram and device.type == "cpu"
         _rewrite(sense.network, config)
     fast.to(device)
-    if config.precision == "bf16" and has_bf16(device) is False:
-        log.warning(
-            "engine.precision=bf16: this processor has no bfloat16 arithmetic, so it will be "
-            "slower than fp32."
-        )
     return fast
-
-
-class Widen(nn.Module):
-    """Convert to float32 before the layer of the class scores, among which bfloat16 makes ties."""
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Convert without a copy where there is nothing to do."""
-        return x.float()
 
 
 def _rewrite(network: nn.Module, config: EngineConfig) -> None:
@@ -154,20 +135,6 @@ def _rewrite(network: nn.Module, config: EngineConfig) -> None:
                     layers[place] = FastResponseNorm(layer)
     if config.channels_last:
         network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # no stub
-    head: Any = getattr(network, "head", None)  # that the network's class scores end in
-    if config.precision == "bf16" and head is not None:
-        scores = head.scores
-        network.to(torch.bfloat16)
-        head.scores = nn.Sequential(Widen(), *scores.float().children())  # its last is score_layer
-
-
-def has_bf16(device: torch.device) -> bool | None:
-    """Whether a device computes in bfloat16; None if PyTorch cannot tell for the processor."""
-    if device.type != "cpu":
-        return True
-    # only newer versions of PyTorch tell
-    known: dict[str, object] = getattr(torch.cpu, "get_capabilities", dict)()
-    return any(known.get(name) for name in BFLOAT16) if known else None
 
 
 def count_macs(function: Callable[[], object]) -> int:
