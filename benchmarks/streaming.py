@@ -1,7 +1,7 @@
 """Load and delay of a live stream: HapticNet at the paper's width, on one core.
 
-``python -m benchmarks streaming``. Load is processing time over signal time; every push ends with
-the label of all samples so far.
+``python -m benchmarks streaming``. Load is processing time over signal time; every push of 0.1 s
+ends with the label of all samples so far, or of the last two seconds.
 """
 
 import time
@@ -13,22 +13,24 @@ import torch
 from benchmarks._classifiers import make_classifier
 from benchmarks.engine import DEFAULT
 from tex_lightning.classifier.classifier import SurfaceClassifier
+from tex_lightning.config import StreamConfig
 from tex_lightning.core.devices import computing_threads
 from tex_lightning.inference.engine import accelerate
-from tex_lightning.inference.sense_stream import SenseStream
+from tex_lightning.inference.stream import LiveStream
 
 RATE = 10_000
 SECONDS = 60
-CHUNKS = (0.01, 0.1, 1.0)
+CHUNK = 0.1
+WINDOWS = (None, 2.0)
 
 
 def measure() -> dict[str, Any]:
-    """By normalisation and seconds of a chunk: load in % of a core, delay in ms."""
+    """By normalisation and seconds of the window: load in % of a core, delay in ms."""
     with computing_threads(1):
         return {
-            f"{norm}, chunks of {chunk:g} s": _replay(_classifier(norm), chunk)
+            f"{norm}, window of {window} s": _replay(_classifier(norm), window)
             for norm in ("batch", "lrn")
-            for chunk in CHUNKS
+            for window in WINDOWS
         }
 
 
@@ -37,14 +39,12 @@ def _classifier(norm: str) -> SurfaceClassifier:
     return accelerate(make_classifier(*settings, classes=69), DEFAULT)
 
 
-def _replay(classifier: SurfaceClassifier, seconds: float) -> dict[str, float]:
+def _replay(classifier: SurfaceClassifier, window: float | None) -> dict[str, float]:
     trace = torch.randn(1, SECONDS * RATE, generator=torch.Generator().manual_seed(0))
-    size = round(seconds * RATE)
-    warm = SenseStream(classifier, "haptic")
-    for chunk in trace[:, : 5 * RATE].split(size, dim=1):
-        warm.push(chunk)
-    stream, spent = SenseStream(classifier, "haptic"), []
-    for chunk in trace.split(size, dim=1):
+    config = StreamConfig(chunk=CHUNK, window=window, contact=0, axes=1)
+    stream = LiveStream(classifier, {"haptic": None}, {}, config, top_k=1)
+    spent = []
+    for chunk in trace.split(round(CHUNK * RATE), dim=1):
         begin = time.perf_counter()
         stream.push(chunk)
         spent.append(time.perf_counter() - begin)

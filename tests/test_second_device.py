@@ -23,7 +23,7 @@ from tex_lightning.config.composition import compose_config
 from tex_lightning.config.weights import read_config
 from tex_lightning.evaluation.outcomes import read_outcomes
 from tex_lightning.inference.early_stopping import make_inference_model
-from tex_lightning.inference.sense_stream import SenseStream
+from tex_lightning.inference.stream import LiveStream
 from tex_lightning.networks.trunks import TRUNKS
 
 PAPER = {"axes": "trace", "scale": "linear", "normalisation": "paper", "norm": "lrn"}
@@ -99,11 +99,11 @@ def test_the_engine_a_stream_and_an_early_stop_decide_as_on_the_cpu(second_devic
     given, found = sample(near.card), []
     for device in ("cpu", second_device):
         decider = make_inference_model(deepcopy(near).to(device), config.engine, config.decision)
-        stream = SenseStream(decider.full.with_senses(["haptic"]), "haptic")
-        for chunk in given["haptic"].split(5000, dim=1):
-            stream.push(chunk)
+        haptic = decider.full.with_senses(["haptic"])
+        stream = LiveStream(haptic, {"haptic": None}, {}, config.stream, top_k=3)
+        *_, last = (stream.push(chunk) for chunk in given["haptic"].split(5000, dim=1))
         votes = decider.classify(**given), decider.full.classify(**given)
-        found.append([vote.probabilities for vote in votes] + [stream.output.partial_logits.cpu()])
+        found.append([vote.probabilities for vote in votes] + [torch.tensor(last.probability)])
     for expected, values in zip(*found, strict=True):
         torch.testing.assert_close(values, expected, rtol=1e-3, atol=1e-3)
 

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import soundfile
 import torch
 
 import tex_lightning as tl
@@ -35,8 +36,8 @@ def test_predict_and_evaluate_read_the_checkpoint(checkpoint, surfaces, cli, tmp
     assert line["label"] == "beta"
     found = tl.load(checkpoint).predict(haptic=trace)
     assert (found.label, found.probability) == ("beta", line["probability"])
-    with pytest.raises(tl.UserError, match="takes a network of known geometry"):
-        tl.load(checkpoint).stream()
+    stream, (samples, _) = tl.load(checkpoint).stream(), soundfile.read(trace)
+    assert [stream.push(samples[:9]).label, stream.push(samples[9:]).label] == [None, "beta"]
     outcome = cli(
         "task=evaluate", f"checkpoint={checkpoint}", "data=folder", f"data.root={surfaces}",
         "data.test_fold=0", f"hydra.run.dir={tmp_path}",

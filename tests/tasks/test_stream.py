@@ -12,7 +12,7 @@ from conftest import RATE, make_photo, make_trace
 from PIL import Image
 from scipy.signal import resample_poly
 
-from tex_lightning.inference.sense_stream import SenseStream
+from tex_lightning.inference.stream import LiveStream
 
 KEYS = ("label", "confidence", "fragments")
 
@@ -66,7 +66,7 @@ def test_samples_from_standard_input(cli, stream, tmp_path, monkeypatch):
         ([], ["haptic=-", "image=a.jpg"], "does not look at image"),
         ([], ["haptic=-", "sound=-"], "only one signal can be standard input"),
         ([], ["haptic=-", "stream.window=2"], "too soon for a vote"),
-        ([], ["haptic=-"], "record a longer stroke"),
+        ([0] * 500, ["haptic=-"], "record a longer stroke"),
         ([], [], "give haptic=FILE, or haptic=-"),
         ([np.nan] * 500, ["haptic=-"], "NaN, infinity or a number beyond 1e+09 at sample 0"),
     ],
@@ -118,14 +118,14 @@ def test_a_photo_and_two_files_are_joined_with_the_live_trace(cli, untrained, tm
 
 
 def test_ctrl_c_ends_it_as_elsewhere(cli, stream, surfaces, monkeypatch):
-    push = SenseStream.push
+    push = LiveStream.push
 
-    def interrupted(self, chunk):
-        if self.frames > 100:
+    def interrupted(self, **chunks):
+        if self.signals["haptic"].samples > RATE:
             raise KeyboardInterrupt
-        return push(self, chunk)
+        return push(self, **chunks)
 
-    monkeypatch.setattr(SenseStream, "push", interrupted)
+    monkeypatch.setattr(LiveStream, "push", interrupted)
     outcome = cli("task=stream", *stream, f"haptic={surfaces}/alpha/haptic/alpha_0.wav")
     assert outcome.status == 130
     assert len(outcome.out.splitlines()) == 11

@@ -28,9 +28,8 @@ from tex_lightning.classifier.vote import Vote, max_vote, random_tuples
 from tex_lightning.config import DecisionConfig, EngineConfig
 from tex_lightning.errors import UserError
 from tex_lightning.inference.engine import Costs, accelerate, count_macs
-from tex_lightning.inference.sense_stream import is_local
 from tex_lightning.senses.base import Sense
-from tex_lightning.senses.features.spectrogram import movement_start
+from tex_lightning.senses.features.spectrogram import SpectrogramFeatures, movement_start
 
 MAX_VOTE, SEQUENTIAL = "max_vote", "sequential"
 MAX_WASTE = 0.5  # of the full pass, that undecided beginnings of a trace may cost
@@ -70,6 +69,15 @@ def needs_threshold(classifier: SurfaceClassifier) -> bool:
     """Whether a sequential decision uses a probability, as all but those on a single photo do."""
     senses = list(classifier.senses.values())
     return not classifier.card.baseline and not (len(senses) == 1 and senses[0].windowed)
+
+
+def is_local(sense: Sense) -> bool:
+    """Whether a frame of a sense depends on its own samples, and a position on its own frames."""
+    features = sense.features
+    local = isinstance(features, SpectrogramFeatures) and (
+        (features.axes, features.normalisation) == ("frame", "standard")
+    )
+    return local and sense.geometry is not None
 
 
 class SequentialClassifier(SurfaceClassifier):

@@ -1,10 +1,8 @@
 """A live recording: samples in, predictions out.
 
-Samples are resampled to the rate of the training. The vote is over everything so far
-(:mod:`.sense_stream`) or over the last seconds (``stream.window``). A fragment of HapticNet sees
-2 s, so that its scores cannot follow within one; the samples of the window are therefore classified
-again with every vote, and a spectrogram that is shorter than a fragment is repeated until it fills
-one: a texture goes on as it began.
+Samples are resampled to the rate of the training. Every vote classifies anew: everything so far,
+or the last seconds (``stream.window``). A fragment of HapticNet sees 2 s; a spectrogram of a window
+that is shorter is repeated until it fills one: a texture goes on as it began.
 """
 
 import time
@@ -25,7 +23,6 @@ from tex_lightning.data.decode import Resampler, as_trace
 from tex_lightning.data.quality import Quality, Ranges, TraceMonitor, level, together
 from tex_lightning.errors import UserError
 from tex_lightning.inference.prediction import Prediction, describe
-from tex_lightning.inference.sense_stream import SenseStream
 from tex_lightning.senses.features.spectrogram import SETTLING_SECONDS
 from tex_lightning.senses.signal import SignalSense
 
@@ -134,7 +131,7 @@ class Window:
 
     def push(self, chunks: Mapping[str, Tensor]) -> None:
         """Take samples (axes, samples) by modality."""
-        pending = _joined(self.pending, chunks)
+        pending = {**self.pending, **_joined(self.pending, chunks)}
         while True:
             sizes = {name: self._step_length(rate) for name, rate in self.rates.items()}
             if any(pending[name].shape[1] < size for name, size in sizes.items()):
@@ -188,8 +185,8 @@ class LiveStream:
 
     Attributes:
         signals: The signals by modality, with their ``rate``.
-        window: What votes of the last seconds; None votes over everything.
-        streams: Otherwise by sense what computes its scores.
+        window: The last seconds, which vote; None votes over everything.
+        samples: Otherwise all samples (axes, samples) by modality.
 
     Raises:
         UserError: If the classifier cannot be streamed.
@@ -218,14 +215,12 @@ class LiveStream:
                 for name, sense in senses.items()
                 if name not in self.live
             }
-        self.streams: dict[str, SenseStream] = {}
+        self.samples: dict[str, Tensor] = {}
         self.window: Window | None = None
-        if config.window is None:
-            self.streams = {name: SenseStream(classifier, name) for name in self.live}
-        else:
+        if config.window is not None:
             self.window = self._make_window(config.window, config.contact)
         self.voted = False
-        self.failure: UserError | None = None  # why there was no vote of a window yet
+        self.failure: UserError | None = None  # why there was no vote yet
 
     def _make_window(self, seconds: float, contact: float) -> Window:
         """Make a window whose touches leave out what the features skipped before."""
@@ -285,21 +280,17 @@ class LiveStream:
         Raises:
             UserError: Saying how much signal it takes.
         """
-        for stream in self.streams.values():
-            stream.sense.check_input(1, stream.frames)
-        if self.window is None or self.voted:
+        if self.voted:
             return
         if self.failure is not None:
             raise self.failure
-        if self.window.steps < MIN_STEPS:
-            raise UserError(
-                f"The stream ended within {MIN_STEPS * STEP_SECONDS:g} s, too soon for a vote; "
-                "send more signal."
-            )
+        if self.window is None or self.window.steps < MIN_STEPS:
+            raise UserError("The stream ended too soon for a vote; send more signal.")
 
     @torch.inference_mode()
     def _predict(self, chunks: Mapping[str, Tensor], begin: float) -> Prediction:
-        outputs = self._outputs_so_far(chunks) if self.window is None else self._of_window(chunks)
+        recordings = self._recordings(chunks)
+        outputs = None if recordings is None else self._outputs(recordings)
         vote: Vote | None = None
         if outputs is not None:  # random tuples have the same seed every time
             seed = self.card.decision["seed"]
@@ -314,31 +305,25 @@ class LiveStream:
         prediction = describe(vote, self.card, quality_of_all, self.top_k, latency, used)
         return replace(prediction, contact=contact)
 
-    def _outputs_so_far(self, chunks: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
-        """Return what the live senses give for everything; None while one gives no fragment."""
-        outputs = {}
-        for name, stream in self.streams.items():
-            if stream.sense.modality in chunks:
-                stream.push(chunks[stream.sense.modality])
-            if stream.output is not None:
-                outputs[name] = stream.output
-        return outputs if len(outputs) == len(self.streams) else None
-
-    def _of_window(self, chunks: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
-        """Return the same of the last seconds; None if they are too few for these features."""
+    def _recordings(self, chunks: Mapping[str, Tensor]) -> Mapping[str, Tensor] | None:
+        """Take samples (axes, samples) by modality; return those that vote, None if too few."""
         window = self.window
-        assert window is not None
+        if window is None:
+            self.samples |= _joined(self.samples, chunks)
+            return self.samples or None
         before = window.contact
         if chunks:
             window.push(chunks)
         if before != window.contact:  # faults of the pause are none of the movement
             for signal in self.signals.values():
                 signal.monitor = TraceMonitor(signal.what)
-        if window.count < MIN_STEPS:
-            return None
+        return None if window.count < MIN_STEPS else window.samples
+
+    def _outputs(self, recordings: Mapping[str, Tensor]) -> dict[str, SenseOutput] | None:
+        """Return what the live senses give for their recordings; None if one is too short."""
         try:
             outputs = {
-                name: self._repeated(name, sense, window.samples[sense.modality])
+                name: self._output(name, sense, recordings[sense.modality])
                 for name, sense in self.live.items()
             }
         except UserError as error:
@@ -347,9 +332,9 @@ class LiveStream:
         self.voted = True
         return outputs
 
-    def _repeated(self, name: str, sense: SignalSense, recording: Tensor) -> SenseOutput:
-        """Return what a live sense gives for an input that is repeated to a fragment's size."""
-        if sense.geometry is None:
+    def _output(self, name: str, sense: SignalSense, recording: Tensor) -> SenseOutput:
+        """Return what a live sense gives; short inputs of a window are repeated to a fragment."""
+        if self.window is None or sense.geometry is None:
             return self.classifier.sense_output(name, recording)
         x = sense.dense_input(recording)
         frames = max(x.shape[-1], sense.window_size[1])
