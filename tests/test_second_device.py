@@ -132,7 +132,7 @@ RUNS = [
     ["model=fusion", "model.fusion.fit.modality_dropout=0.5"],
     ["task=evaluate", "checkpoint=RUN", "decision=sequential", "decision.calibrated=false"],
     ["task=stability", "stability.systems=[RUN]"],
-    ["task=enroll", "checkpoint=RUN", "enroll.forget=[alpha]", "enroll.only=[alpha]"],
+    ["task=enroll", "checkpoint=RUN", "enroll.only=[gamma]", "data.hold_out=null"],
     ["task=predict", "checkpoint=RUN", "haptic=WAV", "image=PNG", "predict.figure=PAGE"],
     ["task=stream", "checkpoint=RUN/checkpoints/haptic.ckpt", "haptic=WAV", "stream.window=2"],
     ["experiment=few/fusion"],
@@ -145,12 +145,13 @@ def run_all(surfaces, cache, folder):
     """Run ``RUNS`` on the second device, and the first of them on the CPU as well."""
     words = {"RUN": folder / "0", "PAGE": folder / "why.png"}
     words |= {"WAV": surfaces / "beta/haptic/beta_0.wav", "PNG": surfaces / "beta/image/beta_0.png"}
-    data = ["data=folder", f"data.root={surfaces}", "data.half_scale=false"]
+    data = ["data=folder", f"data.root={surfaces}", "data.half_scale=false",
+            "data.hold_out=[gamma]"]  # fmt: skip
 
     def run(name, arguments):
         arguments = [*arguments, "debug=tiny", f"hydra.run.dir={folder}/{name}"]
         if not arguments[0].endswith(("predict", "stream")):
-            arguments += data
+            arguments = [*data, *arguments]
         for word, path in words.items():
             arguments = [each.replace(word, str(path)) for each in arguments]
         with pytest.MonkeyPatch.context() as patch:

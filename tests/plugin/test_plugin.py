@@ -129,20 +129,24 @@ def test_it_evaluates_predicts_and_is_perturbed(cli, run, data, flat, tmp_path):
 
 
 def test_classes_are_added_to_the_senses_of_a_user(cli, run, data, flat, tmp_path):
+    new = tmp_path / "new"
+    new.mkdir()
+    for path in flat.glob("gamma_*"):
+        shutil.copy(path, new / path.name.replace("gamma", "delta"))
     outcome = cli(
-        *CONF, *data, "trusted=[my_ext]", "task=enroll", f"hydra.run.dir={tmp_path}",
-        f"checkpoint={run}/checkpoints/fusion.ckpt", "enroll.forget=[gamma]",
-        "enroll.only=[gamma]", "data.per_class=5",
+        *CONF, *data, f"data.reader.folder={new}", "trusted=[my_ext]", "task=enroll",
+        f"checkpoint={run}/checkpoints/fusion.ckpt", "data.per_class=5",
+        f"hydra.run.dir={tmp_path}/run",
     )  # fmt: skip
     assert outcome.status == 0, outcome.err
-    model = tl.load(tmp_path, trusted=["my_ext"])
-    assert model.classifier.card.classes == [*CLASSES]
+    model = tl.load(tmp_path / "run", trusted=["my_ext"])
+    assert model.classifier.card.classes == [*CLASSES, "delta"]
     old = tl.load(run / "checkpoints" / "fusion.ckpt", trusted=["my_ext"]).classifier
     force = torch.from_numpy(np.load(flat / "beta_9.npy"))[None]
     before, after = (each.partial_logits("force", force) for each in (old, model.classifier))
-    torch.testing.assert_close(after[:2], before[:2])
-    for label in ("beta", "gamma"):  # also of this sense alone
-        assert model.predict(force=flat / f"{label}_9.npy").label == label
+    torch.testing.assert_close(after[:3], before)
+    for label, same in (("beta", ["beta"]), ("gamma", ["gamma", "delta"])):  # of this sense alone
+        assert model.predict(force=flat / f"{label}_9.npy").label in same
 
 
 GREY = ["model=fusion", "model.senses=[grey]"]

@@ -98,14 +98,8 @@ class FeatureStatistics(nn.Module):
 
     def with_classes(self, means: Tensor, counts: Tensor) -> Self:
         """Return statistics with more classes: means (added, D) of so many recordings each."""
-        return self._changed(torch.cat([self.means, means]), torch.cat([self.counts, counts]))
-
-    def only(self, kept: Tensor) -> Self:
-        """Return the statistics of some of the classes, by their indices."""
-        return self._changed(self.means[kept], self.counts[kept])
-
-    def _changed(self, means: Tensor, counts: Tensor) -> Self:
-        return self.from_state({**self.state_dict(), "means": means, "counts": counts})
+        more = {"means": torch.cat([self.means, means]), "counts": torch.cat([self.counts, counts])}
+        return self.from_state({**self.state_dict(), **more})
 
     def draw(self, count: int, generator: torch.Generator) -> Tensor:
         """Draw features (classes, count, D) that recordings of each class may have.

@@ -123,13 +123,9 @@ class CrossvalConfig:
 
 @dataclass
 class EnrollConfig:
-    """Classes that are added to a trained network or removed from it."""
+    """Classes that are added to a trained network."""
 
     only: list[str] | None = key("classes of the data that are added; null adds all", default=None)
-    forget: list[str] | None = key(
-        "classes that are removed first; without data= and data.root= nothing is added then",
-        default=None,
-    )
 
 
 @dataclass

@@ -1,6 +1,6 @@
-"""Add classes to a trained network without its old recordings, or remove some.
+"""Add classes to a trained network without its old recordings.
 
-What a network computes up to FC2 stays as it is; its score layer gets and loses rows. The old
+What a network computes up to FC2 stays as it is; its score layer gets rows. The old
 classes are represented by features drawn from their statistics. The new rows are fitted by logistic
 regression while the old ones stay as they are: nothing changes among the old classes. Nearest
 means, linear discriminants and weights imprinted from the mean feature do worse
@@ -135,20 +135,6 @@ def add_classes(
         size = len(names), *weight.shape[1:]
         state |= _appended(classifier, layer, weight.new_zeros(size), bias.new_zeros(size[0]))
     return _rebuilt(classifier, [*classifier.card.classes, *names], state, statistics)
-
-
-def keep_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
-    """Copy a classifier with only some of its classes; errors are those of :func:`add_classes`."""
-    _check_layers(classifier)
-    kept = torch.tensor([classifier.card.classes.index(name) for name in names])
-    senses, fusion = classifier.card.sense_names, classifier.fusion
-    layers = [_score_layer(classifier, senses[0]) if fusion is None else fusion.head]
-    state: State = {}
-    for layer in [*layers, *_unused_layers(classifier)]:
-        weight, bias = (values[kept] for values in _values(layer))
-        state |= _named(classifier, layer, weight, bias)
-    statistics = {name: _statistics(classifier, name).only(kept) for name in classifier.statistics}
-    return _rebuilt(classifier, names, state, statistics)
 
 
 def check_extensible(classifier: SurfaceClassifier) -> None:

@@ -1,6 +1,5 @@
-"""Change the classes of a trained classifier: recordings, network, card, file."""
+"""Add classes to a trained classifier: recordings, network, card, file."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,38 +16,12 @@ from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError, listed
-from tex_lightning.learning.enrolment import Fragments, add_classes, check_extensible, keep_classes
+from tex_lightning.learning.enrolment import Fragments, add_classes, check_extensible
 from tex_lightning.learning.statistics import position_features
 from tex_lightning.studies.dataset import Dataset, find_unusable, open_store
 from tex_lightning.studies.leaks import digests
 
 VALIDATED = ("confidence_threshold", "disagreement")  # of a calibration, for the old classes alone
-
-
-def forget_classes(classifier: SurfaceClassifier, names: Sequence[str]) -> SurfaceClassifier:
-    """Copy a classifier without some classes; its record of their recordings stays.
-
-    Raises:
-        UserError: If it does not know one of them, or fewer than two would be left.
-    """
-    known = classifier.card.classes
-    _require_known(names, known, "enroll.forget", "the checkpoint does not know")
-    kept = [name for name in known if name not in names]
-    if len(kept) < 2:
-        raise UserError(
-            f"Without {listed(names)} the checkpoint would know {len(kept)} of its {len(known)} "
-            "classes, and telling classes apart takes two; forget fewer, or train a new network."
-        )
-    smaller = keep_classes(classifier, kept)
-    smaller.card = replace(smaller.card, calibration=_still_valid(smaller.card))
-    return smaller
-
-
-def _require_known(names: Sequence[str], known: Sequence[str], key: str, why: str) -> None:
-    for name in names:
-        if name not in known:
-            near = nearest(name, known)
-            raise UserError(f"{key} names {name}{near}, which {why}; choose from {listed(known)}.")
 
 
 def open_new_classes(config: Config, classifier: SurfaceClassifier) -> Dataset:
@@ -67,12 +40,16 @@ def open_new_classes(config: Config, classifier: SurfaceClassifier) -> Dataset:
             f"The data has no {' or '.join(map(plural, card.modalities))} to learn a class from, "
             f"which is what this {card.kind} network looks at; record some."
         )
-    _require_known(only or (), rows.classes, "enroll.only", "the data does not have")
+    for name in only or ():
+        if name not in rows.classes:
+            raise UserError(
+                f"enroll.only names {name}{nearest(name, rows.classes)}, which the data does not "
+                f"have; choose from {listed(rows.classes)}."
+            )
     names = [name for name in rows.classes if only is None or name in only]
     if known := [name for name in names if name in card.classes]:
         raise UserError(
-            f"The checkpoint knows {listed(known)} already; name the new classes in enroll.only, "
-            f"or replace it by enroll.forget=[{','.join(known)}] in the same command."
+            f"The checkpoint knows {listed(known)} already; name the new classes in enroll.only."
         )
     rows = rows.in_classes(names)
     if data.test_fold is not None:
