@@ -19,7 +19,7 @@ from tex_lightning.inference.engine import accelerate
 from tex_lightning.inference.stream import LiveStream
 
 RATE = 10_000
-SECONDS = 60
+SECONDS = 20
 CHUNK = 0.1
 WINDOWS = (None, 2.0)
 
