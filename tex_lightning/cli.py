@@ -342,7 +342,7 @@ def _set_devices(config: Config, job: Job) -> None:
     from tex_lightning.core.devices import count_processes, keep_memory, use_tf32
 
     threads = config.trainer.threads
-    if threads is None and config.task in ("stream", "record"):
+    if threads is None and config.task == "stream":
         threads = None if "OMP_NUM_THREADS" in os.environ else 1
     if threads is not None:
         torch.set_num_threads(threads)

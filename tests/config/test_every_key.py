@@ -100,7 +100,7 @@ def commands(untrained, bands, surfaces, tmp_path):
         "export": ["task=export", own, "export.format=card"],
         "profile": ["task=profile", "model=haptic", "debug=tiny"],
         "record": ["task=record", "record.label=oak", f"record.out={tmp_path}/DATA",
-                   f"haptic={sensor}", "record.contact=false", "record.least_seconds=0.1"],
+                   f"haptic={sensor}", "record.least_seconds=0.1"],
         "generate": ["task=generate", f"generate.out={tmp_path}/GEN", "debug=tiny"],
         "stability": ["task=stability", f"stability.systems=[{bands}]", *data, "debug=tiny",
                       "stability.only=[quieter]"],

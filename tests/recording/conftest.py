@@ -1,7 +1,6 @@
-"""Sensors that are not there: a server, a serial line, a sound card."""
+"""Sensors that are not there: a serial line, a sound card."""
 
 import os
-import socket
 import sys
 import threading
 import time
@@ -10,34 +9,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-PIECE = 1000  # bytes sent at once; no multiple of a sample
-
-
-@pytest.fixture
-def tcp() -> Iterator[Callable[..., str]]:
-    """Serve bytes to whoever connects; gives the source to name."""
-    servers = []
-
-    def serve(content: bytes, *, silent: float = 0) -> str:
-        server = socket.create_server(("127.0.0.1", 0))
-
-        def send() -> None:
-            connection, _ = server.accept()
-            with connection:
-                for start in range(0, len(content), PIECE):
-                    connection.sendall(content[start : start + PIECE])
-                time.sleep(silent)
-
-        thread = threading.Thread(target=send, daemon=True)
-        thread.start()
-        servers.append((server, thread))
-        return f"tcp://127.0.0.1:{server.getsockname()[1]}"
-
-    yield serve
-    for server, thread in servers:
-        server.close()
-        thread.join(1)
 
 
 @pytest.fixture

@@ -68,7 +68,7 @@ def test_nothing_that_was_there_is_touched(tmp_path):
         soundfile.write(folder / name, make_trace(0, 1), 10_000)
     before = {path: path.read_bytes() for path in folder.iterdir()}
     (written,) = ClassFolder(tmp_path, "oak", {}).add({"haptic": (10_000, SIGNAL)}, None)
-    assert written == folder.resolve() / "oak_008.wav"
+    assert written.name == "oak_008.wav"
     assert {path: path.read_bytes() for path in before} == before
     groups = {path.name: group for _, _, path, group in both(tmp_path.resolve())}
     assert groups == {"a.wav": 0, "oak_007.wav": 1, "oak_008.wav": 2}
@@ -97,21 +97,14 @@ def test_a_recording_is_written_whole_or_not_at_all(tmp_path, monkeypatch, broke
     assert (files(tmp_path), (tmp_path / "manifest.csv").read_text()) == before
 
 
-def test_folders_that_cannot_be_added_to(tmp_path, monkeypatch):
-    (tmp_path / "file").touch()
-    with pytest.raises(UserError, match=r"file is no folder, or cannot be written to"):
-        ClassFolder(tmp_path / "file" / "data", "oak", {})
-    with monkeypatch.context() as patch:
-        patch.setattr("os.access", lambda *arguments: False)  # root may write anywhere
-        with pytest.raises(UserError, match="cannot be written to; change its"):
-            ClassFolder(tmp_path / "data", "oak", {})
+def test_folders_that_cannot_be_added_to(tmp_path):
     (tmp_path / "side" / "oak").mkdir(parents=True)
     soundfile.write(tmp_path / "side" / "oak" / "a.wav", make_trace(0, 1), 10_000)
     with pytest.raises(UserError, match=r"side by side, such as a.wav; move them to .*haptic"):
         ClassFolder(tmp_path / "side", "oak", {})
     with pytest.raises(UserError, match=r"record.conditions: group is a column of its own"):
         ClassFolder(tmp_path, "oak", {"group": 3})
-    assert files(tmp_path) == ["file", "side/oak/a.wav"]
+    assert files(tmp_path) == ["side/oak/a.wav"]
 
 
 @pytest.fixture

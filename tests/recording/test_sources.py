@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tex_lightning.config.data import SourceConfig
 from tex_lightning.errors import UserError
-from tex_lightning.recording.session import Signal
+from tex_lightning.recording.recorder import Signal
 from tex_lightning.recording.sources import Parser, open_source
 
 SAMPLES = np.random.default_rng(0).standard_normal((3, 40)).astype(np.float32)
@@ -73,26 +73,14 @@ def test_what_cannot_be_meant_is_refused(form, axes, content, said):
 
 SENT = np.random.default_rng(0).standard_normal((3, 2500)).astype(np.float32)
 CONTENT = SENT.T.astype("<f4").tobytes()
-SECONDS = 0.1  # of a chunk
 
 
-def chunks(given, how, most=100, timeout=2.0, modality="haptic"):
+def chunks(given, how, seconds=None, timeout=2.0, modality="haptic"):
+    """The source, and its first seconds; None are all."""
     source = open_source(modality, given, how)
-    found = []
-    with Signal(modality, f"{modality}={given}", source, SECONDS, timeout) as signal:
-        while len(found) < most and (chunk := signal.next()) is not None:
-            found.append(chunk)
-    return source, found
-
-
-def joined(found):
-    assert {chunk.shape[1] for chunk in found[:-1]} <= {100}
-    return np.concatenate(found, axis=1)
-
-
-def test_tcp(tcp):
-    _, found = chunks(tcp(CONTENT), settings())
-    np.testing.assert_array_equal(joined(found), SENT)
+    with Signal(modality, f"{modality}={given}", source, timeout) as signal:
+        signal.fill(1e6 if seconds is None else seconds)
+        return source, signal.take(signal.seconds if seconds is None else seconds)
 
 
 def test_a_fifo(tmp_path):
@@ -100,43 +88,38 @@ def test_a_fifo(tmp_path):
     os.mkfifo(path)
     writer = threading.Thread(target=path.write_bytes, args=(CONTENT,))
     writer.start()
-    _, found = chunks(str(path), settings())
+    _, samples = chunks(str(path), settings())
     writer.join()
-    np.testing.assert_array_equal(joined(found), SENT)
+    np.testing.assert_array_equal(samples, SENT)
 
 
 def test_a_serial_port_with_lines_of_text(pty):
-    _, found = chunks(pty(b"1,-2,3\n" * 100), settings(form="text"), most=5)
-    np.testing.assert_array_equal(joined(found), np.tile([[1], [-2], [3]], 500))
+    _, samples = chunks(pty(b"1,-2,3\n" * 100), settings(form="text"), 0.5)
+    np.testing.assert_array_equal(samples, np.tile([[1], [-2], [3]], 500))
 
 
 def test_a_sound_card_at_its_own_rate_and_another(sound_card, monkeypatch):
-    source, found = chunks("soundcard", settings(rate=None, axes=1), most=3, modality="sound")
+    source, samples = chunks("soundcard", settings(rate=None, axes=1), 0.3, modality="sound")
     assert source.rate == 44_100
-    assert [chunk.shape for chunk in found] == [(1, 4410)] * 3
     time = np.arange(3 * 4410) / 44_100
-    tone = np.sin(2 * np.pi * 440 * time)
-    np.testing.assert_allclose(np.concatenate(found, axis=1)[0], tone, atol=1e-6)
+    np.testing.assert_allclose(samples, np.sin(2 * np.pi * 440 * time)[None], atol=1e-6)
     assert open_source("haptic", "soundcard:Line", settings(8000, 1)).rate == 8000
     monkeypatch.setattr(sound_card, "lost", True)
-    assert chunks("soundcard:1", settings(axes=1), most=1)[0].lost
+    assert chunks("soundcard:1", settings(axes=1), 0.1)[0].lost
 
 
 def test_a_file_at_the_rate_of_its_header(tmp_path):
     soundfile.write(tmp_path / "a.wav", SENT.T, 2500, subtype="FLOAT")
-    source, (chunk, *_) = chunks(str(tmp_path / "a.wav"), settings(rate=None))
+    source, samples = chunks(str(tmp_path / "a.wav"), settings(rate=None))
     assert source.rate == 2500
-    np.testing.assert_array_equal(chunk, SENT[:, :250])
+    np.testing.assert_array_equal(samples, SENT)
 
 
 @pytest.mark.parametrize(
     ("given", "how", "said"),
     [
         ("-", settings(rate=None), "does not say its rate; give record.haptic.rate in Hz"),
-        ("nowhere", settings(), "there is no such file; give a path, -, tcp://"),
-        ("tcp://9000", settings(), r"cannot be opened .*; write tcp://HOST:PORT"),
-        ("tcp://127.0.0.1:1", settings(), r"cannot be opened \(Connection refused\); write tcp"),
-        ("tcp://127.0.0.1:99999", settings(), "cannot be opened .*; write tcp://"),
+        ("nowhere", settings(), "there is no such file; give a path, -, serial:PORT"),
         ("soundcard:Nothing", settings(), "No input device matching 'Nothing'.; run python -m"),
         ("soundcard", settings(), "Invalid number of channels"),
         ("serial:/dev/ttyNONE", settings(), "cannot be opened .*check the name of the port"),
@@ -147,11 +130,6 @@ def test_sources_that_cannot_be_used(sound_card, given, how, said):
         pytest.importorskip("serial")
     with pytest.raises(UserError, match=said):
         chunks(given, how)
-
-
-def test_a_sensor_that_falls_silent(tcp):
-    with pytest.raises(UserError, match=r"has sent nothing for 0.3 s; check the sensor"):
-        chunks(tcp(CONTENT[:4000], silent=2), settings(), timeout=0.3)
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ class Config:
     checkpoint: str | None = key("trained network to classify with or to measure")
     haptic: Any = key(
         "trace(s): a file or a list to predict from; one to profile with; one, or -, to stream; a "
-        "source to record: -, tcp://HOST:PORT, serial:PORT, soundcard, soundcard:NAME, a file",
+        "source to record: -, serial:PORT, soundcard, soundcard:NAME, a file",
         default=None,
     )
     image: Any = key(

@@ -43,7 +43,7 @@ READ_BY = {
     },
 }
 NOT_VALIDATED = ("crossval", "enroll", "frontier")  # tasks that choose nothing on data.val_fold
-NOT_SEQUENTIAL = ("profile", "record", "stability", "stream")
+NOT_SEQUENTIAL = ("profile", "stability", "stream")
 NOT_EMPTY = ("frontier.only", "frontier.senses", "stability.only")
 SET_HERE = (  # flags of the Trainer
     "callbacks", "default_root_dir", "fast_dev_run", "logger", "max_epochs", "plugins",
@@ -142,7 +142,7 @@ def _decision_rules(config: Config) -> Iterator[Rule]:
     decision, model, task = config.decision, config.model, config.task
     for key in ("pairs", "rule", "seed"):
         yield (
-            getattr(decision, key) is None and task not in (*HAVE_CHECKPOINTS, "record"),
+            getattr(decision, key) is None and task not in HAVE_CHECKPOINTS,
             f"decision.{key} is null, but task={task} has no checkpoint with one",
         )
     sequential, unknown = decision.name == "sequential", bool(decision.unknown)
@@ -235,10 +235,6 @@ def _record_rules(config: Config) -> Iterator[Rule]:
     yield (
         record.least_seconds > record.seconds,
         "record.least_seconds exceeds record.seconds: choose less",
-    )
-    yield (
-        record.contact and set(config.files) == {"image"},
-        "record.contact needs a signal: give haptic=SOURCE or sound=SOURCE",
     )
 
 

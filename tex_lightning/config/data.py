@@ -105,7 +105,7 @@ class SourceConfig:
     )
     axes: int = key("numbers of one sample, each a channel of the file", least=1, most=64)
     format: str = key(
-        "samples of pipes, TCP and serial ports: little-endian float32, or text, a sample a line",
+        "samples of pipes and serial ports: little-endian float32, or text, a sample a line",
         choices=("float32", "text"),
     )
     baud: int = key("speed of a serial port", unit="Bd", least=50, most=10_000_000)
@@ -119,13 +119,9 @@ class RecordConfig:
     out: str | None = key("folder of the data set, new or existing", default=None)
     seconds: float = key("length of a recording, or its limit", **HOUR)
     least_seconds: float = key(
-        "shorter recordings are not kept: after an interrupt, a tap, or the end of a source", **HOUR
+        "shorter recordings are not kept: after an interrupt, or the end of a source", **HOUR
     )
     count: int = key("number of recordings, one after the other", least=1, most=10_000)
-    contact: bool = key(
-        "begin each when the level rises above that of the first half second, and end it when it "
-        "falls silent"
-    )
     timeout: float = key("longest time without data of a source", **HOUR)
     conditions: dict[str, Any] = key(
         "further columns of the manifest, such as {speed: 60, person: anna}", factory=dict

@@ -86,8 +86,8 @@ class TrainerConfig:
     )
     tf32: bool = key("on NVIDIA GPUs, round the factors of fp32 products to 10 bits: faster")
     threads: int | None = key(
-        "threads of PyTorch on the CPU; null takes one for task=stream and task=record, and "
-        "PyTorch's own number for the others",
+        "threads of PyTorch on the CPU; null takes one for task=stream, and PyTorch's own number "
+        "for the others",
         least=1, most=1024, default=None,
     )  # fmt: skip
 
@@ -252,7 +252,7 @@ READS = {
     "enroll": (*_TRAINED, "seed", "data", "decision", "enroll"),
     "predict": (*_TRAINED, *_FILES, "own", "data.file_rate", "top_k", "predict", "decision"),
     "stream": (*_TRAINED, *_FILES, "own", "data.file_rate", "stream", *_VOTE),
-    "record": (*_TRAINED, *_FILES, "record", "stream.chunk", *_UNKNOWN),
+    "record": (*_FILES, "record"),
     "stability": ("stability", "trusted", "seed", "data", "engine", *_DEVICE),
     "frontier": (*_TRAINING, "crossval.only", "frontier"),
     "profile": (

@@ -1,5 +1,5 @@
-"""From sensors to the files of a class folder: sources, feeds, contact, level, writer.
+"""From sensors to the files of a class folder: sources, recorder, writer.
 
-A source gives samples as they come, a feed takes them to this thread in chunks of one length, and a
-session fills a track for each sense. Nothing is written before a recording is whole.
+A source gives samples as they come, and the recorder takes them to one thread, side by side.
+Nothing is written before a recording is whole.
 """

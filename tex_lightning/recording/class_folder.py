@@ -1,6 +1,5 @@
 """The camera, and the folder of a class that grows with its manifest; every file is whole."""
 
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -81,7 +80,7 @@ class ClassFolder:
         conditions: Under which it is recorded, columns of the manifest.
 
     Raises:
-        UserError: If one cannot write there, or what is there cannot be read.
+        UserError: If what is there cannot be read, or lies side by side.
     """
 
     def __init__(self, root: Path, label: str, conditions: Mapping[str, object]) -> None:
@@ -91,12 +90,6 @@ class ClassFolder:
         for name in conditions:
             if name in KNOWN:
                 raise UserError(f"record.conditions: {name} is a column of its own; rename it.")
-        there = next(path for path in (self.folder, *self.folder.parents) if path.exists())
-        if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-            raise UserError(
-                f"record.out={self.root}: {there} is no folder, or cannot be written to; change "
-                "its permissions or name another folder."
-            )
         if here := [row for row in self.table() if row.path.parent == self.folder]:
             raise UserError(
                 f"{self.folder} holds recordings side by side, such as {here[0].path.name}; move "
@@ -136,11 +129,11 @@ class ClassFolder:
         group = max((number for number in groups if isinstance(number, int)), default=-1) + 1
         writers: dict[Recording, Callable[[Path], object]] = {}
         for modality, (rate, samples) in signals.items():
-            path = self._place(table, modality) / f"{name}.wav"
+            path = self.folder / modality / f"{name}.wav"
             row = Recording(self.label, modality, path, group, float(rate), self.conditions)
             writers[row] = partial(_write_wav, rate, samples)
         if photo is not None:
-            path = self._place(table, "image") / f"{name}.jpg"
+            path = self.folder / "image" / f"{name}.jpg"
             row = Recording(self.label, "image", path, group, conditions=self.conditions)
             writers[row] = partial(_write_jpeg, photo)
         try:
@@ -153,12 +146,6 @@ class ClassFolder:
                 row.path.unlink(missing_ok=True)
             raise
         return [row.path for row in writers]
-
-    def _place(self, table: Recordings, modality: str) -> Path:
-        """Return the folder of a sense: where others of the class are, else one of that name."""
-        folders = [row.path.parent for row in table.of(modality) if row.label == self.label]
-        inside = (folder for folder in folders if folder.parent == self.folder)
-        return next(inside, self.folder / modality)
 
 
 def _write_jpeg(photo: Pixels, path: Path) -> None:

@@ -1,38 +1,145 @@
-"""Make the recordings of ``task=record``: what is followed, shown, kept and said."""
+"""Make the recordings of ``task=record``: several signals side by side, and photos.
+
+Every source is read in a thread of its own, so that no sensor waits for another.
+"""
 
 import logging
+import queue
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
+from typing import Self
 
+import numpy as np
 from rich.status import Status
-from rich.text import Text
 
 from tex_lightning.config import Config
 from tex_lightning.core.console import console, print_line, say
-from tex_lightning.data.quality import photo_quality
+from tex_lightning.data.quality import TraceMonitor, photo_quality
+from tex_lightning.data.recordings import name_one
 from tex_lightning.errors import UserError
-from tex_lightning.inference.predictor import Predictor
 from tex_lightning.recording.class_folder import ClassFolder, Pixels
-from tex_lightning.recording.session import Contact, Session, Signal
-from tex_lightning.recording.sources import Chunk, open_source
-from tex_lightning.text import printable
+from tex_lightning.recording.sources import Chunk, Source, open_source
 
+HELD = 100  # pieces that wait for the recorder; then a pipe's writer waits, too
+WAIT = 0.2  # seconds after which a thread looks whether it should stop
+TOLERANCE = 0.1  # of a rate, as a share
+STEP = 0.1  # seconds that are taken of each signal in turn
 Camera = Callable[[], Pixels]
-KEYS = ("label", "rejected", "probability", "fragments", "latency_ms")  # of a prediction
 
 log = logging.getLogger(__name__)
 
 
-def record_photos(camera: Camera, folder: ClassFolder, count: int, seconds: float) -> None:
-    """Take photos alone, with time between them to move on."""
-    for done in range(count):
-        if done:
-            time.sleep(seconds)
-        photo = camera()
-        _tell(folder.add({}, photo), photo_quality(photo, {}, "photo").warnings)
+class Signal:
+    """The signal of one sensor; a thread reads it inside a ``with`` block.
+
+    Args:
+        modality: ``haptic`` or ``sound``.
+        name: Name of the source, for messages.
+        source: Where samples come from.
+        timeout: Longest time without samples in seconds.
+
+    Attributes:
+        count: Samples (of each axis) that have arrived and belong to no earlier recording.
+    """
+
+    def __init__(self, modality: str, name: str, source: Source, timeout: float) -> None:
+        self.modality, self.name, self.source, self.timeout = modality, name, source, timeout
+        self.count = 0
+        self._pieces: list[Chunk] = []
+        self._held: queue.Queue[Chunk | Exception | None] = queue.Queue(HELD)
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._times: list[float] = []  # of the first samples, which are not counted, and the last
+        self._arrived = 0
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stopped.set()
+        self._thread.join(3 * WAIT)  # one that waits for a silent pipe ends with the program
+
+    def _run(self) -> None:
+        pieces = self.source.chunks()
+        try:
+            for piece in pieces:
+                if self._stopped.is_set():
+                    return
+                if piece is not None and piece.size:
+                    self._arrived += piece.shape[1] if self._times else 0
+                    self._times[1:] = [time.monotonic()]
+                    self._put(piece)
+            self._put(None)
+        except Exception as error:  # is raised in the other thread
+            self._put(error)
+        finally:
+            pieces.close()
+
+    def _put(self, item: Chunk | Exception | None) -> None:
+        while not self._stopped.is_set():
+            try:
+                return self._held.put(item, timeout=WAIT)
+            except queue.Full:
+                continue
+
+    @property
+    def seconds(self) -> float:
+        """Length of what has arrived."""
+        return self.count / self.source.rate
+
+    def fill(self, seconds: float) -> bool:
+        """Wait until so many seconds have arrived; return whether they have before the end.
+
+        Raises:
+            UserError: If the source fails, or sends nothing for too long.
+        """
+        while self.count < round(seconds * self.source.rate):
+            try:
+                piece = self._held.get(timeout=self.timeout)
+            except queue.Empty as error:
+                raise UserError(
+                    f"{self.name} has sent nothing for {self.timeout:g} s; check the sensor, or "
+                    "give a larger record.timeout."
+                ) from error
+            if isinstance(piece, Exception):
+                raise piece
+            if piece is None:
+                self._held.put(None)  # so that it stays the end
+                return False
+            self._pieces.append(piece)
+            self.count += piece.shape[1]
+        return True
+
+    def take(self, seconds: float) -> Chunk:
+        """Take out the first seconds as a recording (axes, samples), float32."""
+        count = round(seconds * self.source.rate)
+        whole = np.concatenate(self._pieces, axis=1)
+        self._pieces = [whole[:, count:]]
+        self.count -= count
+        return whole[:, :count]
+
+    def warnings(self, samples: Chunk) -> list[str]:
+        """Name the faults of a recording (axes, samples), a sentence each."""
+        what = name_one(self.modality)
+        monitor = TraceMonitor(what)
+        monitor.update(samples)
+        warnings = list(monitor.quality({}).warnings)
+        if self.source.lost:
+            self.source.lost = False
+            warnings.append(f"Samples of the {what} were lost; close other programs.")
+        if self.source.timed and len(self._times) == 2:
+            rate = self._arrived / (self._times[1] - self._times[0])
+            if abs(rate / self.source.rate - 1) > TOLERANCE:
+                warnings.append(
+                    f"The {what} arrives at {rate:.0f} Hz, and record.{self.modality}.rate is "
+                    f"{self.source.rate}; correct that, or the sensor."
+                )
+        return warnings
 
 
 class Recorder:
@@ -42,127 +149,103 @@ class Recorder:
         config: The whole configuration.
         folder: Where they are written.
         camera: Function that takes a photo; None takes none.
-        predictor: Classifies the first signal on the way; None does not.
         stack: Closes the sources, which begin.
 
     Raises:
-        UserError: If a source cannot be used, or the classified sense is not recorded.
+        UserError: If a source cannot be used.
     """
 
     def __init__(
-        self,
-        config: Config,
-        folder: ClassFolder,
-        camera: Camera | None,
-        predictor: Predictor | None,
-        stack: ExitStack,
+        self, config: Config, folder: ClassFolder, camera: Camera | None, stack: ExitStack
     ) -> None:
-        self.settings, self.folder = config.record, folder
-        self.camera, self.predictor = camera, predictor
-        self.ranges = {} if predictor is None else predictor.card.input_ranges
-        seconds, timeout = config.stream.chunk, config.record.timeout
-        self.signals = []
-        for name in self._followed([name for name in ("haptic", "sound") if name in config.files]):
-            given = str(config.files[name])
-            source = open_source(name, given, getattr(config.record, name))
-            signal = Signal(name, f"{name}={given}", source, seconds, timeout)
-            self.signals.append(stack.enter_context(signal))
-        contact = Contact(seconds) if config.record.contact else None
-        self.session = Session(self.signals, config.record.seconds, contact, self.follow)
+        self.settings, self.folder, self.camera = config.record, folder, camera
+        self.signals: list[Signal] = []
+        for modality in ("haptic", "sound"):
+            if modality in config.files:
+                name = str(config.files[modality])
+                source = open_source(modality, name, getattr(config.record, modality))
+                signal = Signal(modality, f"{modality}={name}", source, config.record.timeout)
+                self.signals.append(stack.enter_context(signal))
+        self.photo: Pixels | None = None
         self.status = Status("", console=console)
-        self._begin()
 
-    def _followed(self, names: list[str]) -> list[str]:
-        """Sort the recorded signals so that the classified one is the first."""
-        if self.predictor is None:
-            return names
-        classified = next(iter(self.predictor.stream().signals))
-        if classified not in names:
-            raise UserError(
-                f"This {self.predictor.card.title} looks at {classified}, which is not recorded; "
-                f"give {classified}=SOURCE, if task=record takes it, or leave checkpoint= out."
-            )
-        return sorted(names, key=lambda name: name != classified)
-
-    def record(self, count: int) -> None:
-        """Make so many recordings, or as many as there are before the source ends.
+    def record(self) -> None:
+        """Make ``record.count`` recordings, or as many as there are before a source ends.
 
         Raises:
             UserError: If there is none.
         """
-        done, goes_on, lead = 0, True, self.signals[0]
-        while done < count and goes_on:
+        done, goes_on = 0, True
+        while done < self.settings.count and goes_on:
             goes_on = self._record_one()
             done += self._keep()
         if not done:
             raise UserError(
-                f"{lead.name} has ended after {lead.seconds:.2f} s, and a recording has at "
-                f"least record.least_seconds={self.settings.least_seconds:g}; send more."
+                f"{self.signals[0].name} has ended before a recording was as long as "
+                f"record.least_seconds={self.settings.least_seconds:g}; send more."
             )
-        if done < count:
-            log.info("%s has ended after %d of %d recordings.", lead.name, done, count)
-
-    def _begin(self) -> None:
-        """Forget the last recording."""
-        self.name = self.folder.next_name()
-        if self.predictor is not None:
-            lead = self.signals[0]
-            self.stream = self.predictor.stream(lead.modality, rate=float(lead.rate))
+        if done < self.settings.count:
+            log.info("The source has ended after %d of %d recordings.", done, self.settings.count)
 
     def _record_one(self) -> bool:
-        """Make a recording; return whether the source goes on."""
+        """Make a recording; return whether the sources go on."""
         self.photo = None if self.camera is None else self.camera()
-        self._begin()
+        name, seconds = self.folder.next_name(), self.settings.seconds
         try:
             with self.status if console.is_terminal else nullcontext():
-                return self.session.record()
+                for end in np.arange(STEP, seconds + STEP, STEP).clip(max=seconds).tolist():
+                    if not all([signal.fill(end) for signal in self.signals]):
+                        return False
+                    self.follow(name, end)
         except KeyboardInterrupt:
             if not self._keep():
                 log.info("Interrupted; what was begun is not kept.")
             raise
+        return True
 
-    def follow(self, chunk: Chunk, level: float, recorded: bool) -> None:
-        """Classify and show a chunk of the first signal, on one line of a terminal or as JSON."""
-        result = self.stream.push(chunk).to_dict() if self.predictor and recorded else {}
-        seconds = self.signals[0].seconds
-        if _prints_lines():
-            name = self.name if recorded else None
-            line = {"recording": name, "time": round(seconds, 6), "level": float(f"{level:.4g}")}
-            print_line({**line, **{key: result[key] for key in KEYS if key in result}})
-        clock = f"{seconds:.1f}/{self.settings.seconds:g} s" if recorded else "waiting for contact"
-        label = result.get("label")
-        said = f"{result['probability']:.2f} {label}" if label is not None else ""
-        text = printable(f"{self.name}  {clock}  level {level:.3g}  {said}")
-        self.status.update(Text(text, no_wrap=True, overflow="ellipsis"))
+    def follow(self, name: str, seconds: float) -> None:
+        """Show how much of a recording is there, on a terminal."""
+        self.status.update(f"{name}  {seconds:.1f}/{self.settings.seconds:g} s")
 
     def _keep(self) -> bool:
-        """Write the recording, if it is long enough; return whether it is."""
-        seconds = min(signal.seconds for signal in self.signals)
+        """Write what has arrived, all signals of one length; return whether it is long enough."""
+        seconds = min(self.settings.seconds, *(signal.seconds for signal in self.signals))
         if seconds < self.settings.least_seconds:
             if seconds:
                 log.info("%.2f s are too short and not kept (record.least_seconds).", seconds)
             return False
+        samples = [signal.take(seconds) for signal in self.signals]
         warnings: list[str] = []
-        for signal in self.signals:
-            warnings += signal.warnings(self.ranges.get(signal.modality, {}))
-        if self.photo is not None:
-            warnings += photo_quality(self.photo, {}, "photo").warnings
-        samples = {signal.modality: (signal.rate, signal.samples) for signal in self.signals}
-        _tell(self.folder.add(samples, self.photo), warnings, seconds=seconds)
+        for signal, chunk in zip(self.signals, samples, strict=True):
+            warnings += signal.warnings(chunk)
+        named = zip(self.signals, samples, strict=True)
+        written = {signal.modality: (signal.source.rate, chunk) for signal, chunk in named}
+        write_recording(self.folder, written, self.photo, warnings, seconds=seconds)
         return True
 
 
-def _tell(files: Sequence[Path], warnings: Sequence[str], **more: object) -> None:
-    """Print the files written, and their faults."""
+def record_photos(camera: Camera, folder: ClassFolder, count: int, seconds: float) -> None:
+    """Take photos alone, with time between them to move on."""
+    for done in range(count):
+        if done:
+            time.sleep(seconds)
+        write_recording(folder, {}, camera(), [])
+
+
+def write_recording(
+    folder: ClassFolder,
+    signals: dict[str, tuple[int, Chunk]],
+    photo: Pixels | None,
+    warnings: Sequence[str],
+    **more: object,
+) -> None:
+    """Write a recording and print its files and faults: as JSON, unless on a terminal."""
+    files: list[Path] = folder.add(signals, photo)
+    warnings = [*warnings, *(() if photo is None else photo_quality(photo, {}, "photo").warnings)]
     name, paths = files[0].stem, [str(file) for file in files]
     for text in warnings:
         log.warning("%s: %s", name, text)
-    if _prints_lines():
-        print_line({"recording": name, **more, "files": paths, "warnings": list(warnings)})
-    else:
+    if console.is_terminal and sys.stdout.isatty():
         say(f"{name} is written: {', '.join(paths)}.")
-
-
-def _prints_lines() -> bool:
-    """Whether standard output gets JSON objects: unless a person looks at a terminal alone."""
-    return not (console.is_terminal and sys.stdout.isatty())
+    else:
+        print_line({"recording": name, **more, "files": paths, "warnings": warnings})

@@ -1,11 +1,10 @@
-"""Where samples come from: pipes, TCP, files, and by the extra ``live`` serial ports, sound cards.
+"""Where samples come from: pipes, files, and by the extra ``live`` serial ports, sound cards.
 
 Bytes of a sensor are parsed strictly: what cannot be meant raises an error that names its place.
 """
 
 import importlib
 import re
-import socket
 import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -103,8 +102,7 @@ class Parser:
 
 
 PIECE = 65_536  # most bytes read at once
-WAIT = 0.2  # seconds after which a reader looks whether it should stop
-CONNECTION = 5.0  # seconds for it
+WAIT = 0.2  # seconds after which a reader of a serial port looks whether it should stop
 Pieces = Generator[Chunk | None, None, None]
 Read = Callable[[], bytes | None]  # b"" at the end, None where nothing came for a while
 
@@ -133,8 +131,7 @@ def open_source(modality: str, given: str, settings: SourceConfig) -> Source:
 
     Args:
         modality: Modality of the signal, which is also the key.
-        given: ``-``, ``tcp://HOST:PORT``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a
-            path.
+        given: ``-``, ``serial:PORT``, ``soundcard``, ``soundcard:NAME``, or a path.
         settings: Section of the source.
 
     Raises:
@@ -150,17 +147,15 @@ def open_source(modality: str, given: str, settings: SourceConfig) -> Source:
     if settings.rate is None:
         raise _no_rate(name, key)
     parser = Parser(name, key, settings, cut=kind == "serial")
-    if kind == "tcp":
-        opened, remedy = partial(_connect, address), "write tcp://HOST:PORT, and check the sensor"
-    elif kind == "serial":
+    if kind == "serial":
         opened = partial(_open_serial, _library("serial", name), address, settings.baud)
         remedy = "check the name of the port, and that no other program has it"
     elif given == "-" or path.exists():
         opened, remedy = partial(_open_pipe, path), "check the path, and who writes to it"
     else:
         raise UserError(
-            f"{name}: there is no such file; give a path, -, tcp://HOST:PORT, serial:PORT, "
-            "soundcard or soundcard:NAME."
+            f"{name}: there is no such file; give a path, -, serial:PORT, soundcard "
+            "or soundcard:NAME."
         )
     return Source(settings.rate, partial(_parsed, parser, opened, remedy), timed=kind == "serial")
 
@@ -188,22 +183,6 @@ def _open_pipe(path: Path) -> Iterator[Read]:
     place = sys.stdin.fileno() if standard else path
     with open(place, "rb", buffering=0, closefd=not standard) as file:
         yield lambda: file.read(PIECE)
-
-
-@contextmanager
-def _connect(address: str) -> Iterator[Read]:
-    """Connect to a server on the network, //HOST:PORT, that sends samples to who connects."""
-    host, _, port = address.strip("/").rpartition(":")
-    with socket.create_connection((host, int(port)), CONNECTION) as connection:
-        connection.settimeout(WAIT)
-
-        def read() -> bytes | None:
-            try:
-                return connection.recv(PIECE)
-            except TimeoutError:
-                return None
-
-        yield read
 
 
 @contextmanager

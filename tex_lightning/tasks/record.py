@@ -3,10 +3,8 @@
 from contextlib import ExitStack
 from pathlib import Path
 
-from tex_lightning.baselines.classifier import load_classifier
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
-from tex_lightning.inference.predictor import Predictor
 from tex_lightning.recording.class_folder import ClassFolder, open_camera
 from tex_lightning.recording.recorder import Recorder, record_photos
 
@@ -18,19 +16,16 @@ def run(config: Config, job: Job) -> None:
     that is long enough.
 
     Raises:
-        UserError: If a sensor, the checkpoint or the folder cannot be used; recordings that were
+        UserError: If a sensor or the folder cannot be used; recordings that were
             finished stay.
     """
     settings = config.record
     out = Path(str(settings.out)).expanduser()
     folder = ClassFolder(out, str(settings.label), settings.conditions)
-    predictor = None
-    if config.checkpoint is not None:
-        predictor = Predictor(load_classifier(str(config.checkpoint)), config)
     photos = config.files.get("image")
     with ExitStack() as stack:
         camera = stack.enter_context(open_camera(str(photos))) if photos else None
         if camera is not None and list(config.files) == ["image"]:
             record_photos(camera, folder, settings.count, settings.seconds)
         else:
-            Recorder(config, folder, camera, predictor, stack).record(settings.count)
+            Recorder(config, folder, camera, stack).record()
