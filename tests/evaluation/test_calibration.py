@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import roc_auc_score
 
-from tex_lightning.evaluation.calibration import auroc, calibration, risk_coverage, selective
+from tex_lightning.evaluation.calibration import auroc, calibration, selective
 from tex_lightning.evaluation.outcomes import Outcome
 
 CLASSES = ["a", "b", "c"]
@@ -34,22 +34,6 @@ def test_the_calibration_error_is_that_of_its_definition(outcomes):
         for n in np.unique(bins)
     ]
     assert calibration(outcomes)["ece"] == pytest.approx(sum(gaps), abs=1e-5)
-
-
-@given(st.lists(st.tuples(st.integers(2, 5), st.booleans()), min_size=2, max_size=40))
-def test_the_area_under_generalised_risk_has_its_closed_form(samples):
-    """(1 - AUROC) acc (1 - acc) + (1 - acc)^2 / 2 (Traub et al., NeurIPS 2024), ties included."""
-    confidence = np.array([level / 5 for level, _ in samples])
-    correct = np.array([right for _, right in samples])
-    accuracy = correct.mean()
-    ranking = roc_auc_score(correct, confidence) if 0 < accuracy < 1 else 1.0
-    expected = (1 - ranking) * accuracy * (1 - accuracy) + (1 - accuracy) ** 2 / 2
-    rows = [np.array([level, (1 - level) / 2, (1 - level) / 2]) for level in confidence]
-    tested = [outcome("ab"[not right], row) for right, row in zip(correct, rows, strict=True)]
-    assert calibration(tested)["augrc"] == pytest.approx(expected)
-    coverage, wrong = risk_coverage(confidence, correct)
-    assert coverage[-1] == 1
-    assert wrong[-1] == pytest.approx(1 - accuracy)
 
 
 def test_rejecting_the_unsure(outcomes):

@@ -18,7 +18,7 @@ from tex_lightning.evaluation.outcomes import (
     summarise,
     vote_counts,
     wilson_interval,
-    worst_first,
+    worst_samples,
     write_outcomes,
     write_results,
 )
@@ -33,18 +33,16 @@ def outcome(label: str, predicted: str, fragments: int = 4, right: int = 2) -> O
     return Outcome(files, label, predicted, 0.5, fragments, right, 1.5)
 
 
-def test_the_worst_are_wrong_and_sure_the_best_right_and_sure():
-    def made(label: str, probabilities: dict[str, float], share: float = 0.5) -> Outcome:
-        best = max(probabilities, key=probabilities.__getitem__, default="b")
-        return Outcome({}, label, best, share, 1, 1, 1.0, probabilities=json.dumps(probabilities))
+def test_the_most_confident_wrong_ones_are_the_worst_else_the_least_confident():
+    def made(label: str, probability: float) -> Outcome:
+        return Outcome({}, label, "b", 1, 1, 1, 1.0, probabilities=json.dumps({"b": probability}))
 
-    order = [
-        made("a", {"a": 0.0, "b": 1.0}), made("a", {"a": 0.4, "b": 0.5, "c": 0.1}),
-        made("a", {}, 0.9), made("a", {}, 0.4),  # of a system without probabilities
-        made("b", {}, 0.3), made("b", {"b": 0.5, "a": 0.45, "c": 0.05}), made("a", {"a": 1.0}),
-    ]  # fmt: skip
-    assert worst_first(order) == [*range(7)]
-    assert worst_first(order[::-1]) == [*range(6, -1, -1)]
+    mixed = [made("a", 0.5), made("b", 1.0), made("a", 0.7), made("a", 0.9)]
+    assert worst_samples(mixed, 3) == [3, 2, 0]
+    assert worst_samples(mixed, 1) == [3]
+    correct = [made("b", probability) for probability in (0.9, 0.4, 0.8)]
+    assert worst_samples(correct, 3) == [1]
+    assert worst_samples(correct, 0) == worst_samples(mixed, 0) == []
 
 
 @given(LABELS)

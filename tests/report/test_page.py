@@ -1,21 +1,15 @@
 """``report.html``: what is on it, that it fetches nothing, and that it fits a phone."""
 
 import base64
-import csv
-import io
 import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
-import soundfile
-from PIL import Image
 
-from tex_lightning.report.page import read_curves, write_report
-from tex_lightning.report.page_media import shown_samples
+from tex_lightning.report.page import write_report
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-quic"]
@@ -72,40 +66,6 @@ def test_every_figure_and_every_picture_has_words(page, run):
     drawn = {base64.b64encode(each.read_bytes()).decode() for each in run.glob("figures/*.png")}
     shown = {source.partition(",")[2] for source in page.sources()}
     assert drawn <= shown
-
-
-def test_the_worst_samples_are_those_with_the_smallest_margin(run):
-    with (run / "predictions/fusion.csv").open() as stream:
-        wrong = sum(line["label"] != line["predicted"] for line in csv.DictReader(stream))
-    shown = shown_samples(run, ["fusion"])
-    assert [each["label"] != each["predicted"] for each in shown] == [True] * wrong + [False] * (
-        len(shown) - wrong
-    )
-    assert [medium["kind"] for medium in shown[0]["media"]] == ["image", "audio", "image"]
-
-
-def test_a_signal_can_be_heard_and_a_photo_seen(run, surfaces):
-    spectrogram, sound, photo = shown_samples(run, ["fusion"])[0]["media"]
-    samples, rate = soundfile.read(io.BytesIO(base64.b64decode(sound["content"].partition(",")[2])))
-    (source,) = surfaces.rglob(sound["name"])
-    original, own = soundfile.read(source, always_2d=True)
-    assert rate == max(8000, own)
-    assert np.abs(samples).max() == pytest.approx(1, abs=1e-3)
-    added = original.sum(axis=1)
-    centred = added - added.mean()
-    assert np.corrcoef(samples, centred[: len(samples)])[0, 1] > 0.999
-    for picture in (spectrogram, photo):
-        content = base64.b64decode(picture["content"].partition(",")[2])
-        with Image.open(io.BytesIO(content)) as image:
-            assert max(image.size) <= 280
-
-
-def test_curves_are_means_over_epochs(tmp_path):
-    folder = tmp_path / "metrics" / "haptic"
-    folder.mkdir(parents=True)
-    (folder / "metrics.csv").write_text("epoch,train/loss\n0,3\n0,1\n1,1\n1,\n")
-    (curve,) = read_curves(tmp_path)
-    assert (curve["network"], curve["values"]) == ("haptic", [2, 1])
 
 
 def test_what_files_say_is_text(tmp_path):

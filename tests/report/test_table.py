@@ -86,14 +86,13 @@ def test_a_job_of_a_sweep_leaves_the_table_to_the_summary(printed, monkeypatch, 
 
 def test_frontier(printed, monkeypatch, tmp_path):
     monkeypatch.setattr("tex_lightning.core.console.console", table.console)
-    point = frontier_chart.Point(
-        system="hapticnet_w0.5_sequential", kind="haptic", parameters=123_456_789, macs=1,
-        latency_ms_median=12.0, latency_ms_p95=12.0, fit_seconds=12_345.6, vote_accuracy=1.0,
-        ci_low=0.978, ci_high=1.0, on_frontier=True, chosen=True,
-        latency_ms_mean=1234.5,
-    )  # fmt: skip
+    row = {
+        "system": "hapticnet_w0.5_sequential", "parameters": 123_456_789, "fit_seconds": 12_345.6,
+        "vote_accuracy": 1.0, "ci_low": 0.978, "ci_high": 1.0, "on_frontier": True, "chosen": True,
+        "latency_ms_mean": 1234.5,
+    }  # fmt: skip
     procedure = {"vote_accuracy": 0.5}
-    frontier_chart.print_frontier([point], procedure, tmp_path, "python -m tex_lightning")
+    frontier_chart.print_frontier([row], procedure, tmp_path, "python -m tex_lightning")
     text = table.console.file.getvalue()
     assert "hapticnet_w0.5_sequential" in text
     assert "97.8-100.0" in text

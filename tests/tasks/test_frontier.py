@@ -21,7 +21,7 @@ from tex_lightning.errors import UserError
 from tex_lightning.evaluation.comparison import one_standard_error, partner
 from tex_lightning.evaluation.outcomes import Outcome
 from tex_lightning.studies import family
-from tex_lightning.studies.family import Latency, compose_family
+from tex_lightning.studies.family import compose_family
 from tex_lightning.tasks import frontier
 
 CONTRACT = (
@@ -102,7 +102,7 @@ def test_a_finished_family_is_not_trained_again_and_no_vote_measures_its_own_cho
     def time(systems, rounds) -> None:
         for system in systems:
             ms = 1.0 + names.index(system.name)
-            system.latency = Latency(ms, ms, ms)
+            system.latency = dict.fromkeys(("mean", "median", "p95"), ms)
 
     monkeypatch.setattr(frontier, "measure_latencies", time)
     only = f"frontier.only=[{','.join(names)}]"
@@ -136,7 +136,7 @@ def test_on_votes_of_noise_the_expected_accuracy_is_chance():
                 str(number), [], config, {"parameters": 1, "macs_per_sample": 1}, 1.0,
                 tests={fold: noise(rng, fold) for fold in range(6)},
                 partners={fold: noise(rng, partner(fold, 6)) for fold in range(6)},
-                latency=Latency(number, number, number),
+                latency={"mean": number},
             )
             for number in range(8)
         ]  # fmt: skip

@@ -210,10 +210,6 @@ class StabilityConfig:
         "dotted path of each function",
         factory=list,
     )
-    bound: float = key(
-        "a system breaks where it keeps less than this share of its clean vote accuracy",
-        above=0, most=1,
-    )  # fmt: skip
 
 
 @dataclass

@@ -38,19 +38,12 @@ Array = npt.NDArray[np.float64]
 
 
 def calibration(outcomes: Sequence[Outcome]) -> dict[str, float]:
-    """Scores of the probabilities of test samples, pooled; lower is better.
-
-    Returns:
-        ``ece``, the expected calibration error of the confidence in 15 bins of equal width;
-        ``augrc``, the area under the generalised risk-coverage curve (Traub et al., NeurIPS 2024):
-        the mean share of all samples that is accepted and wrong, 0 to 0.5.
-    """
+    """Return ``ece``, the expected calibration error of the confidence in 15 equal bins."""
     confidence, correct = confidences(outcomes), correct_votes(outcomes)
     error = binary_calibration_error(
         torch.from_numpy(confidence), torch.from_numpy(correct).int(), n_bins=BINS
     )
-    coverage, wrong = risk_coverage(confidence, correct)
-    return {"ece": float(error), "augrc": float(np.trapezoid(wrong, coverage))}
+    return {"ece": float(error)}
 
 
 def confidences(outcomes: Sequence[Outcome]) -> Array:
@@ -66,18 +59,6 @@ def confidences(outcomes: Sequence[Outcome]) -> Array:
 def correct_votes(outcomes: Sequence[Outcome]) -> npt.NDArray[np.bool_]:
     """Whether each vote is correct."""
     return np.array([outcome.label == outcome.predicted for outcome in outcomes])
-
-
-def risk_coverage(confidence: Array, correct: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Coverage, and the share of all samples that is accepted and wrong, at every threshold.
-
-    Samples of the same confidence are accepted together. Both begin with 0.
-    """
-    order = np.argsort(-confidence, kind="stable")
-    last = np.append(np.diff(confidence[order]) != 0, True)  # of its confidence
-    accepted = np.arange(1, len(order) + 1)[last] / len(order)
-    wrong = np.cumsum(~correct[order])[last] / len(order)
-    return np.insert(accepted, 0, 0.0), np.insert(wrong, 0, 0.0)
 
 
 def selective(outcomes: Sequence[Outcome], reject_below: float) -> dict[str, float | None]:

@@ -40,7 +40,6 @@ class Outcome:
         relative_macs: Arithmetic done, as a share of what all fragments take.
         probabilities: Mean class probabilities of the fragments, as JSON.
         novelty: How unlike the training the sample is, from 0; NaN if not known.
-        rates: Sampling rates in Hz of the files of signals by modality, as JSON.
         group: Group of its recordings; several of different groups in one string.
         fold: Fold that was tested; empty where all recordings or some conditions were.
     """
@@ -56,15 +55,8 @@ class Outcome:
     relative_macs: float = 1.0
     probabilities: str = "{}"
     novelty: float = math.nan
-    rates: str = "{}"
     group: str = ""
     fold: str = ""
-
-    @property
-    def file_rates(self) -> dict[str, float]:
-        """Sampling rates in Hz of the files of signals, by modality."""
-        rates: dict[str, float] = json.loads(self.rates)
-        return rates
 
     @property
     def class_probabilities(self) -> dict[str, float]:
@@ -96,24 +88,13 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     }
 
 
-def worst_first(outcomes: Sequence[Outcome]) -> list[int]:
-    """Put the wrong ones first, the surest of them foremost, then the right ones, the least sure.
-
-    Sure is the margin by which the true class is more probable than the most probable other one,
-    or less; of equal margins, as where there are no probabilities, the share of the fragments.
-
-    Returns:
-        Indices of all outcomes.
-    """
-
-    def key(index: int) -> tuple[bool, float, float]:
-        each = outcomes[index]
-        right, known = each.label == each.predicted, each.class_probabilities
-        others = [value for name, value in known.items() if name != each.label]
-        margin = known.get(each.label, 0.0) - max(others, default=0.0)
-        return right, margin, each.share if right else -each.share
-
-    return sorted(range(len(outcomes)), key=key)
+def worst_samples(outcomes: Sequence[Outcome], count: int) -> list[int]:
+    """Return indices of the most confident wrong samples, or of the least confident if none is."""
+    confidence = [each.class_probabilities.get(each.predicted, each.share) for each in outcomes]
+    wrong = [row for row, each in enumerate(outcomes) if each.label != each.predicted]
+    if wrong:
+        return sorted(wrong, key=lambda row: -confidence[row])[:count]
+    return sorted(range(len(outcomes)), key=confidence.__getitem__)[: min(count, 1)]
 
 
 def optimized_value(results: dict[str, Any], metric: str | None) -> float:

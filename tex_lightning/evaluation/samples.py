@@ -67,7 +67,6 @@ def run_test(
                 relative_macs=vote.relative_macs,
                 probabilities=to_json(dict(zip(classes, vote.probabilities.tolist(), strict=True))),
                 novelty=math.nan if vote.novelty is None else vote.novelty,
-                rates=_rates(sample, store),
                 group=" ".join({str(row.group): None for row in sample.recordings.values()}),
                 fold="" if fold is None else str(fold),
             )
@@ -78,8 +77,3 @@ def run_test(
 def _votes(vote: Vote, classes: list[str]) -> str:
     counts = vote.fragments.bincount(minlength=len(classes)).tolist()
     return to_json({name: n for name, n in zip(classes, counts, strict=True) if n})
-
-
-def _rates(sample: Sample, store: Store) -> str:
-    signals = {name: row for name, row in sample.recordings.items() if store.is_signal(row)}
-    return to_json({name: store.rate(row).hz for name, row in signals.items()})

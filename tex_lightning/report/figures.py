@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from tex_lightning.core.files import write_atomically
-from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes, risk_coverage
+from tex_lightning.evaluation.calibration import BINS, confidences, correct_votes
 from tex_lightning.evaluation.outcomes import Counts, Outcome
-from tex_lightning.report.style import GUIDE, brief, colour_of, styled
+from tex_lightning.report.style import GUIDE, brief, styled
 from tex_lightning.text import printable
 
 MAX_NAMED = 30  # classes up to which counts are written in
@@ -106,22 +106,18 @@ def confusion_figure(counts: Counts, classes: list[str], title: str) -> Figure:
 
 @styled
 def calibration_figure(outcomes: Sequence[Outcome], name: str) -> Figure:
-    """Draw reliability in 15 bins, and error against coverage, of the network of this name."""
+    """Draw the reliability of a network's probabilities in 15 bins."""
     confidence, correct = confidences(outcomes), correct_votes(outcomes)
-    figure = Figure(figsize=(7, 3.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(3.5, 3.2), layout="constrained")
+    axes = figure.subplots()
     edges = np.linspace(0, 1, BINS + 1)
     bins = np.clip(np.digitize(confidence, edges[1:-1], right=True), 0, BINS - 1)
     used = np.unique(bins)
     shares = [correct[bins == n].mean() for n in used]
-    left.plot([0, 1], [0, 1], color=GUIDE, linestyle="--")
-    centres = (edges[used] + edges[used + 1]) / 2
-    left.bar(centres, shares, width=1 / BINS, color=colour_of(name), edgecolor="white")
-    left.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="correct votes")
-    coverage, wrong = risk_coverage(confidence, correct)
-    right.plot(coverage, wrong, drawstyle="steps-post", color=colour_of(name))
-    right.set(xlim=(0, 1), ylim=(0, None), xlabel="samples with a label", ylabel="wrong, of all")
-    for axis in (left.xaxis, left.yaxis, right.xaxis, right.yaxis):
+    axes.plot([0, 1], [0, 1], color=GUIDE, linestyle="--")
+    axes.bar((edges[used] + edges[used + 1]) / 2, shares, width=1 / BINS, edgecolor="white")
+    axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="probability of the label", ylabel="correct votes")
+    for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(PercentFormatter(1))
-    figure.suptitle(f"{name}: {len(outcomes)} test samples")
+    axes.set_title(f"{name}: {len(outcomes)} test samples")
     return figure

@@ -1,19 +1,16 @@
 """``report.html`` and ``report.md``: one context of a run folder, rendered twice."""
 
-import math
-from collections import defaultdict
-from collections.abc import Sequence
+import base64
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from tex_lightning.core.files import read_rows, write_text
 from tex_lightning.report.document import comparison_tables, read_systems
-from tex_lightning.report.page_media import embedded, shown_samples
-from tex_lightning.report.style import colour_of
 from tex_lightning.report.table import (
     TINY,
     Table,
+    condition_rows,
     facts,
     is_tiny,
     read_or_empty,
@@ -24,20 +21,13 @@ from tex_lightning.report.table import (
 from tex_lightning.text import render
 
 TEMPLATES = Path(__file__).parent
-METRICS = {
-    "train/loss": "training loss",
-    "train/fragment_accuracy": "fragment accuracy in training",
-    "val/loss": "validation loss",
-    "val/vote_accuracy": "validation votes",
-}
-FILES = ("frontier.csv", "breaking_points.csv", "conditions.csv", "sweep.csv")
+FILES = ("frontier.csv", "sweep.csv")
 MOST_LINES = 200  # of a file that are shown
 NOTES = """\
 Votes are decisions on whole samples, fragments those at single positions. Intervals are Wilson's.
 p is the exact McNemar test of the row against the best one on the same samples, with the samples
 that only the best row and only this row had right. Milliseconds run from decoded recordings to the
 label on this machine; fit s is the time of training of all folds of a row."""
-Curve = dict[str, Any]
 
 
 def write_report(
@@ -45,8 +35,8 @@ def write_report(
 ) -> None:
     """Write ``report.html``, and ``report.md`` for a sweep or a cross-validation.
 
-    Everything is inside of the page: pictures, and the recordings of the worst samples, small.
-    Nothing is fetched, and what comes out of files is text, never markup.
+    All figures are inside the page. Nothing is fetched, and what comes out of files is text, never
+    markup.
 
     Args:
         directory: A run folder, or that of a sweep.
@@ -64,26 +54,33 @@ def write_report(
         "tiny": TINY if tiny else "",
         "command": command or rerun_command(directory),
         "notes": NOTES if systems else "",
-        "tables": comparison_tables(systems),
+        "tables": comparison_tables(systems) if compares else _by_condition(results),
         "figures": sorted([*directory.glob("*.png"), *directory.glob("figures/*.png")]),
         "embedded": embedded,
         "directory": directory,
     }
     if systems:
         write_text(directory / "report.md", render(TEMPLATES / "report.md.jinja", context))
-    networks = facts(results)
     further = {
-        "networks": networks,
-        "colours": {name: colour_of(name) for name in networks},
-        "curves": read_curves(directory),
+        "networks": facts(results),
         "files": [_file_table(directory / name) for name in FILES if (directory / name).is_file()],
-        "samples": shown_samples(directory, list(networks)),
         "settings": run_settings(directory),
         "environment": results.get("environment", {}),
         "seconds": results.get("wall_seconds"),
     }
     page = render(TEMPLATES / "page.html", {**context, **further})
     write_text(directory / "report.html", page)
+
+
+def _by_condition(results: Mapping[str, Any]) -> list[Table]:
+    """Return the table of votes by condition, if there are any."""
+    rows = condition_rows(results.get("networks", {}))
+    return [Table("By condition", rows)] if rows else []
+
+
+def embedded(path: Path) -> str:
+    """Return a PNG as a data URI."""
+    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def _file_table(path: Path) -> Table:
@@ -103,38 +100,3 @@ def _short(cell: str) -> str:
     except ValueError:
         return cell
     return cell if number == int(number) else f"{number:.4g}"
-
-
-def read_curves(directory: Path) -> list[Curve]:
-    """The metrics of a run by epoch, means over steps; of a cross-validation its first fold's.
-
-    Returns:
-        Network, metric, values, and the corners of a line in a box of 560 by 150.
-    """
-    own = sorted(directory.glob("metrics/*/metrics.csv"))
-    folds = sorted(directory.glob("folds/*/metrics/*/metrics.csv"))
-    curves: list[Curve] = []
-    for path in own or [each for each in folds if each.parts[-4] == folds[0].parts[-4]]:
-        values: dict[str, dict[int, list[float]]] = defaultdict(lambda: defaultdict(list))
-        for line in read_rows(path):
-            for key in METRICS:
-                if line.get(key) and line.get("epoch"):
-                    values[key][int(line["epoch"])].append(float(line[key]))
-        for key, epochs in values.items():
-            means = [fmean(epochs[epoch]) for epoch in sorted(epochs)]
-            if len(means) > 1:
-                curve = {"network": path.parent.name, "metric": METRICS[key], "values": means}
-                curves.append({**curve, "points": _corners(means)})
-    return curves
-
-
-def _corners(values: Sequence[float], width: int = 560, height: int = 150) -> str:
-    """Points of a polyline; a value that is not finite has none."""
-    finite = [value for value in values if math.isfinite(value)]
-    low = min(finite, default=0.0)
-    span = (max(finite, default=1.0) - low) or 1
-    return " ".join(
-        f"{index / (len(values) - 1) * width:.1f},{height - (value - low) / span * height:.1f}"
-        for index, value in enumerate(values)
-        if math.isfinite(value)
-    )

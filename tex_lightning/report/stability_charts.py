@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from tex_lightning.core.files import write_rows
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.report.figures import draw_shares, make_grid
 from tex_lightning.report.style import brief, looks, styled
@@ -41,50 +40,12 @@ class StabilityRow(NamedTuple):
     flip_rate: float
 
 
-class BreakRow(NamedTuple):
-    """One line of ``breaking_points.csv``; what never broke has ``reached`` false and no value.
-
-    Attributes:
-        system: Name of the system.
-        modality: What is perturbed.
-        perturbation: Name of the perturbation.
-        unit: Unit of its values.
-        clean_accuracy: Vote accuracy without it.
-        least_accuracy: Vote accuracy that the system has to keep.
-        reached: Whether it falls below that, ``true`` or ``false``.
-        severity: The mildest severity found at which it does.
-        value: The same in the unit.
-        vote_accuracy: Vote accuracy there.
-    """
-
-    system: str
-    modality: str
-    perturbation: str
-    unit: str
-    clean_accuracy: float
-    least_accuracy: float
-    reached: str = "false"
-    severity: float | str = ""
-    value: float | str = ""
-    vote_accuracy: float | str = ""
-
-
 CHARTS_IN_ROW = 5  # of small charts
 
 
-def write_trials(trials: Sequence[StabilityRow], directory: Path) -> None:
-    """Write ``stability.csv``."""
-    write_rows(directory / "stability.csv", StabilityRow._fields, trials)
-
-
-def write_breaks(breaks: Sequence[BreakRow], directory: Path) -> None:
-    """Write ``breaking_points.csv``."""
-    write_rows(directory / "breaking_points.csv", BreakRow._fields, breaks)
-
-
 def print_stability(results: dict[str, Any], directory: Path) -> None:
-    """Print clean and mean error of each system, and where it breaks."""
-    figures = ["clean votes", "mean error", "flips", "breaks"]
+    """Print clean accuracy, mean error and flip rate of each system."""
+    figures = ["clean votes", "mean error", "flips"]
     table = make_table(f"stability · {results['data']}", ["system"], figures)
     for name, entry in results["systems"].items():
         if "clean" not in entry:
@@ -95,7 +56,6 @@ def print_stability(results: dict[str, Any], directory: Path) -> None:
             counted(entry["clean"]),
             f"{entry['mean_error']:.1%}",
             f"{entry['mean_flip_rate']:.1%}",
-            f"{entry['breaks']} of {entry['perturbations']}",
         )
     print_tables(directory, table)
 

@@ -1,20 +1,20 @@
-"""The style of all figures, and a colour for each system, the same in every chart.
+"""The style of all figures, and a look for each system of a chart.
 
-The colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/). Their yellow cannot be
-seen on white, and their black is kept for what is no system: two of Tol's take their place.
+The colours are those of Okabe and Ito (https://jfly.uni-koeln.de/color/), but for yellow, which
+cannot be seen on white, and black, which no system has: two of Tol's replace them.
 """
 
 from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec, TypeVar
-from zlib import crc32
 
 from matplotlib import rc_context
 
 from tex_lightning.text import printable
 
-FAMILIES = {"haptic": "#0072b2", "visual": "#009e73", "sound": "#56b4e9", "fusion": "#cc79a7"}
-OTHERS = ("#e69f00", "#d55e00", "#332288", "#661100")
+COLOURS = (
+    "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#d55e00", "#56b4e9", "#332288", "#661100",
+)  # fmt: skip
 MARKERS = "osD^vPX<"
 GUIDE = "#999999"  # of lines that belong to no system
 STYLE: Any = {
@@ -58,29 +58,11 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
-    """Colours and markers of the systems of one chart, by name, in the order given.
-
-    Colours are those of :func:`colour_of`; systems of one colour have different markers, up to
-    eight of them.
-    """
-    colours = {name: colour_of(name) for name in names}
-    found = {}
-    for name, colour in colours.items():
-        alike = sorted(other for other in colours if colours[other] == colour)
-        found[name] = Look(colour, MARKERS[alike.index(name) % len(MARKERS)])
-    return found
-
-
-def colour_of(name: str) -> str:
-    """The colour of a system in every chart.
-
-    HapticNet, VisualNet, the sound network and FusionNet have a colour each, which their variants
-    (``haptic_bands``, ``fusion (RUN)``, ``haptic+visual``) share. Any other name takes one of four
-    others.
-    """
-    word = name.lower().partition(" ")[0]
-    family = "fusion" if "+" in word else word.partition("_")[0].removesuffix("net")
-    return FAMILIES.get(family) or OTHERS[crc32(name.encode()) % len(OTHERS)]
+    """Return a colour and a marker for each system of one chart, by name, in order."""
+    return {
+        name: Look(COLOURS[row % len(COLOURS)], MARKERS[row // len(COLOURS) % len(MARKERS)])
+        for row, name in enumerate(dict.fromkeys(names))
+    }
 
 
 def brief(name: str, longest: int = MAX_NAME) -> str:

@@ -10,19 +10,14 @@ from rich import box
 from rich.table import Table as Screened
 
 from tex_lightning.core.console import DEBUG, Screen, console
-from tex_lightning.core.files import read_record, write_rows
+from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
 from tex_lightning.data.folds import in_order
 from tex_lightning.evaluation.conditions import KEY
 
 PAPER = Path(__file__).with_name("paper.yaml")
 TINY = "debug=tiny shrank every budget of this run: its figures mean nothing."
-CONDITIONS_FILE = "conditions.csv"
-CONDITIONS_COLUMNS = (
-    "condition", "value", "network", "correct", "test_samples", "vote_accuracy", "ci_low",
-    "ci_high",
-)  # fmt: skip
-MAX_LISTED = 12  # values of a condition that a table lists; the file has all
+MAX_LISTED = 12  # values of a condition that a table lists; results.json has all
 
 Network = Mapping[str, Any]  # an entry of results.json
 Row = Mapping[str, str]
@@ -125,43 +120,23 @@ def print_results(results: dict[str, Any], directory: Path) -> None:
     print_tables(directory, *tables)
 
 
-def _condition_votes(networks: Mapping[str, Network]) -> dict[tuple[str, str], dict[str, Network]]:
-    """Return votes by condition and value, and there by network."""
-    votes: dict[tuple[str, str], dict[str, Network]] = {}
-    for network, entry in networks.items():
-        for name, values in entry.get(KEY, {}).items():
-            for value, counts in values.items():
-                votes.setdefault((name, value), {})[network] = counts
-    names = [name for name, _ in votes]
-    ordered = sorted(votes, key=lambda pair: (names.index(pair[0]), in_order(pair[1])))
-    return {pair: votes[pair] for pair in ordered}
-
-
-def write_conditions(networks: Mapping[str, Network], directory: Path) -> None:
-    """Write ``conditions.csv``; nothing without conditions."""
-    lines = [
-        (*place, network, counts["correct"], counts["test_samples"], counts["vote_accuracy"],
-         *counts["vote_ci95"])
-        for place, votes in _condition_votes(networks).items()
-        for network, counts in votes.items()
-    ]  # fmt: skip
-    if lines:
-        write_rows(directory / CONDITIONS_FILE, CONDITIONS_COLUMNS, lines)
-
-
 def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
     """Return votes of each network by condition and value.
 
-    A condition of a single value has no row, and one of very many is left to the file.
+    A condition of a single value has no row, and one of very many is left to ``results.json``.
     """
-    votes = _condition_votes(networks)
-    names = [name for name, _ in votes]
-    return [
-        {"condition": name, "value": value}
-        | {network: counted(each[network]) if network in each else "" for network in networks}
-        for (name, value), each in votes.items()
-        if 1 < names.count(name) <= MAX_LISTED
-    ]
+    values: dict[str, dict[str, None]] = {}
+    for entry in networks.values():
+        for name, counts in entry.get(KEY, {}).items():
+            values.setdefault(name, {}).update(dict.fromkeys(counts))
+    rows = []
+    for name, known in values.items():
+        for value in sorted(known, key=in_order) if 1 < len(known) <= MAX_LISTED else ():
+            votes = {network: entry.get(KEY, {}).get(name, {}).get(value)
+                     for network, entry in networks.items()}  # fmt: skip
+            cells = {network: counted(each) if each else "" for network, each in votes.items()}
+            rows.append({"condition": name, "value": value, **cells})
+    return rows
 
 
 def make_table(title: str, names: Sequence[str], figures: Sequence[str]) -> Screened:

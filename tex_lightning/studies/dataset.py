@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
 
 from rich.table import Table
 from rich.text import Text
@@ -15,8 +16,9 @@ from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read
 from tex_lightning.config import Config
 from tex_lightning.core.console import QUIET, Screen, console
 from tex_lightning.core.progress import track
+from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.data.folds import Sample, Split, check_split, make_samples, split, tested_part
-from tex_lightning.data.quality import training_ranges
+from tex_lightning.data.quality import MEASURES, training_ranges
 from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recordings, plural
 from tex_lightning.data.store import Store, Unusable, cache_root, list_files
@@ -26,10 +28,11 @@ from tex_lightning.learning.start import start_trunk, starting_classifier
 from tex_lightning.learning.trainer import try_parts_of_training
 from tex_lightning.learning.trial import try_branch
 from tex_lightning.networks.blocks import is_builtin
-from tex_lightning.report.durations import mixed_rates, spread, unlike_the_others
 from tex_lightning.senses.base import Sense
 from tex_lightning.studies.leaks import refuse_leak, trained_on
 from tex_lightning.text import printable_lines
+
+FACTOR = 2  # by which a duration differs from the median where its rate may be wrong
 
 log = logging.getLogger(__name__)
 
@@ -227,9 +230,7 @@ def show_opening(config: Config, dataset: Dataset, what: str, *, trains: bool = 
         files = list_files(dataset.skipped)
         warnings.append("\n".join([f"Going on without {len(dataset.skipped)} files:", *files]))
     for modality in modalities:
-        found = rows.of(modality)
-        odd = unlike_the_others(found, dataset.store), mixed_rates(found, dataset.store)
-        warnings += filter(None, odd)
+        warnings += rate_warnings(rows.of(modality), dataset.store)
     for text in warnings:
         log.warning("%s", text)
     if Screen.verbose == QUIET:
@@ -246,11 +247,47 @@ def show_opening(config: Config, dataset: Dataset, what: str, *, trains: bool = 
         own, title = rows.of(modality), plural(modality).partition(" ")[0].capitalize()
         decoder, counts = dataset.store.decoders[modality], Counter(row.label for row in own)
         sizes = [dataset.store.extent(row) for row in own]
-        size = spread(sizes, decoder.unit, decoder.precision)
-        each = spread([*counts.values()], "", "d")
+        size = _spread(sizes, decoder.unit, decoder.precision)
+        each = _spread([*counts.values()], "", "d")
         add(title, f"{len(own)}; {size}; {each} of a class")
     add("Trains" if trains else "Tests", what)
     console.print(block)
+
+
+def _spread(values: Sequence[float], unit: str, form: str) -> str:
+    """Return the smallest and the largest value in a format, once if they read alike."""
+    low, high = format(min(values), form), format(max(values), form)
+    return f"{low if low == high else f'{low} to {high}'} {unit}".rstrip()
+
+
+def rate_warnings(signals: Recordings, store: Store) -> list[str]:
+    """Warn of signals of a much lower rate than others, and of assumed rates that seem wrong."""
+    modality = signals.rows[0].modality
+    decoder, kind, warnings = store.decoders[modality], plural(modality), []
+    if not isinstance(decoder, SignalDecoder):
+        return []
+    rates = {row: store.rate(row) for row in signals}
+    highest = min(max(rate.hz for rate in rates.values()), decoder.sampling_rate)
+    low = [row for row, rate in rates.items() if rate.hz * MEASURES["rate"][0] < highest]
+    if low:
+        slowest = min(low, key=lambda row: rates[row].hz)
+        hz = rates[slowest].hz
+        warnings.append(
+            f"{len(low)} of {len(rates)} {kind} have a lower rate than the {highest:,.6g} Hz of "
+            f"others, {hz:,.6g} Hz in {slowest.path.name}, and nothing above half of it: record "
+            f"all at one rate, or set data.sampling_rate={hz:g}."
+        )
+    seconds = {row: store.extent(row) for row in rates}
+    middle = median(seconds.values())
+    odd = [row for row in rates if not middle / FACTOR < seconds[row] < FACTOR * middle]
+    if odd := [row for row in odd if rates[row].source == "assumed"]:
+        warnings.append(
+            f"Is {rates[odd[0]].hz:,.6g} Hz the rate of all files that name none? At this assumed "
+            f"rate {len(odd)} {kind} last much longer or shorter than the median of {middle:.3g} s,"
+            f" {odd[0].path} {seconds[odd[0]]:.3g} s for one. If not, correct data.file_rate, or "
+            "give these files their rate (a column of the manifest)."
+        )
+    return warnings
 
 
 def check_networks(config: Config) -> list[Sense]:

@@ -1,14 +1,16 @@
 """Test a checkpoint: its outcomes, its entry of ``results.json`` and its figures."""
 
+import glob
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from tex_lightning.classifier.classifier import Trained
+from tex_lightning.classifier.classifier import SurfaceClassifier, Trained
 from tex_lightning.config import Config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.data.folds import Sample
+from tex_lightning.data.quality import Quality
 from tex_lightning.data.store import Store, Unusable, load_sample, skipped_entry
 from tex_lightning.evaluation.calibration import calibration, selective
 from tex_lightning.evaluation.conditions import by_condition
@@ -18,13 +20,18 @@ from tex_lightning.evaluation.outcomes import (
     environment,
     summarise,
     vote_counts,
+    worst_samples,
     write_outcomes,
 )
 from tex_lightning.evaluation.samples import run_test
 from tex_lightning.inference.early_stopping import make_inference_model
-from tex_lightning.inference.engine import count_macs
-from tex_lightning.inference.prediction import warn_of_few
+from tex_lightning.inference.engine import accelerate, count_macs
+from tex_lightning.inference.evidence import classify_with_maps
+from tex_lightning.inference.prediction import describe, warn_of_few
+from tex_lightning.report.explanation import Explanation
 from tex_lightning.report.figures import calibration_figure, confusion_figure, save_figure
+
+CANDIDATES = 3  # classes whose votes are shown in the map of a sample
 
 
 def results_frame(
@@ -120,3 +127,33 @@ def draw_figures(
     }
     for title, figure in figures.items():
         save_figure(figure, directory / "figures" / f"{name}_{title}")
+
+
+def draw_worst(
+    classifier: SurfaceClassifier,
+    samples: Sequence[Sample],
+    outcomes: Sequence[Outcome],
+    store: Store,
+    config: Config,
+    directory: Path,
+) -> None:
+    """Draw the worst samples by the full decision, in place of what an earlier run drew.
+
+    A baseline has no such pictures.
+    """
+    name = classifier.card.kind
+    for older in (directory / "figures").glob(f"{glob.escape(name)}_why_*"):
+        older.unlink()
+    worst = worst_samples(outcomes, config.explained_samples)
+    if classifier.card.baseline or not worst:
+        return
+    fast = accelerate(classifier, config.engine)
+    fast.card = fast.card.deciding(config.decision)
+    for number, row in enumerate(worst, start=1):
+        sample = samples[row]
+        files = ", ".join(Path(each.source).name for each in sample.recordings.values())
+        vote, senses = classify_with_maps(fast, load_sample(sample, store))
+        prediction = describe(vote, fast.card, Quality(), CANDIDATES, 0.0, ())
+        explanation = Explanation.of(prediction, fast.card.classes, vote.label, senses)
+        figure = explanation.figure(f"{name}: test sample of {sample.label} ({files})")
+        save_figure(figure, directory / "figures" / f"{name}_why_{number}")

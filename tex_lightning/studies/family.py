@@ -9,7 +9,7 @@ from itertools import combinations
 from math import ceil
 from pathlib import Path
 from statistics import fmean, median
-from typing import Any, NamedTuple
+from typing import Any
 
 from torch import Tensor
 
@@ -48,20 +48,6 @@ Pair = tuple[int, int]  # folds that networks are trained without
 log = logging.getLogger(__name__)
 
 
-class Latency(NamedTuple):
-    """Time of one sample in ms.
-
-    Attributes:
-        mean: Over the samples: that of a sequential decision is short for some and long for others.
-        median: Median of all calls.
-        p95: Their 95th percentile.
-    """
-
-    mean: float
-    median: float
-    p95: float
-
-
 @dataclass
 class System:
     """One system of the family, and the results of training and testing it.
@@ -75,7 +61,8 @@ class System:
         tests: Outcomes by tested fold.
         partners: Of each tested fold the outcomes of the same networks on its partner, see
             :func:`~tex_lightning.evaluation.comparison.partner`.
-        latency: Time of one sample.
+        latency: ``median`` and ``p95`` of all timed calls in ms, and ``mean``, over the samples, of
+            the median of each: a sequential decision is short for some and long for others.
     """
 
     name: str
@@ -85,7 +72,12 @@ class System:
     fit_seconds: float = 0.0
     tests: dict[int, list[Outcome]] = field(default_factory=dict)
     partners: dict[int, list[Outcome]] = field(default_factory=dict)
-    latency: Latency = field(default=Latency(0, 0, 0))
+    latency: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def cost(self) -> float:
+        """Mean time of one sample in ms."""
+        return self.latency["mean"]
 
     @property
     def outcomes(self) -> list[Outcome]:
@@ -288,7 +280,7 @@ def measure_latencies(systems: Sequence[System], rounds: int) -> None:
         timing, count = timings[system.name], counts[system.name]
         per_sample = [timing.calls[sample::count] for sample in range(count)]
         mean = fmean(median(times) for times in per_sample if times)
-        system.latency = Latency(mean, timing.median, timing.p95)
+        system.latency = {"mean": mean, "median": timing.median, "p95": timing.p95}
 
 
 def _timed_samples(system: System, classifier: SurfaceClassifier) -> list[dict[str, Tensor]]:

@@ -36,8 +36,12 @@ from tex_lightning.studies.dataset import (
     open_dataset,
     show_opening,
 )
-from tex_lightning.studies.evaluate_checkpoint import draw_figures, report_network, results_frame
-from tex_lightning.studies.sample_maps import draw_worst
+from tex_lightning.studies.evaluate_checkpoint import (
+    draw_figures,
+    draw_worst,
+    report_network,
+    results_frame,
+)
 
 log = logging.getLogger(__name__)
 

@@ -20,10 +20,9 @@ from tex_lightning.data.store import Store, Unusable, fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.perturbations.pixels import Array, Scene
-from tex_lightning.perturbations.table import BOTH, FEWER, MISSING, SEVERITIES, Perturbation
-from tex_lightning.report.stability_charts import BreakRow, StabilityRow
+from tex_lightning.perturbations.table import BOTH, FEWER, MISSING, Perturbation
+from tex_lightning.report.stability_charts import StabilityRow
 
-BISECTIONS = 3  # of the interval between two severities: a breaking point is found to 1/8 of one
 Labels = list[int | None]  # class index of each sample; None where the classifier refuses it
 
 
@@ -233,32 +232,3 @@ def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: flo
         system.name, perturbation.modality, perturbation.name, severity, count, correct / count,
         low, high, flips / count,
     )  # fmt: skip
-
-
-def breaking_point(system: PerturbedSystem, perturbation: Perturbation, bound: float) -> BreakRow:
-    """Find the mildest severity below the bound.
-
-    The first whole severity below it is found, and the interval before that bisected; an accuracy
-    that recovers later does not count.
-
-    Args:
-        system: One that meets the perturbation.
-        perturbation: The perturbation.
-        bound: Share of the clean vote accuracy that has to be kept.
-    """
-    clean = run_trial(system, perturbation, 0).vote_accuracy
-    least = bound * clean
-    head = (system.name, perturbation.modality, perturbation.name, perturbation.unit)
-    trials = (run_trial(system, perturbation, severity) for severity in SEVERITIES)
-    below = next((trial for trial in trials if trial.vote_accuracy < least), None)
-    if below is None:
-        return BreakRow(*head, clean, least)
-    kept = below.severity - 1
-    for _ in range(BISECTIONS):
-        middle = run_trial(system, perturbation, (kept + below.severity) / 2)
-        if middle.vote_accuracy < least:
-            below = middle
-        else:
-            kept = middle.severity
-    value = perturbation.value(below.severity)
-    return BreakRow(*head, clean, least, "true", below.severity, value, below.vote_accuracy)

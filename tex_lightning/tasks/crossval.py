@@ -18,7 +18,7 @@ from tex_lightning.evaluation.conditions import pool_conditions
 from tex_lightning.evaluation.novelty import pool_unknown
 from tex_lightning.evaluation.outcomes import read_outcomes, write_outcomes, write_results
 from tex_lightning.learning.loggers import log_test
-from tex_lightning.report.table import print_results, write_conditions
+from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import Dataset
 from tex_lightning.studies.evaluate_checkpoint import draw_figures, pooled_metrics
 from tex_lightning.studies.fold import chosen_folds, fit_fold, open_announced, training_results
@@ -44,7 +44,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     networks = {name: _pool(dataset, job.directory, folds, name) for name in names}
     seconds = sum(results["wall_seconds"] for results in folds.values())
     results = training_results(dataset, networks, seconds)
-    write_conditions(networks, job.directory)
     write_results(job.directory / "results.json", results)
     print_results(results, job.directory)
     return results

@@ -12,10 +12,14 @@ from tex_lightning.data.folds import make_samples
 from tex_lightning.evaluation.outcomes import write_results
 from tex_lightning.inference.prediction import check_unknown
 from tex_lightning.learning.loggers import log_test
-from tex_lightning.report.table import print_results, write_conditions
+from tex_lightning.report.table import print_results
 from tex_lightning.studies.dataset import open_test_data, show_opening
-from tex_lightning.studies.evaluate_checkpoint import draw_figures, report_network, results_frame
-from tex_lightning.studies.sample_maps import draw_worst
+from tex_lightning.studies.evaluate_checkpoint import (
+    draw_figures,
+    draw_worst,
+    report_network,
+    results_frame,
+)
 
 
 def run(config: Config, job: Job) -> dict[str, Any]:
@@ -42,7 +46,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     log_test(config.logger, directory, card.kind, tested_on, network)
     networks, seconds = {card.kind: network}, time.perf_counter() - begin
     results = results_frame(config, card.kind, card.classes, dataset.skipped, networks, seconds)
-    write_conditions(networks, directory)
     write_results(directory / "results.json", results)
     print_results(results, directory)
     return results

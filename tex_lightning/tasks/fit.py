@@ -9,7 +9,7 @@ from tex_lightning.config.composition import Job
 from tex_lightning.core.files import read_record
 from tex_lightning.core.ranks import is_rank_zero
 from tex_lightning.evaluation.outcomes import write_results
-from tex_lightning.report.table import print_results, write_conditions
+from tex_lightning.report.table import print_results
 from tex_lightning.studies.fold import fit_fold, open_announced, training_results
 
 log = logging.getLogger(__name__)
@@ -29,7 +29,6 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     if not is_rank_zero():
         return {}
     results = training_results(dataset, networks, time.perf_counter() - begin)
-    write_conditions(results["networks"], directory)
     write_results(done, results)
     print_results(results, directory)
     return results

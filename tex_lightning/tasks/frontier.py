@@ -7,7 +7,6 @@ all votes; how well such a choice does is measured on each fold by the choice on
 import shlex
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from statistics import fmean
 from typing import Any
 
@@ -15,6 +14,7 @@ from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.config.search import repeated_arguments
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import write_rows
 from tex_lightning.evaluation.comparison import (
     Candidate,
     correct_shares,
@@ -24,10 +24,8 @@ from tex_lightning.evaluation.comparison import (
 from tex_lightning.evaluation.outcomes import Outcome, environment, summarise, write_results
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.frontier_chart import (
-    Point,
     frontier_figure,
     print_frontier,
-    write_frontier,
 )
 from tex_lightning.studies.family import (
     System,
@@ -54,9 +52,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     measure_latencies(systems, config.frontier.rounds)
     name = one_standard_error(_candidates(systems, [system.tests for system in systems])).name
     chosen = next(system for system in systems if system.name == name)
-    points, procedure = _points(systems, chosen), _measure_choice(systems)
-    write_frontier(points, directory / "frontier.csv")
-    save_figure(frontier_figure(points), directory / "frontier")
+    rows, procedure = _rows(systems, chosen), _measure_choice(systems)
+    write_rows(directory / "frontier.csv", rows[0], (row.values() for row in rows))
+    save_figure(frontier_figure(rows), directory / "frontier")
     results = {
         "task": config.task,
         "data": config.data.name,
@@ -69,10 +67,10 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "command": _command(job, chosen.overrides),
         "overrides": chosen.overrides,
         "procedure": procedure,
-        "systems": {point.system: asdict(point) for point in points},
+        "systems": {row["system"]: row for row in rows},
     }
     write_results(directory / "results.json", results)
-    print_frontier(points, procedure, directory, str(results["command"]))
+    print_frontier(rows, procedure, directory, str(results["command"]))
     return results
 
 
@@ -91,7 +89,7 @@ def _candidates(
     return [
         Candidate(
             system.name,
-            system.latency.mean,
+            system.cost,
             {
                 (fold, recording): share
                 for fold, outcomes in tested.items()
@@ -118,39 +116,34 @@ def _measure_choice(systems: Sequence[System]) -> dict[str, Any]:
     return {**{key: summary[key] for key in keys}, "chosen": choices}
 
 
-def _points(systems: Sequence[System], chosen: System) -> list[Point]:
+def _rows(systems: Sequence[System], chosen: System) -> list[dict[str, Any]]:
     """Return the rows of ``frontier.csv``, fastest first."""
     summaries = {system.name: summarise(system.outcomes) for system in systems}
-    line = pareto(
-        {
-            system.name: (system.latency.mean, summaries[system.name]["vote_accuracy"])
-            for system in systems
-        }
-    )
-    points = []
-    for system in sorted(systems, key=lambda system: system.latency.mean):
-        summary, macs = summaries[system.name], system.entry["macs_per_sample"]
+    accuracies = {name: summary["vote_accuracy"] for name, summary in summaries.items()}
+    line = pareto({system.name: (system.cost, accuracies[system.name]) for system in systems})
+    rows = []
+    for system in sorted(systems, key=lambda system: system.cost):
+        macs = system.entry["macs_per_sample"]
         if macs is not None:  # those that a sequential decision does not do are left out
             macs = round(macs * fmean(outcome.relative_macs for outcome in system.outcomes))
-        low, high = summary["vote_ci95"]
-        points.append(
-            Point(
-                system=system.name,
-                kind=system.config.model.kind,
-                parameters=system.entry["parameters"],
-                macs=macs,
-                latency_ms_median=system.latency.median,
-                latency_ms_p95=system.latency.p95,
-                fit_seconds=system.fit_seconds,
-                vote_accuracy=summary["vote_accuracy"],
-                ci_low=low,
-                ci_high=high,
-                on_frontier=system.name in line,
-                chosen=system is chosen,
-                latency_ms_mean=system.latency.mean,
-            )
-        )
-    return points
+        low, high = summaries[system.name]["vote_ci95"]
+        row = {
+            "system": system.name,
+            "kind": system.config.model.kind,
+            "parameters": system.entry["parameters"],
+            "macs": macs,
+            "latency_ms_median": system.latency["median"],
+            "latency_ms_p95": system.latency["p95"],
+            "fit_seconds": system.fit_seconds,
+            "vote_accuracy": accuracies[system.name],
+            "ci_low": low,
+            "ci_high": high,
+            "on_frontier": system.name in line,
+            "chosen": system is chosen,
+            "latency_ms_mean": system.cost,
+        }
+        rows.append(row)
+    return rows
 
 
 def _command(job: Job, overrides: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from rich.table import Table
 from torch import Tensor
 
 from tex_lightning.classifier.classifier import SurfaceClassifier
@@ -16,9 +17,27 @@ from tex_lightning.core.devices import pick_device
 from tex_lightning.core.progress import steps
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import RANDOM, environment, write_results
-from tex_lightning.report.profile_table import print_profile
+from tex_lightning.report.table import make_table, print_tables
 from tex_lightning.studies.dataset import configured_card
 from tex_lightning.studies.profile import only_sense, profile_network, render_recording
+
+WAYS = {
+    "sliding_window": "CNN, windows one by one",
+    "same_engine_window": "same, windows through the FCN's engine",
+    "reference": "FCN as trained",
+    "fcn": "FCN accelerated",
+}
+FACTS = {  # format of each figure by its key
+    "speedup": ("speedup over windows, as trained", "{:.1f}x"),
+    "speedup_same_engine": ("speedup over windows, same engine", "{:.1f}x"),
+    "arithmetic_ratio": ("ratio of their arithmetic", "{:.1f}x"),
+    "engine_speedup": ("accelerated over as trained", "{:.1f}x"),
+    "windows": ("windows", "{}"),
+    "label_agreement": ("labels as on the window alone", "{:.2%}"),
+    "macs": ("multiply-accumulates", "{:,}"),
+    "gemm_gflops": ("matrix products, GFLOP/s", "{:.0f}"),
+    "roofline_fraction": ("share of that rate", "{:.0%}"),
+}
 
 log = logging.getLogger(__name__)
 
@@ -47,7 +66,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "networks": networks,
     }
     write_results(job.directory / "results.json", results)
-    print_profile(results, job.directory)
+    tables = [_table(name, network, results) for name, network in networks.items()]
+    print_tables(job.directory, *tables)
     return results
 
 
@@ -98,3 +118,14 @@ def _recording(config: Config, classifier: SurfaceClassifier) -> Tensor:
     if config.checkpoint is None and hasattr(features, "fit"):
         features.fit([features.magnitudes(recording.to(sense.device))])
     return recording
+
+
+def _table(name: str, network: dict[str, Any], results: dict[str, Any]) -> Table:
+    """Return the times of one network's ways of classifying, and what follows from them."""
+    table = make_table(f"profile · {results['model']} · {results['weights']}", [""], [name])
+    table.caption = f"ms: median (p95), threads: {results['environment']['threads']}"
+    for key, way in WAYS.items():
+        table.add_row(way, f"{network[f'{key}_ms']:,.1f} ({network[f'{key}_p95_ms']:,.1f})")
+    for key, (fact, form) in FACTS.items():
+        table.add_row(fact, form.format(network[key]))
+    return table

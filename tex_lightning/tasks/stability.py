@@ -9,20 +9,18 @@ from typing import Any
 from tex_lightning.config import Config
 from tex_lightning.config.composition import Job
 from tex_lightning.core.devices import pick_device
+from tex_lightning.core.files import write_rows
 from tex_lightning.core.progress import stage
 from tex_lightning.data.store import skipped_entry
 from tex_lightning.evaluation.outcomes import environment, write_results
 from tex_lightning.perturbations.table import SEVERITIES, Perturbation
 from tex_lightning.report.figures import save_figure
 from tex_lightning.report.stability_charts import (
-    BreakRow,
     StabilityRow,
     print_stability,
     stability_figures,
-    write_breaks,
-    write_trials,
 )
-from tex_lightning.studies.perturbed import PerturbedSystem, breaking_point, run_trial
+from tex_lightning.studies.perturbed import PerturbedSystem, run_trial
 from tex_lightning.studies.systems import choose_perturbations, load_systems
 
 
@@ -31,9 +29,8 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     begin, directory = time.perf_counter(), job.directory
     systems = load_systems(config)
     chosen = choose_perturbations(systems, config.stability)
-    trials, breaks = _run_trials(systems, chosen, config.stability.bound)
-    write_trials(trials, directory)
-    write_breaks(breaks, directory)
+    trials = _run_trials(systems, chosen)
+    write_rows(directory / "stability.csv", StabilityRow._fields, trials)
     for title, figure in stability_figures(trials, {each.name: each for each in chosen}).items():
         save_figure(figure, directory / "figures" / title)
     skipped = {each: None for system in systems for fold in system.folds for each in fold.skipped}
@@ -44,10 +41,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         "wall_seconds": time.perf_counter() - begin,
         "environment": environment(pick_device(config.trainer.accelerator)),
         "engine": asdict(config.engine),
-        "bound": config.stability.bound,
         "perturbations": {each.name: asdict(each) for each in chosen},
         "skipped": skipped_entry(skipped),
-        "systems": {system.name: _entry(system, trials, breaks) for system in systems},
+        "systems": {system.name: _entry(system, trials) for system in systems},
     }
     write_results(directory / "results.json", results)
     print_stability(results, directory)
@@ -55,23 +51,20 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 
 def _run_trials(
-    systems: Sequence[PerturbedSystem], chosen: Sequence[Perturbation], bound: float
-) -> tuple[list[StabilityRow], list[BreakRow]]:
-    """Run all severities of all perturbations, then search breaking points between them."""
-    trials, breaks = [], []
+    systems: Sequence[PerturbedSystem], chosen: Sequence[Perturbation]
+) -> list[StabilityRow]:
+    """Run all severities of all perturbations."""
+    trials = []
     with stage("perturbation", len(chosen)) as level:
         for number, perturbation in enumerate(chosen):
             level.update(number, notes=[perturbation.name])
             affected = [system for system in systems if system.meets(perturbation)]
             for severity in (0, *SEVERITIES):  # a perturbed recording serves all systems
                 trials += [run_trial(system, perturbation, severity) for system in affected]
-            breaks += [breaking_point(system, perturbation, bound) for system in affected]
-    return trials, breaks
+    return trials
 
 
-def _entry(
-    system: PerturbedSystem, trials: Sequence[StabilityRow], breaks: Sequence[BreakRow]
-) -> dict[str, Any]:
+def _entry(system: PerturbedSystem, trials: Sequence[StabilityRow]) -> dict[str, Any]:
     """Return the entry of one system in ``results.json``."""
     rows = [trial for trial in trials if trial.system == system.name]
     entry: dict[str, Any] = {
@@ -81,11 +74,8 @@ def _entry(
     if not rows:
         return entry
     perturbed, clean = [trial for trial in rows if trial.severity > 0], rows[0]
-    reached = [row.reached == "true" for row in breaks if row.system == system.name]
     return {
         **entry,
-        "perturbations": len(reached),
-        "breaks": sum(reached),
         "clean": {
             "vote_accuracy": clean.vote_accuracy,
             "vote_ci95": [clean.ci_low, clean.ci_high],
