@@ -20,7 +20,7 @@ from benchmarks._classifiers import configured, make_classifier
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import Config
 from tex_lightning.errors import UserError
-from tex_lightning.export.check import Given, compare, recordings
+from tex_lightning.export.check import Sample, check_samples, compare, decoded
 from tex_lightning.export.onnx_file import make_onnx, onnx_runner
 from tex_lightning.export.tracing import trace
 
@@ -73,7 +73,7 @@ def _measure(overrides: Sequence[str]) -> dict[str, Any]:
     classifier = make_classifier(
         *overrides, f"data.half_scale={not REAL.is_dir()}", classes=CLASSES
     )
-    samples = recordings(config.data, classifier, COUNT)
+    samples = check_samples(config.data, classifier, COUNT)
     _learn(classifier, samples[:CLASSES])
     model = make_onnx(classifier, trace(classifier))
     found = compare(onnx_runner(model), classifier, samples)
@@ -93,13 +93,13 @@ def _data(config: Config) -> list[str]:
 
 
 @torch.no_grad()
-def _learn(classifier: SurfaceClassifier, samples: Sequence[Given]) -> None:
+def _learn(classifier: SurfaceClassifier, samples: Sequence[Sample]) -> None:
     """Let features and fitted networks learn from recordings, and batch statistics vary."""
     generator = torch.Generator().manual_seed(0)
     for sense in classifier.senses.values():
         features: Any = sense.features
         network: Any = sense.network
-        given = [each.decoded[sense.modality] for each in samples]
+        given = [decoded(each, classifier)[sense.modality] for each in samples]
         if hasattr(features, "learn"):
             features.learn(given)
         if hasattr(features, "fit"):

@@ -22,7 +22,6 @@ from tex_lightning_runtime.recordings import (
 FORMAT, FATAL = 2, 4  # of the file's metadata; severity of what ONNX Runtime logs
 MAX_PAIRS = 1_000_000  # of fragments that several senses vote over
 UNLIKE = 0.5  # of votes and probabilities that is spread where an input is unlike the training
-ABSENT = {"signal": np.zeros((1, 0), np.float32), "photo": np.zeros((0, 0, 3), np.uint8)}
 
 
 class Runtime:
@@ -78,7 +77,8 @@ class Runtime:
     def decide(self, decoded: dict[str, Decoded], begin: float) -> dict[str, Any]:
         """Predict from decoded recordings by modality; ``begin`` is when their decoding began."""
         inputs = {name: decoded[name] for name in self.senses if name in decoded}
-        require(inputs, f"There is nothing to classify; give some of {', '.join(self.senses)}.")
+        absent = " and ".join(name for name in self.senses if name not in decoded)
+        require(not absent, f"The network needs {' and '.join(self.senses)}; give {absent} too.")
         found, empty = self._run(inputs), all(each.empty for each in inputs.values())
         warnings = [warning for each in inputs.values() for warning in each.warnings]
         least, judges = self.card["decision"]["reject_below"], self.card["unknown"] is not None
@@ -106,9 +106,8 @@ class Runtime:
 
     def _run(self, inputs: dict[str, Decoded]) -> dict[str, Array]:
         """Outputs of the graph by name; none if a signal is too short for one fragment."""
-        feed = {name: ABSENT[each["medium"]] for name, each in self.senses.items()}
-        feed |= {name: each.array for name, each in inputs.items()}
-        if len(inputs) > 1:  # else there are no tuples to draw
+        feed = {name: each.array for name, each in inputs.items()}
+        if len(self.card["senses"]) > 1:  # else there are no tuples to draw
             seed, pairs = self.card["decision"]["seed"], self.card["decision"]["pairs"]
             for each in inputs.values():
                 seed = zlib.crc32(each.content.data, seed)

@@ -1,7 +1,4 @@
-"""Parts of a FusionNet in one graph, against the classifier of the senses that are there."""
-
-import dataclasses
-from itertools import combinations
+"""The graph of an exported file, against the classifier."""
 
 import numpy as np
 import pytest
@@ -14,44 +11,16 @@ from torch import nn
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import RULES
 from tex_lightning.data.decode import halve
-from tex_lightning.export.graph import Part, PhotoGraph, is_unknown, joined, thresholds, traced_vote
+from tex_lightning.export.graph import PhotoGraph, fused_scores, traced_vote
 from tex_lightning.export.tracing import draws
 
-SENSES = ("haptic", "visual", "sound")
-POSITIONS = (5, 11, 3)
-SETS = [each for count in (1, 2, 3) for each in combinations(SENSES, count)]
 
-
-@pytest.fixture(scope="module")
-def classifier():
-    card = make_card(*SENSES, width=0.1, pairs=40)
-    known = {name: [0.1 * i, 0.2, place] for place, name in enumerate(SENSES) for i in [place + 1]}
-    decision, calibration = {**card.decision, "unknown": 0.5}, {"novelties": known}
-    return SurfaceClassifier(dataclasses.replace(card, decision=decision, calibration=calibration))
-
-
-@pytest.mark.parametrize("there", SETS, ids="+".join)
-def test_scores_are_those_of_the_part_of_the_senses_that_are_there(classifier, there):
+def test_scores_of_several_senses_are_those_of_the_classifier():
+    classifier = SurfaceClassifier(make_card("haptic", "visual", "sound", width=0.1, pairs=40))
     generator = torch.Generator().manual_seed(0)
-    partials = {
-        name: torch.randn(3, count if name in there else 0, generator=generator)
-        for name, count in zip(SENSES, POSITIONS, strict=True)
-    }
-    words = draws(7, 40, len(SENSES))
-    scores, present = joined([Part.of(each, each, None) for each in partials.values()], words)
-    expected = classifier.with_senses(there).fuse([partials[name] for name in there], 7)
-    torch.testing.assert_close(scores, expected)
-    assert present.tolist() == [name in there for name in SENSES]
-
-
-@pytest.mark.parametrize("there", SETS, ids="+".join)
-def test_every_set_of_senses_has_its_threshold(classifier, there):
-    above = classifier.with_senses(there).card.unknown_above
-    assert thresholds(classifier.card)["+".join(there)] == above
-    present = torch.tensor([name in there for name in SENSES])
-    for novelty in (above, above + 0.01):
-        found = is_unknown(classifier.card, torch.tensor(novelty, dtype=torch.float64), present)
-        assert bool(found) == (novelty > above)
+    partials = [torch.randn(3, count, generator=generator) for count in (5, 11, 3)]
+    scores = fused_scores(partials, draws(7, 40, 3))
+    torch.testing.assert_close(scores, classifier.fuse(partials, 7))
 
 
 @pytest.mark.parametrize("rule", sorted(RULES))

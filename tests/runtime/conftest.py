@@ -20,7 +20,7 @@ RANGES = {
 }
 
 
-KNOWN = [0.2, 0.5, 0.8]  # novelties of recordings of known classes
+KNOWN = [0.1, 0.2, 0.3]  # novelties of recordings of known classes
 RECORDINGS = {"haptic": make_trace, "visual": make_photo}
 
 
@@ -36,7 +36,7 @@ def add_statistics(classifier):
 
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory):
-    """Checkpoint and exported file of one network, which halves photos and may lack a sense."""
+    """Checkpoint and exported file of one network, which halves photos."""
     torch.manual_seed(1)
     card = make_card("haptic", "visual", width=0.1, half_scale=True, pairs=200)
     card = dataclasses.replace(

@@ -33,8 +33,7 @@ def test_profile_of_both_networks(cli, tmp_path):
     outcome = cli("task=profile", "model=fusion", "debug=tiny", f"hydra.run.dir={tmp_path}")
     assert outcome.status == 0, outcome.err
     assert outcome.out == ""
-    for words in ("speedup over windows", "195.4", "7903.4"):
-        assert words in outcome.err
+    assert "speedup over windows" in outcome.err
     results = json.loads((tmp_path / "results.json").read_text())
     assert {"task", "model", "seed", "wall_seconds", "environment", "engine"} <= set(results)
     assert results["weights"] == "random weights"

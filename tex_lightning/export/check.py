@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,9 @@ from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.config import DataConfig
 from tex_lightning.core.progress import track
 from tex_lightning.data.decode import Decoder, PhotoDecoder, to_size
-from tex_lightning.data.folds import Sample, make_samples
+from tex_lightning.data.folds import make_samples
 from tex_lightning.data.readers import read_recordings
+from tex_lightning.data.recordings import Recording
 from tex_lightning.data.store import Store, cache_root, load_recording
 from tex_lightning.errors import UserError
 from tex_lightning.export.graph import DRAWS
@@ -32,17 +33,11 @@ TOLERANCE = 1e-4  # of the range of a recording's scores
 # all on training recordings, whose values the thresholds are. Against float64 PyTorch errs alike.
 COUNTED = 0.05
 Array = npt.NDArray[Any]
+Sample = dict[str, Tensor]  # recordings by modality, as a file takes them
 Runner = Callable[[Mapping[str, Array]], Mapping[str, Array]]  # inputs to outputs, by name
 
 
-class Given(NamedTuple):
-    """A sample by modality: as a file takes it, and as the classifier does (photos halved)."""
-
-    raw: dict[str, Tensor]
-    decoded: dict[str, Tensor]
-
-
-def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> list[Given]:
+def check_samples(data: DataConfig, classifier: SurfaceClassifier, count: int) -> list[Sample]:
     """Return usable samples of the data, drawn at random, or noise of as many sizes.
 
     Args:
@@ -54,7 +49,7 @@ def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> l
         UserError: If the data has no usable sample.
     """
     if data.name == MADE_UP:
-        return [_decoded(_noise(classifier, seed), classifier) for seed in range(count)]
+        return [_noise(classifier, seed) for seed in range(count)]
     samples = make_samples(
         read_recordings(data, classifier.card.modalities), classifier.card.modalities
     )
@@ -66,8 +61,8 @@ def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> l
         decoders[sense.modality] = decoder
     store = Store(cache_root(data.cache_dir), decoders)
     random.Random(0).shuffle(samples)  # so that the first come from many classes
-    found = (_loaded(sample, store, classifier) for sample in samples)
-    usable = list(islice((given for given in found if given is not None), count))
+    loaded = (_load(sample.recordings, store, classifier) for sample in samples)
+    usable = list(islice(filter(None, loaded), count))
     if count and not usable:
         raise UserError(
             f"data={data.name} has no recording that the exported file could classify; give other "
@@ -76,19 +71,19 @@ def recordings(data: DataConfig, classifier: SurfaceClassifier, count: int) -> l
     return usable
 
 
-def _loaded(sample: Sample, store: Store, classifier: SurfaceClassifier) -> Given | None:
-    """A sample; None if it is damaged or too small."""
+def _load(rows: Mapping[str, Recording], store: Store, classifier: SurfaceClassifier) -> Sample:
+    """Return a sample; empty if it is damaged or too small."""
     try:
-        raw = {name: load_recording(row, store) for name, row in sample.recordings.items()}
-        given = _decoded(raw, classifier)
+        sample = {name: load_recording(row, store) for name, row in rows.items()}
+        recordings = decoded(sample, classifier)
         for sense in classifier.senses.values():
-            sense.check(given.decoded[sense.modality])
+            sense.check(recordings[sense.modality])
     except UserError:
-        return None
-    return given
+        return {}
+    return sample
 
 
-def _noise(classifier: SurfaceClassifier, seed: int) -> dict[str, Tensor]:
+def _noise(classifier: SurfaceClassifier, seed: int) -> Sample:
     """Recordings of a size of their own; every second signal begins with quiet and a touch."""
     rng, found = np.random.default_rng(seed), {}
     for sense in classifier.senses.values():
@@ -106,17 +101,18 @@ def _noise(classifier: SurfaceClassifier, seed: int) -> dict[str, Tensor]:
     return found
 
 
-def _decoded(raw: dict[str, Tensor], classifier: SurfaceClassifier) -> Given:
-    decoded = dict(raw)
+def decoded(sample: Sample, classifier: SurfaceClassifier) -> Sample:
+    """Return the recordings as the classifier takes them: photos are halved."""
+    result = dict(sample)
     for sense in classifier.senses.values():
         if isinstance(sense.decoder, PhotoDecoder):
-            photo = to_size(raw[sense.modality].numpy(), sense.decoder, "The photo")
-            decoded[sense.modality] = torch.from_numpy(photo)
-    return Given(raw, decoded)
+            photo = to_size(sample[sense.modality].numpy(), sense.decoder, "The photo")
+            result[sense.modality] = torch.from_numpy(photo)
+    return result
 
 
 def compare(
-    runner: Runner, classifier: SurfaceClassifier, samples: Sequence[Given]
+    runner: Runner, classifier: SurfaceClassifier, samples: Sequence[Sample]
 ) -> dict[str, Any]:
     """Run a file and its classifier on the same recordings.
 
@@ -126,10 +122,11 @@ def compare(
         decoded recordings to the label of the file, None without recordings.
     """
     same, scores, shares, times = 0, [0.0], [0.0], []
-    for given in track(samples, "Checking"):
-        inputs = feed(classifier, given)
+    for sample in track(samples, "Checking"):
+        recordings = decoded(sample, classifier)
+        inputs = feed(classifier, sample, recordings)
         with torch.inference_mode():
-            expected = classifier.logits(**given.decoded)
+            expected = classifier.logits(**recordings)
             vote = classifier.decide(expected, classifier.card.temperature)
         begin = time.perf_counter()
         outputs = runner(inputs)
@@ -147,11 +144,11 @@ def compare(
     }
 
 
-def feed(classifier: SurfaceClassifier, given: Given) -> dict[str, Array]:
-    """The inputs of a file, by name, so that a FusionNet draws the classifier's tuples."""
-    inputs = {name: np.ascontiguousarray(each.numpy()) for name, each in given.raw.items()}
+def feed(classifier: SurfaceClassifier, sample: Sample, recordings: Sample) -> dict[str, Array]:
+    """Return the inputs of a file by name, so that a FusionNet draws the classifier's tuples."""
+    inputs = {name: np.ascontiguousarray(each.numpy()) for name, each in sample.items()}
     if classifier.fusion is not None:
-        card, seed = classifier.card, classifier.seed(**given.decoded)
+        card, seed = classifier.card, classifier.seed(**recordings)
         inputs[DRAWS] = draws(seed, card.decision["pairs"], len(card.sense_names)).numpy()
     return inputs
 

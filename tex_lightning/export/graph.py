@@ -1,10 +1,9 @@
 """A trained classifier as one traceable module from decoded recordings to a label.
 
-The senses of a FusionNet are joined in one graph, in which some may be absent, and the decision is
-that of :mod:`~tex_lightning.classifier.vote`, with its rule for ties.
+The senses of a FusionNet are joined in one graph; the decision is that of
+:mod:`~tex_lightning.classifier.vote`, with its rule for ties.
 """
 
-import math
 from collections.abc import Sequence
 from copy import deepcopy
 from inspect import Parameter, Signature
@@ -12,9 +11,8 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d, pad
+from torch.nn.functional import avg_pool2d
 
-from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier, class_scores
 from tex_lightning.data.decode import PhotoDecoder
 from tex_lightning.errors import UserError
@@ -23,88 +21,22 @@ from tex_lightning.export.signals import SpectrogramGraph, promise, signal_graph
 from tex_lightning.senses.base import Sense
 
 
-class Part(NamedTuple):
-    """The outputs of one sense; an absent one has no positions, and its numbers are 0.
-
-    Attributes:
-        partial_logits: Class scores (classes, positions) that it adds to those of the others.
-        alone: Those (classes, positions) by which it decides where all others are absent.
-        positions: How many there are, int64 ().
-        novelty: (); None where it is not known.
-    """
-
-    partial_logits: Tensor
-    alone: Tensor
-    positions: Tensor
-    novelty: Tensor | None
-
-    @classmethod
-    def of(cls, partial_logits: Tensor, alone: Tensor, novelty: Tensor | None) -> "Part":
-        """Make a part, with the number of its positions."""
-        positions = torch.scalar_tensor(alone.shape[1], dtype=torch.int64)
-        return cls(partial_logits, alone, positions, novelty)
-
-    def named(self, sense: str) -> dict[str, Tensor]:
-        """The fields that are present, by the names of :func:`names`."""
-        every = zip(names(sense), self, strict=True)
-        return {name: each for name, each in every if each is not None}
-
-
-def names(sense: str) -> list[str]:
-    """Names of the fields of a :class:`Part` among all tensors of a graph."""
-    return [f"{sense}/{field}" for field in Part._fields]
-
-
-def joined(parts: list[Part], draws: Tensor) -> tuple[Tensor, Tensor]:
-    """Class scores (classes, fragments), and which senses are there, bool (senses,).
-
-    They are those of :meth:`.SurfaceClassifier.with_senses` of the senses that are there: sums at
-    random tuples of positions, or of a single sense those of its positions.
+def fused_scores(partials: Sequence[Tensor], draws: Tensor) -> Tensor:
+    """Return the class scores (classes, K) of a FusionNet at random tuples of positions.
 
     Args:
-        parts: Parts of all senses, in order.
-        draws: int64 (K, senses); modulo the number of positions each word is a position. The first
-            column is for the first sense that is there, the next for the next.
+        partials: Partial logits (classes, positions) of each sense.
+        draws: int64 (K, senses); modulo the number of positions each word is a position.
     """
-    positions = torch.stack([part.positions for part in parts])
-    present = positions > 0
-    columns = (present.cumsum(0) - 1).clamp(min=0)
-    total, *others = (_drawn(each, draws, columns[i]) for i, each in enumerate(parts))
+    total, *others = (_drawn(each, draws[:, place]) for place, each in enumerate(partials))
     for each in others:
         total = total + each
-    tuples = torch.scalar_tensor(draws.shape[0], dtype=torch.int64)
-    single = present.sum() == 1
-    every = torch.cat((total, *(part.alone for part in parts)), dim=1)
-    begin = torch.where(single, tuples, 0)
-    count: int = torch.where(single, positions.sum(), tuples).item()  # type: ignore[assignment]
-    promise(count >= 1)
-    return every.index_select(1, begin + torch.arange(count)), present
+    return total
 
 
-def _drawn(part: Part, draws: Tensor, column: Tensor) -> Tensor:
-    """Summands (classes, K) at random positions; zeros of an absent sense."""
-    words = draws.index_select(1, column[None])[:, 0]
-    places = torch.remainder(words, part.positions.clamp(min=1))
-    return pad(part.partial_logits, (0, 1)).index_select(1, places)
-
-
-def is_unknown(card: Card, novelty: Tensor, present: Tensor) -> Tensor:
-    """Whether the novelty () of a sample that has some senses (senses,) is too large; bool ()."""
-    above = [math.inf, *thresholds(card).values()]
-    which = (present * 2 ** torch.arange(len(card.sense_names))).sum()
-    return novelty.double() > torch.tensor(above, dtype=torch.float64)[which]
-
-
-def thresholds(card: Card) -> dict[str, float | None]:
-    """The novelty above which a sample is unknown, by the senses it has, as ``haptic+visual``.
-
-    They are in the order of the numbers whose bit i says that sense i is there, from 1 on.
-    """
-    sets = [
-        [name for place, name in enumerate(card.sense_names) if bits >> place & 1]
-        for bits in range(1, 1 << len(card.sense_names))
-    ]
-    return {"+".join(each): card.of(each).unknown_above for each in sets}
+def _drawn(partial: Tensor, words: Tensor) -> Tensor:
+    positions = torch.scalar_tensor(partial.shape[1], dtype=torch.int64)
+    return partial.index_select(1, torch.remainder(words, positions))
 
 
 class TracedVote(NamedTuple):
@@ -115,7 +47,7 @@ class TracedVote(NamedTuple):
     probabilities: Tensor
 
 
-def traced_vote(scores: Tensor, rule: str, temperature: float | Tensor) -> TracedVote:
+def traced_vote(scores: Tensor, rule: str, temperature: float) -> TracedVote:
     """Decide by class scores (classes, fragments)."""
     classes, wide = torch.arange(scores.shape[0]), scores.double()
     votes = (scores.argmax(dim=0)[None] == classes[:, None]).sum(dim=1)
@@ -164,7 +96,6 @@ def _open(size: int, least: int) -> Any:  # noqa: ANN401
 
 
 DRAWS = "draws"
-OWN = ("scores", "input", "start")  # outputs of every sense
 
 
 class ClassifierGraph(nn.Module):
@@ -200,41 +131,49 @@ class ClassifierGraph(nn.Module):
         told = bool(classifier.card.novelties) and None not in known.values()
         self.statistics = nn.ModuleDict(deepcopy(known) if told else {})  # type: ignore[arg-type]
 
-    def forward(self, **given: Tensor) -> dict[str, Tensor]:
+    def forward(self, **recordings: Tensor) -> dict[str, Tensor]:
         """Classify one sample."""
         outputs: dict[str, Tensor] = {}
-        parts: list[Part] = []
+        partials, novelties = [], []
         for place, (name, modality) in enumerate(self.modalities.items()):
-            own, part = self._sensed(name, place, given[modality])
-            outputs |= {**own, **(part.named(name) if self.fused else {})}
-            parts.append(part)
-        scores, present = parts[0].alone, torch.ones(1, dtype=torch.bool)
-        if self.fused:
-            scores, present = joined(parts, given[DRAWS])
-        # a part of the senses has no temperature of its own
-        temperature = torch.where(present.all(), self.card.temperature, 1.0)
-        vote = traced_vote(scores, self.card.rule, temperature)
-        if novelties := [part.novelty for part in parts if part.novelty is not None]:
+            embedding = self._embedding(name, recordings[modality], outputs)
+            positions = embedding[0].flatten(1)
+            partials.append(self._partial_logits(name, place, positions))
+            rows = embedding.shape[2:-1] or (1,)
+            grid = partials[-1].reshape(-1, *rows, embedding.shape[-1])
+            outputs[f"{name}_scores"] = grid
+            if name in self.statistics:
+                statistics: Any = self.statistics[name]
+                novelties.append(statistics.novelty(positions.mean(dim=1)))
+        scores = fused_scores(partials, recordings[DRAWS]) if self.fused else partials[0]
+        vote = traced_vote(scores, self.card.rule, self.card.temperature)
+        if novelties:
             outputs["novelty"] = torch.stack(novelties).sum()
-            if self.card.unknown:
-                outputs["unknown"] = is_unknown(self.card, outputs["novelty"], present)
+            if self.card.unknown_above is not None:
+                outputs["unknown"] = outputs["novelty"].double() > self.card.unknown_above
         return {"scores": scores, **vote._asdict(), **outputs}
 
-    def _sensed(self, name: str, place: int, recording: Tensor) -> tuple[dict[str, Tensor], Part]:
-        """Outputs of one sense by name, and what it adds to all."""
-        front, outputs = self.fronts[name], {}
+    def _embedding(self, name: str, recording: Tensor, outputs: dict[str, Tensor]) -> Tensor:
+        """Return the embedding (1, D, *positions) of a sense; add what its features put out."""
+        front = self.fronts[name]
         if isinstance(front, PhotoGraph):
             x = front(recording)
         else:
             x, start = front(recording)
             if isinstance(front, SpectrogramGraph):
-                outputs = {f"{name}_input": x[0, 0], f"{name}_start": start}
+                outputs |= {f"{name}_input": x[0, 0], f"{name}_start": start}
         network: Any = self.networks[name]
-        found: Tensor = network.features(x, self.levels[name])
-        alone, partial_logits = self._scores(name, place, found[0].flatten(1))
-        rows = found.shape[2:-1] or (1,)
-        outputs[f"{name}_scores"] = partial_logits.reshape(-1, *rows, found.shape[-1])
-        return outputs, Part.of(partial_logits, alone, self._novelty(name, found))
+        embedding: Tensor = network.features(x, self.levels[name])
+        return embedding
+
+    def _partial_logits(self, name: str, place: int, positions: Tensor) -> Tensor:
+        """Return scores (classes, positions) of a sense, or what it adds to those of all."""
+        if self.scored[name]:
+            positions = class_scores(self.networks[name], positions)
+        if not self.fused:
+            return positions
+        partial_logits: Tensor = self.fusion.project(place, positions[None])[0]
+        return partial_logits
 
     def name_inputs(self, names: Sequence[str]) -> None:
         """Let :meth:`forward` have parameters of these names, which torch.export asks for."""
@@ -245,34 +184,6 @@ class ClassifierGraph(nn.Module):
         parameters = [Parameter(name, Parameter.KEYWORD_ONLY) for name in names]
         forward.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         self.forward = forward  # type: ignore[method-assign]
-
-    def _scores(self, name: str, place: int, positions: Tensor) -> tuple[Tensor, Tensor]:
-        """Scores (classes, positions) of a sense alone, and what it adds to those of all."""
-        if self.scored[name]:
-            positions = class_scores(self.networks[name], positions)
-        if not self.fused:
-            return positions, positions
-        partial_logits: Tensor = self.fusion.project(place, positions[None])[0]
-        alone = positions if self.fusion.levels[place] == "fc3" else partial_logits
-        return alone, partial_logits
-
-    def _novelty(self, name: str, found: Tensor) -> Tensor | None:
-        """Novelty (); see :meth:`.FeatureStatistics.novelty`."""
-        if name not in self.statistics:
-            return None
-        statistics: Any = self.statistics[name]
-        novelty: Tensor = statistics.novelty(found[0].flatten(1).mean(dim=1))
-        return novelty
-
-
-def sense_outputs(name: str) -> list[str]:
-    """Possible names of the outputs that depend on one sense alone."""
-    return [*(f"{name}_{each}" for each in OWN), *names(name)]
-
-
-def is_public(name: str) -> bool:
-    """Whether an output is public, and not only passed on inside the file."""
-    return "/" not in name
 
 
 def _front(sense: Sense) -> nn.Module:

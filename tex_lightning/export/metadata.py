@@ -7,7 +7,6 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.decode import PhotoDecoder, SignalDecoder
 from tex_lightning.data.quality import limits
-from tex_lightning.export.graph import thresholds
 from tex_lightning.export.tracing import AXES
 from tex_lightning.senses.base import Sense
 from tex_lightning.senses.features.spectrogram import SpectrogramFeatures
@@ -20,8 +19,8 @@ FRAMES: dict[str, Any] = {"hop_seconds": None, "window_seconds": None, "frequenc
 def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
     """Plain values for JSON: classes, senses, decision, ranges of the training recordings."""
     card = classifier.card
-    # share of known samples that may be called unknown, and the novelties that follow from it
-    known = card.unknown_above is not None
+    # share of known samples that may be called unknown, and the novelty that follows from it
+    unknown = {"rate": card.unknown, "threshold": card.unknown_above}
     return {
         "format": FORMAT,
         "version": __version__,
@@ -35,7 +34,7 @@ def metadata(classifier: SurfaceClassifier) -> dict[str, Any]:
             "pairs": card.decision["pairs"],
             "seed": card.decision["seed"],
         },
-        "unknown": {"rate": card.unknown, "thresholds": thresholds(card)} if known else None,
+        "unknown": None if card.unknown_above is None else unknown,
         "ranges": card.input_ranges,
     }
 

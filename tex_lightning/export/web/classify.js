@@ -6,8 +6,6 @@ import { photoQuality, signalQuality } from "./quality.js";
 import { contentSeed, draws } from "./seed.js";
 import { doubted, labels } from "./vote.js";
 
-const NO_PHOTO = { pixels: new Uint8Array(0), width: 0, height: 0 }; // the graph leaves it out
-const NO_SIGNAL = { axes: [new Float32Array(0)] };
 const UNLIKE = 0.5; // of votes and probabilities that is spread where an input has a warning
 
 /**
@@ -50,12 +48,13 @@ export async function classify(card, recordings, run) {
 
 /** Whether there is enough to classify. */
 export function isComplete(card, modalities) {
-  return card.senses.some((sense) => modalities.includes(sense.modality));
+  return card.senses.every((sense) => modalities.includes(sense.modality));
 }
 
 function checkPresent(card, present) {
   if (isComplete(card, present.map((sense) => sense.modality))) return;
-  throw new InputError(`There is nothing to classify; choose a ${card.senses[0].what}.`);
+  const absent = card.senses.find((sense) => !present.includes(sense));
+  throw new InputError(`The network needs a ${absent.what} too; choose one.`);
 }
 
 function decode(sense, recording, every) {
@@ -116,10 +115,10 @@ function makeFeeds(card, recordings, decoded, seed) {
   for (const sense of card.senses) {
     const name = sense.modality;
     if (sense.medium === "photo") {
-      const { pixels, width, height } = recordings[name] ?? NO_PHOTO;
+      const { pixels, width, height } = recordings[name];
       feeds[name] = { type: "uint8", data: pixels, dims: [height, width, 3] };
     } else {
-      const { axes } = decoded[name] ?? NO_SIGNAL;
+      const { axes } = decoded[name];
       const dims = [axes.length, axes[0].length];
       feeds[name] = { type: "float32", data: flat(axes), dims };
     }
