@@ -57,7 +57,7 @@ CASES = [
         "data.inverted=true", "crossval.only=[0]", "+frontier.systems.bands=null",
     )],
     *[(STABILITY, each) for each in (
-        "stability.bound=1e-300", "stability.bound=1", "stability.only=[]",
+        "stability.only=[]",
         "stability.systems=[BANDS,BANDS]",
     )],
 ]  # fmt: skip
