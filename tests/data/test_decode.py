@@ -7,7 +7,6 @@ import soundfile
 from PIL import EpsImagePlugin, Image
 
 from tex_lightning.data.decode import (
-    STRIP,
     PhotoDecoder,
     SignalDecoder,
     as_photo,
@@ -88,7 +87,9 @@ def test_axes_in_three_files_are_one_trace(tmp_path):
         assert axis_files(path) == tuple(files)
         np.testing.assert_allclose(SIGNAL.decode(path)[0], AXES, rtol=1e-6)
     np.savetxt(files[1], AXES[1, 1:])
-    with pytest.raises(UserError, match="have 700, 699, 700; each must be a single one"):
+    with pytest.raises(
+        UserError, match=r"the shapes \(1, 700\), \(1, 699\), \(1, 700\); each must be"
+    ):
         SIGNAL.decode(files[0])
     files[1].unlink()
     with pytest.raises(UserError, match=f"File {files[1]} does not exist"):
@@ -149,12 +150,9 @@ def test_bad_traces_are_refused_with_a_reason(tmp_path):
         SIGNAL.decode(tmp_path / "nowhere.wav")
 
 
-def test_halving_is_the_rounded_mean_of_blocks_of_photos_of_any_size(tmp_path):
-    photo = np.random.default_rng(0).integers(0, 256, (2 * STRIP + 7, 31, 3)).astype(np.uint8)
-    Image.fromarray(photo).save(tmp_path / "tall.png")
-    whole = decode_image(tmp_path / "tall.png", PhotoDecoder(half_scale=False))
-    np.testing.assert_array_equal(whole, photo)
-    blocks = photo[:-1, :-1].reshape(STRIP + 3, 2, 15, 2, 3).astype(int)
+def test_halving_is_the_rounded_mean_of_blocks():
+    photo = np.random.default_rng(0).integers(0, 256, (57, 31, 3)).astype(np.uint8)
+    blocks = photo[:-1, :-1].reshape(28, 2, 15, 2, 3).astype(int)
     np.testing.assert_array_equal(halve(photo), (blocks.sum((1, 3)) + 2) // 4)
 
 

@@ -9,12 +9,12 @@ TRACE = np.random.default_rng(0).standard_normal((1, 20_000)).astype(np.float32)
 PHOTO = np.random.default_rng(1).integers(0, 256, (60, 80, 3), dtype=np.uint8)
 
 
-def test_what_is_held_out_or_needs_three_axes_cannot_be_trained_on():
+def test_what_is_held_out_cannot_be_trained_on():
     names = {*trainable("haptic"), *trainable("image"), *trainable("sound")}
     assert {"white_noise", "jpeg", "sound_low_pass"} <= names
     assert trainable("thermal", "photo") == ()
-    left = [each for name, each in perturbations().items() if name not in names]
-    assert all(each.held_out or each.axes or each.modality == "both" for each in left)
+    left = [kind for name, kind in perturbations().items() if name not in names]
+    assert all(kind.held_out or kind.modality == "both" for kind in left)
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,6 @@ from tex_lightning.errors import UserError, reason
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
 IMAGE_FORMATS = ("JPEG", "PNG", "BMP", "TIFF", "WEBP")  # whatever a name says; EPS starts a program
 MAX_PIXELS, MAX_SIDE = 1 << 24, 1 << 12  # of a photo that is kept, after halving
-STRIP = 256  # rows of a photo converted at once
 LARGEST = 1e9  # no unit of acceleration comes near; squares still fit float32
 MIN_RATE, MAX_RATE = 19.0, 210_000.0  # Hz: 20 Hz to 200 kHz, by clocks that are not exact
 Array = npt.NDArray[Any]
@@ -204,7 +203,8 @@ def decode_image(path: Path, settings: PhotoDecoder) -> Photo:
         with suppress_warnings(), Image.open(path, formats=IMAGE_FORMATS) as image:
             if image.mode.startswith(("I", "F")):
                 raise UserError(f"Image {path} has {image.mode} pixels; save it with 8 bits.")
-            photo = _pixels(image)
+            ImageOps.exif_transpose(image, in_place=True)
+            photo = np.array(image.convert("RGB"))
     except UnidentifiedImageError as error:
         raise UserError(f"Image {path} is in no known image format; use JPEG or PNG.") from error
     except Image.DecompressionBombError as error:
@@ -248,18 +248,6 @@ def _middle(photo: Photo) -> Photo:
     kept = [min(size, MAX_PIXELS // min(MAX_SIDE, *sizes)) for size in sizes]
     top, left = ((size - side) // 2 for size, side in zip(sizes, kept, strict=True))
     return photo[top : top + kept[0], left : left + kept[1]].copy()
-
-
-def _pixels(image: Image.Image) -> Photo:
-    """Copy upright RGB pixels once, strip by strip: a large photo has no room for more."""
-    ImageOps.exif_transpose(image, in_place=True)
-    upright = image if image.mode == "RGB" else image.convert("RGB")
-    upright.load()
-    photo = np.empty((upright.height, upright.width, 3), np.uint8)
-    for top in range(0, upright.height, STRIP):
-        bottom = min(top + STRIP, upright.height)
-        photo[top:bottom] = np.asarray(upright.crop((0, top, upright.width, bottom)))
-    return photo
 
 
 def check_samples(trace: npt.NDArray[np.floating], name: str, place: int = 0) -> None:

@@ -12,7 +12,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -338,36 +337,20 @@ def check_row(row: Any, where: str) -> None:  # noqa: ANN401
             raise UserError(f"{where} has {name} {shorten(repr(value))}; give {wanted}.")
 
 
-def _is_number(value: object, kind: type) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool)
-
-
-def _is_group(value: Any) -> bool:  # noqa: ANN401
-    return (
-        value.strip() != ""
-        if isinstance(value, str)
-        else _is_number(value, Integral) and value >= 0
-    )
-
-
-def _are_conditions(value: object) -> bool:
-    return isinstance(value, tuple) and all(
-        isinstance(pair, tuple) and len(pair) == 2 and all(isinstance(text, str) for text in pair)
-        for pair in value
-    )
-
-
 FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "label": (lambda x: isinstance(x, str) and x != "", "a name"),
     "modality": (
         lambda x: isinstance(x, str) and x.isidentifier(), "one word, such as haptic or image"
     ),
     "path": (lambda x: isinstance(x, Path), "a pathlib.Path"),
-    "group": (_is_group, "a text, such as a session, or a whole number from 0"),
-    "sampling_rate": (
-        lambda x: x is None or (_is_number(x, Real) and 0 < x < math.inf), "a number of Hz, or none"
+    "group": (
+        lambda x: x.strip() != "" if isinstance(x, str) else isinstance(x, int) and x >= 0,
+        "a text, such as a session, or a whole number from 0",
     ),
-    "conditions": (_are_conditions, "a tuple of names and values, all texts"),
+    "sampling_rate": (
+        lambda x: x is None or (isinstance(x, float | int) and 0 < x < math.inf),
+        "a number of Hz, or none",
+    ),
     "part": (
         lambda x: x is None or isinstance(x, tuple), "two rising fractions, such as 0-0.5, or none"
     ),

@@ -3,17 +3,16 @@
 A signal has 1 to 64 axes; whatever the file, the longer dimension of its samples is time.
 
 Sounds and NumPy arrays are read by their libraries. Text has one sample a line, in columns that
-stand apart by comma, semicolon, tab or space; understood are decimal commas, comment lines that
-begin with ``#`` or ``%``, lines of names and units above the numbers, byte order marks, UTF-16,
-trailing delimiters and a column of time. XML is that of the Penn Haptic Texture Toolkit (HaTT):
-``SampleRate`` in Hz, and ``AccelX``, ``AccelY``, ``AccelZ`` or, for one axis, ``Accel``.
+stand apart by semicolon, tab, comma or space; understood are decimal commas beside the others,
+comment lines that begin with ``#`` or ``%``, lines of names above the numbers and a column of time.
+XML is that of the Penn Haptic Texture Toolkit (HaTT): ``SampleRate`` in Hz, and ``AccelX``,
+``AccelY``, ``AccelZ``.
 
 A column of time gives the rate and never becomes an axis. It is called ``time``, ``t`` or the like,
 or it is the first of several columns and rises throughout. Where its steps are uneven or samples
 are missing, the others are interpolated linearly to even steps of the usual length.
 """
 
-import codecs
 import logging
 import math
 import re
@@ -43,7 +42,20 @@ DAMAGE = (
     soundfile.SoundFileError, ElementTree.ParseError, ValueError, EOFError, OSError, LookupError,
     MemoryError,
 )  # fmt: skip
-SOUND_SUFFIXES = (".wav", ".flac")  # what libsndfile decodes
+MARKS = "#%"  # of comments
+DELIMITERS = (";", "\t", ",")  # the first in a line of numbers; else white space
+TIMES = ("time", "timestamp", "t", "zeit", "sec", "seconds", "milliseconds")  # names begin so
+SECONDS = {
+    **dict.fromkeys(("s", "sec", "second", "seconds", *TIMES[:4]), 1.0),
+    **dict.fromkeys(("ms", "msec", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "\u03bcs", "usec", "microseconds"), 1e-6),
+}
+MIN_RISING = 8  # samples; fewer numbers may rise by chance
+EVEN = 0.01  # of a step, up to which samples stay as they are
+MISSING = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
+LARGE_GAP = 10  # steps, from which on a warning names it
+MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
+AXES = ("accelx", "accely", "accelz")
 
 log = logging.getLogger(__name__)
 
@@ -84,20 +96,14 @@ def read_samples(path: Path, channels: Sequence[int] | None = None) -> Table:
 
 
 def _join_axes(path: Path, parts: list[Table]) -> Table:
-    axes = [samples for samples, _ in parts]
-    first = parts[0][1]
-    hertz = [rate.hz if rate else 0.0 for _, rate in parts]
-    single = {axis.shape for axis in axes} == {(1, axes[0].shape[1])}
-    if not single or not all(same_rate(rate, hertz[0]) for rate in hertz):
-        sizes = [
-            f"{axis.size}{f' at {rate:,.6g} Hz' if rate else ''}"
-            for axis, rate in zip(axes, hertz, strict=True)
-        ]
+    shapes = [samples.shape for samples, _ in parts]
+    rates = {rate for _, rate in parts}
+    if {*shapes} != {(1, shapes[0][1])} or len(rates) > 1:
         raise UserError(
-            f"The axes X, Y, Z of trace {path} have {', '.join(sizes)}; each must be a single one, "
-            "and all of one length and rate."
+            f"The axes X, Y, Z of trace {path} have the shapes {', '.join(map(str, shapes))}; each "
+            "must be a single one, and all of one length and rate."
         )
-    return np.concatenate(axes), first
+    return np.concatenate([samples for samples, _ in parts]), rates.pop()
 
 
 def same_rate(one: float, other: float) -> bool:
@@ -225,46 +231,30 @@ def _check_text(path: Path) -> None:
         )
 
 
-MARKS = "#%"
-
-
 def _read_text(path: Path) -> Table:
     """Read the columns of a text file and take its column of time out of them."""
     _check_text(path)
     check_lines(path)
-    text = _decode_text(path.read_bytes()).replace('"', "")
+    text = path.read_bytes().decode("utf-8-sig", errors="replace").replace('"', "")
     lines = [line for raw in text.splitlines() if (line := raw.strip().rstrip(";,\t "))]
     start = next((number for number, line in enumerate(lines) if _is_numbers(line)), len(lines))
     data = [line for line in lines[start:] if line[0] not in MARKS]
     if not data:
         raise ValueError("no numbers")
-    delimiter = _delimiter(data[0])
-    if delimiter != "," and any("," in line for line in data):
-        if any("." in line for line in data):
-            raise ValueError("it has both decimal points and commas inside its columns")
-        data = [line.replace(",", ".") for line in data]
+    delimiter = next((mark for mark in DELIMITERS if mark in data[0]), None)
+    if delimiter != ",":
+        data = [line.replace(",", ".") for line in data]  # decimal commas
     table = np.loadtxt(data, delimiter=delimiter, ndmin=2)
-    above = [_cells(line.lstrip(f"{MARKS} \t"), delimiter) for line in lines[:start]]
-    names = [cells for cells in above if len(cells) == table.shape[1]]
-    time = _find_time(names, table)
-    if time is None:
-        if delimiter == "," and table.shape[1] == 2 and not names and "." not in "".join(data):
-            raise ValueError(
-                "it has decimal commas or two columns of whole numbers: write decimal points, or a "
-                "line of names"
-            )
-        return table, None
-    return _even_samples(path, table[:, time[0]], np.delete(table, time[0], axis=1), time[1])
-
-
-def _decode_text(content: bytes) -> str:
-    """Decode text of UTF-16 (Excel's "Unicode text"), UTF-8 or, for names alone, Latin-1."""
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
+    names = [_cells(line.lstrip(f"{MARKS} \t")) for line in lines[:start]]
+    time = _find_time([row for row in names if len(row) == table.shape[1]], table)
+    if time is not None:
+        return _even_samples(path, table[:, time[0]], np.delete(table, time[0], axis=1), time[1])
+    if delimiter == "," and table.shape[1] == 2 and not names and "." not in "".join(data):
+        raise ValueError(
+            "it has decimal commas or two columns of whole numbers: write decimal points, or a "
+            "line of names"
+        )
+    return table, None
 
 
 def _is_numbers(line: str) -> bool:
@@ -275,30 +265,8 @@ def _is_numbers(line: str) -> bool:
     return True
 
 
-def _delimiter(line: str) -> str | None:
-    """Find the delimiter of a line of numbers; None is white space, beside decimal commas."""
-    if ";" in line:
-        return ";"
-    return "," if "," in line and not re.search(r"\d[ \t]+[-+.\d]", line) else None
-
-
-def _cells(line: str, delimiter: str | None) -> list[str]:
-    """Return the cells of a line of names, which may be divided otherwise than the numbers."""
-    marks = (delimiter, "\t", ";", ",")
-    return line.split(next((mark for mark in marks if mark and mark in line), None))
-
-
-TIMES = ("time", "timestamp", "t", "zeit", "sec", "seconds", "milliseconds")  # names begin so
-SECONDS = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", *TIMES[:4]), 1.0),
-    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
-    **dict.fromkeys(("us", "\u03bcs", "usec", "microsecond", "microseconds"), 1e-6),
-}
-MIN_RISING = 8  # samples; fewer numbers may rise by chance
-EVEN = 0.01  # of a step, up to which samples stay as they are
-MISSING = 2.5  # steps, above which samples are missing; times rounded to few digits reach 2
-LARGE_GAP = 10  # steps, from which on a warning names it
-MAX_FILLED = 2  # times as many samples, beyond which most of a recording would be made up
+def _cells(line: str) -> list[str]:
+    return line.split(next((mark for mark in DELIMITERS if mark in line), None))
 
 
 def _find_time(names: list[list[str]], table: Array) -> tuple[int, float] | None:
@@ -335,28 +303,24 @@ def _even_samples(path: Path, times: Array, samples: Array, unit: float) -> Tabl
     """
     steps = np.diff(times)
     if not len(steps) or not (steps > 0).all():
-        place = int(np.argmin(steps > 0)) + 1 if len(steps) else 0
-        raise ValueError(f"its times do not rise at sample {place}")
-    median = float(np.median(steps))
-    gaps = steps > MISSING * median
-    span = float(times[-1] - times[0])
-    step = (span - float(steps[gaps].sum())) / int((~gaps).sum())
+        raise ValueError(f"its times do not rise at sample {np.argmin([*(steps > 0), False]) + 1}")
+    gaps = steps > MISSING * np.median(steps)
+    step = float(steps[~gaps].mean())
+    count = round(float(times[-1] - times[0]) / step) + 1
+    if count > MAX_FILLED * len(times):
+        raise ValueError(
+            f"its times have gaps of up to {steps.max() / step:,.0f} steps, so that most samples "
+            "are missing"
+        )
+    if steps.max() > LARGE_GAP * step:
+        log.warning(
+            "Trace %s has gaps in its column of time, the largest of %.3g s after sample %d; they "
+            "are filled with straight lines.", path, steps.max() * unit, steps.argmax(),
+        )  # fmt: skip
     axes = samples.T
-    if (np.abs(steps - median) > EVEN * median).any():
-        count = round(span / step) + 1
-        if count > MAX_FILLED * len(times):
-            raise ValueError(
-                f"its times have gaps of up to {steps.max() / median:,.3g} steps, so that most "
-                "samples are missing"
-            )
-        if steps.max() > LARGE_GAP * median:
-            log.warning(
-                "Trace %s has gaps in its column of time, the largest of %.3g s after sample %d; "
-                "they are filled with straight lines.",
-                path, steps.max() * unit, steps.argmax(),
-            )  # fmt: skip
+    if (np.abs(steps - step) > EVEN * step).any():
         grid = times[0] + np.arange(count) * step
-        axes = np.stack([np.interp(grid, times, axis) for axis in samples.T])
+        axes = np.stack([np.interp(grid, times, axis) for axis in axes])
     return axes, SourceRate(1 / (step * unit), "time column")
 
 
@@ -367,48 +331,27 @@ class _NoEntities(ElementTree.TreeBuilder):
         raise ValueError("it has a document type (DOCTYPE), which is not read; take that line out")
 
 
-AXES = ("AccelX", "AccelY", "AccelZ")
-
-
 def _read_xml(path: Path) -> Table:
-    """Read acceleration and rate; white space, commas, semicolons or elements divide numbers."""
+    """Read acceleration and rate; white space, commas or semicolons divide numbers."""
     _check_text(path)
     tree = ElementTree.parse(path, ElementTree.XMLParser(target=_NoEntities()))
-    known = {name.lower(): name for name in ("SampleRate", *AXES, "Accel")}
-    values: dict[str, Array] = {}
-    for element in tree.iter():
-        tag = _local_name(element)
-        inner = {f"{tag}{_local_name(child)}": child for child in element} if tag == "accel" else {}
-        for name, node in {tag: element, **inner}.items():
-            if name in known:
-                values[known[name]] = _numbers(known[name], " ".join(node.itertext()))
-    rate = values.get("SampleRate", np.empty(0))
-    if len(rate) != 1:
-        raise ValueError(f"it has {len(rate) or 'no'} SampleRate where one number of Hz is needed")
-    names = ("Accel",) if "Accel" in values and AXES[0] not in values else AXES
-    axes = [values.get(name, np.empty(0)) for name in names]
+    values = {
+        name: np.array(re.split(r"[\s,;]+", (element.text or "").strip(" \t\r\n,;")), np.float64)
+        for element in tree.iter()
+        if (name := element.tag.rpartition("}")[2].lower()) in ("samplerate", *AXES)
+    }
+    rate, *axes = (values.get(name, np.empty(0)) for name in ("samplerate", *AXES))
     counts = [len(axis) for axis in axes]
-    if len({*counts}) > 1 or not counts[0]:
+    if len(rate) != 1 or not counts[0] or len({*counts}) > 1:
         raise ValueError(
-            f"{', '.join(names)} have {', '.join(map(str, counts))} samples; they need as many of "
-            "each"
+            "it needs one SampleRate in Hz and as many samples of each of AccelX, AccelY and "
+            f"AccelZ, but has {len(rate)} and {', '.join(map(str, counts))}"
         )
     return np.stack(axes), SourceRate(float(rate[0]), "header")
 
 
-def _local_name(element: ElementTree.Element) -> str:
-    return str(element.tag).rpartition("}")[2].lower()
-
-
-def _numbers(name: str, text: str) -> Array:
-    try:
-        return np.array([word for word in re.split(r"[\s,;]+", text) if word], np.float64)
-    except ValueError as error:
-        raise ValueError(f"{name} holds what is no number: {error}") from error
-
-
 READERS: dict[str, Callable[[Path], Table]] = {
-    **dict.fromkeys(SOUND_SUFFIXES, _read_sound),
+    **dict.fromkeys((".wav", ".flac"), _read_sound),
     ".npy": _read_array,
     ".txt": _read_text,
     ".csv": _read_text,

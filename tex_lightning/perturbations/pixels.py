@@ -171,14 +171,6 @@ def tilt(photo: Array, degrees: float, scene: Scene) -> Array:
     )
 
 
-def smaller_crop(photo: Array, share: float, scene: Scene) -> Array:
-    """The middle of the photo, ``share`` of each side."""
-    height, width = photo.shape[:2]
-    rows, columns = max(1, round(share * height)), max(1, round(share * width))
-    top, left = (height - rows) // 2, (width - columns) // 2
-    return photo[top : top + rows, left : left + columns]
-
-
 def _grid(reach: float) -> tuple[Array, Array]:
     places = np.arange(-int(np.ceil(reach)), int(np.ceil(reach)) + 1)
     return places[:, None], places[None]

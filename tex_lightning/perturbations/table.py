@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from tex_lightning.core.contract import breach, calling, describe, fault_of, resolve
 from tex_lightning.core.files import require_file
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Array, Scene
 
@@ -36,7 +36,6 @@ class Perturbation:
         unit: Unit of its values.
         levels: Values of severity 0 (nearly harmless) to 5.
         log: Whether the scale between levels is even in logarithms.
-        axes: Number of axes that a signal must have; None for any.
         held_out: Whether it is kept from training.
         generic: Whether signals of any sensor have it.
         function: Dotted path of a user's, or name of the package's; None where that is ``name``.
@@ -47,7 +46,6 @@ class Perturbation:
     unit: str
     levels: tuple[float, ...]
     log: bool = False
-    axes: int | None = None
     held_out: bool = False
     generic: bool = False
     function: str | None = None
@@ -108,23 +106,15 @@ def signal_perturbations(modality: str) -> dict[str, Perturbation]:
     They are the generic ones of traces, and what becomes of a modality that others hit.
     """
     known = perturbations()
-    if modality in {each.modality for each in known.values()}:
+    if modality in {kind.modality for kind in known.values()}:
         return {}
-    found = [
-        replace(each, name=each.name.removeprefix("haptic_"), function=each.function or each.name)
-        for each in known.values()
-        if each.generic
-    ]
-    found += [replace(known[f"haptic_{effect}"], name=effect) for effect in (MISSING, SWAPPED)]
-    own = [
-        replace(
-            each,
-            name=f"{modality}_{each.name}",
-            modality=each.modality if each.modality == BOTH else modality,
-        )
-        for each in found
-    ]
-    return {each.name: each for each in own}
+    copies = {f"{modality}_{becomes}": known[f"haptic_{becomes}"] for becomes in (MISSING, SWAPPED)}
+    for kind in known.values():
+        if kind.generic:
+            function = kind.function or kind.name
+            name = f"{modality}_{kind.name.removeprefix('haptic_')}"
+            copies[name] = replace(kind, modality=modality, function=function)
+    return {name: replace(kind, name=name) for name, kind in copies.items()}
 
 
 def read_severities(path: str | Path) -> dict[str, Perturbation]:
@@ -139,72 +129,66 @@ def read_severities(path: str | Path) -> dict[str, Perturbation]:
         UserError: If the file, a line or a function cannot be used.
     """
     try:
-        found = _read(Path(path).expanduser())
-        for each in found.values():
-            _check(each)
+        table = _read(Path(path).expanduser())
+        for kind in table.values():
+            _check(kind)
     except Exception as error:  # a function's module may fail in any way
         if fault_of(error) is not None:
             raise
-        said = " ".join(str(error).split()).rstrip(".")
         raise UserError(
-            f"stability.severities={path} cannot be used: {said}; write "
+            f"stability.severities={path} cannot be used: {reason(error)}; write "
             "{image: {NAME: {function: my_ext.NAME, unit: TEXT, levels: [six numbers]}}}."
         ) from error
-    return found
+    return table
 
 
 def _read(path: Path) -> dict[str, Perturbation]:
     require_file(path)
-    table: Any = OmegaConf.to_object(OmegaConf.load(path))
-    found: dict[str, Perturbation] = {}
-    for modality, entries in table.items():
+    content: Any = OmegaConf.to_object(OmegaConf.load(path))
+    table: dict[str, Perturbation] = {}
+    for modality, entries in content.items():
         for name, entry in entries.items():
-            if name in found:
+            if name in table:
                 raise ValueError(f"{name} is there twice")
             values = {**entry, "levels": tuple(entry["levels"])}
-            found[name] = Perturbation(name, modality, **values)
-    return found
+            table[name] = Perturbation(name, modality, **values)
+    return table
 
 
-def _check(own: Perturbation) -> None:
-    if own.name in perturbations():
-        raise ValueError(f"{own.name} is the name of one of the package")
-    if len(own.levels) != 1 + len(SEVERITIES):
-        raise ValueError(f"{own.name} has no six levels")
-    if not all(abs(level) < LARGEST for level in own.levels):  # false for NaN
-        raise ValueError(f"{own.name} has a level that is NaN or beyond {LARGEST:g}")
-    if own.modality == BOTH:
-        if own.effect[1] not in (MISSING, SWAPPED):
-            raise ValueError(f"{own.name} is neither MODALITY_missing nor MODALITY_swapped")
-        return
-    if own.function is None:
-        raise ValueError(f"{own.name} names no function")
-    _function(own)
+def _check(kind: Perturbation) -> None:
+    if kind.name in perturbations():
+        raise ValueError(f"{kind.name} is the name of one of the package")
+    if len(kind.levels) != 6 or not all(abs(level) < LARGEST for level in kind.levels):
+        raise ValueError(f"{kind.name} has no six levels, each below {LARGEST:g}")
+    if kind.modality != BOTH:
+        _function(kind)
+    elif kind.effect[1] not in (MISSING, SWAPPED):
+        raise ValueError(f"{kind.name} is neither MODALITY_missing nor MODALITY_swapped")
 
 
-def _changed(own: Perturbation, recording: Array, value: float, scene: Scene) -> Array:
-    """What its function makes of a recording, of any type of numbers."""
-    function = _function(own)
-    if not own.is_users:
+def _changed(kind: Perturbation, recording: Array, value: float, scene: Scene) -> Array:
+    """Return what its function makes of a recording, of any type of numbers."""
+    function = _function(kind)
+    if not kind.is_users:
         return np.asarray(function(recording, value, scene))
-    part = f"{own.name} of {own.modality} in stability.severities", "perturbation", function
+    part = f"{kind.name} of {kind.modality} in stability.severities", "perturbation", function
     with calling(*part):
-        found = np.asarray(function(recording, value, scene))
+        changed = np.asarray(function(recording, value, scene))
     channels = -1 if recording.dtype == np.uint8 else 0
-    fits = found.ndim == recording.ndim and found.shape[channels] == recording.shape[channels]
-    if not fits or found.dtype.kind not in "buif":
-        raise breach(*part, f"returned {describe(found)} for one of shape {recording.shape}")
-    if not np.isfinite(found).all():
+    fits = changed.ndim == recording.ndim and changed.shape[channels] == recording.shape[channels]
+    if not fits or changed.dtype.kind not in "buif":
+        raise breach(*part, f"returned {describe(changed)} for one of shape {recording.shape}")
+    if not np.isfinite(changed).all():
         raise breach(*part, "gave NaN or infinity")
-    return found
+    return changed
 
 
-def _function(own: Perturbation) -> Function:
-    name = own.function or own.name
+def _function(kind: Perturbation) -> Function:
+    name = kind.function or kind.name
     known: dict[str, Any] = {**vars(pixels), **vars(traces)}
-    if not own.is_users and name not in known:
-        raise ValueError(f"{own.name} names {name}, which is no function of the package")
-    function: Function = resolve("stability.severities", name) if own.is_users else known[name]
+    if not kind.is_users and name not in known:
+        raise ValueError(f"{kind.name} names {name}, which is no function of the package")
+    function: Function = resolve("stability.severities", name) if kind.is_users else known[name]
     return function
 
 
@@ -240,10 +224,10 @@ class Augmentation:
 
 
 def trainable(modality: str, medium: str = "signal") -> tuple[str, ...]:
-    """Names of those that may be trained on: not held out, for a signal with any number of axes."""
+    """Names of those that may be trained on: those not held out."""
     generic = signal_perturbations(modality) if medium == "signal" else {}
     return tuple(
         name
-        for name, each in {**perturbations(), **generic}.items()
-        if each.modality == modality and not each.held_out and each.axes is None
+        for name, kind in {**perturbations(), **generic}.items()
+        if kind.modality == modality and not kind.held_out
     )

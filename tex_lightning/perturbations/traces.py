@@ -11,9 +11,6 @@ import scipy  # whose parts are loaded when they are used
 
 from tex_lightning.perturbations.pixels import Array, Scene, power, scaled
 
-OCTAVES = 20  # from 1 Hz, beyond any sensor's
-ROOM_SECONDS = 0.5
-
 
 def white_noise(trace: Array, snr: float, scene: Scene) -> Array:
     """Independent Gaussian noise on every axis."""
@@ -70,31 +67,6 @@ def low_pass(trace: Array, cut_off: float, scene: Scene) -> Array:
     return np.fft.irfft(spectrum / (1 + (frequency / cut_off) ** 2), trace.shape[1], axis=1)
 
 
-def other_sensor(trace: Array, deviation: float, scene: Scene) -> Array:
-    """Another microphone or mounting: a gain for each octave, normal with ``deviation`` dB.
-
-    Between the octaves' centres it goes evenly over the logarithm of the frequency.
-    """
-    frequency = np.fft.rfftfreq(trace.shape[1], 1 / scene.rate)
-    octaves = np.log2(np.maximum(frequency, 1.0))
-    gains = deviation * scene.rng.standard_normal(OCTAVES)
-    response = 10 ** (np.interp(octaves, np.arange(OCTAVES), gains) / 20)
-    return np.fft.irfft(np.fft.rfft(trace, axis=1) * response, trace.shape[1], axis=1)
-
-
-def reverberation(trace: Array, ratio: float, scene: Scene) -> Array:
-    """A room that answers for half a second, its sound ``ratio`` dB below the direct one.
-
-    What it answers is noise that decays by 60 dB in that time.
-    """
-    samples = int(ROOM_SECONDS * scene.rate)
-    decay = 10 ** (-3 * np.arange(samples) / samples)
-    answer = decay * scene.rng.standard_normal(samples)
-    centred = trace - trace.mean(axis=1, keepdims=True)
-    echoes = scipy.signal.fftconvolve(centred, answer[None], axes=1)[:, : trace.shape[1]]
-    return trace + scaled(echoes, trace, ratio)
-
-
 def silence(trace: Array, share: float, scene: Scene) -> Array:
     """A share of the recordings is silence, as of a sensor that is unplugged."""
     return np.zeros_like(trace) if scene.rng.random() < share else trace
@@ -128,22 +100,6 @@ def force(trace: Array, decibel: float, scene: Scene) -> Array:
     gain = 10 ** ((decibel - decibel / 2 * decades) / 20)
     gain[0] = 1  # gravity is no vibration
     return np.fft.irfft(np.fft.rfft(trace, axis=1) * gain, trace.shape[1], axis=1)
-
-
-def rotated_axes(trace: Array, degrees: float, scene: Scene) -> Array:
-    """The sensor is turned about any axis; three axes only."""
-    direction = scene.rng.standard_normal(3)
-    turn = np.deg2rad(degrees) * direction / np.linalg.norm(direction)
-    turned: Array = scipy.spatial.transform.Rotation.from_rotvec(turn).as_matrix() @ trace
-    return turned
-
-
-def dead_axis(trace: Array, share: float, scene: Scene) -> Array:
-    """One axis loses a share of its amplitude about its mean; at 1 it is dead. Three axes only."""
-    weak = trace.copy()
-    axis = weak[scene.rng.integers(3)]
-    axis -= share * (axis - axis.mean())
-    return weak
 
 
 def impact_left_in(trace: Array, strength: float, scene: Scene) -> Array:
