@@ -12,6 +12,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -344,11 +345,11 @@ FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
     ),
     "path": (lambda x: isinstance(x, Path), "a pathlib.Path"),
     "group": (
-        lambda x: x.strip() != "" if isinstance(x, str) else isinstance(x, int) and x >= 0,
+        lambda x: x.strip() != "" if isinstance(x, str) else isinstance(x, Integral) and int(x) >= 0,
         "a text, such as a session, or a whole number from 0",
     ),
     "sampling_rate": (
-        lambda x: x is None or (isinstance(x, float | int) and 0 < x < math.inf),
+        lambda x: x is None or (isinstance(x, Real) and 0 < float(x) < math.inf),
         "a number of Hz, or none",
     ),
     "part": (
