@@ -1,7 +1,6 @@
 import os
 import shutil
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -79,24 +78,6 @@ def test_a_store_keeps_to_the_files_that_it_was_filled_with(store, tmp_path):
     assert store.rate(row).source == "assumed"
 
 
-def test_what_changes_while_it_is_decoded_is_not_kept(store, tmp_path, monkeypatch):
-    path = tmp_path / "a.npy"
-    np.save(path, np.ones(100))
-    row = Recording("a", "haptic", path, 0)
-    decode = SignalDecoder.decode
-
-    def slow(self, *given):
-        found = decode(self, *given)
-        np.save(path, np.full(200, 2.0))
-        return found
-
-    with monkeypatch.context() as patch:
-        patch.setattr(SignalDecoder, "decode", slow)
-        assert store.fill([row]) == []
-    assert not [*store.root.rglob("*.npy")]
-    assert store.load(row).max() == 2
-
-
 def test_a_damaged_entry_is_replaced(store, surfaces):
     row = read_folder(surfaces).of("haptic").rows[0]
     whole = np.array(store.load(row))
@@ -159,22 +140,6 @@ def test_an_entry_knows_the_rate_of_its_file(store, surfaces, tmp_path):
     entry = store._entry(bare)
     entry.write_bytes(entry.read_bytes()[:-8])
     assert store.rate(bare).source == "assumed"
-
-
-def _fill(root: str, surfaces: str) -> int:
-    rows = read_folder(Path(surfaces))
-    store = Store(Path(root), DECODERS)
-    store.fill(rows)
-    return sum(int(store.load(row).sum()) for row in rows.of("image"))
-
-
-def test_two_stores_may_fill_it_at_once(tmp_path, surfaces):
-    with ThreadPoolExecutor(2) as pool:
-        jobs = [pool.submit(_fill, str(tmp_path), str(surfaces)) for _ in range(2)]
-        first, second = (job.result() for job in jobs)
-    assert first == second
-    leftovers = [path for path in tmp_path.rglob(".*") if path.is_file()]
-    assert not leftovers
 
 
 def test_a_missing_file_and_an_unwritable_cache_are_said(store, surfaces, tmp_path):

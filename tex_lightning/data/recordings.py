@@ -345,7 +345,7 @@ FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
     ),
     "path": (lambda x: isinstance(x, Path), "a pathlib.Path"),
     "group": (
-        lambda x: x.strip() != "" if isinstance(x, str) else isinstance(x, Integral) and int(x) >= 0,
+        lambda x: x.strip() > "" if isinstance(x, str) else isinstance(x, Integral) and int(x) >= 0,
         "a text, such as a session, or a whole number from 0",
     ),
     "sampling_rate": (

@@ -28,7 +28,7 @@ from tex_lightning.data.decode import Decoder, SignalDecoder
 from tex_lightning.data.folds import Sample
 from tex_lightning.data.recordings import Recording, cut_part
 from tex_lightning.data.traces import SOURCES, SourceRate, axis_files
-from tex_lightning.errors import UserError
+from tex_lightning.errors import UserError, reason
 
 MAX_LINES = 20
 
@@ -56,7 +56,6 @@ def skipped_entry(unusable: Iterable[Unusable]) -> list[dict[str, str]]:
 FINGERPRINT_BYTES = 65_536
 LAYOUT = 6  # of an entry: what an earlier version decoded otherwise is decoded anew
 UNREADABLE = (OSError, ValueError, EOFError)  # not there yet, or damaged by a full disk
-EMPTIED = (FileNotFoundError, FileExistsError)  # its folder is deleted while an entry is written
 RATE_BYTES = 144  # of two numbers as .npy, which stand behind the array of a trace
 Decoded = tuple[npt.NDArray[Any], SourceRate | None]
 
@@ -74,10 +73,10 @@ def cache_root(configured: str | None) -> Path:
     return root
 
 
-def _unwritable(root: Path, error: OSError) -> UserError:
+def _unwritable(root: Path, error: BaseException | None) -> UserError:
     return UserError(
-        f"Cache folder {root} cannot be written ({error.strerror}); free some space or set "
-        "data.cache_dir to a folder that can."
+        f"Cache folder {root} cannot be written ({reason(getattr(error, 'strerror', error))}); "
+        "free some space or set data.cache_dir to a folder that can."
     )
 
 
@@ -119,7 +118,7 @@ class Store:
         try:
             return _map(self._entry(recording))
         except UNREADABLE:
-            array, _ = self._write(recording)
+            array, _ = self._write(recording, self._decode(recording))
             array.flags.writeable = False
             return array
 
@@ -139,7 +138,7 @@ class Store:
                 hz, source = np.load(stream, allow_pickle=False).tolist()
             return SourceRate(hz, SOURCES[int(source)])
         except UNREADABLE:
-            _, rate = self._write(recording)
+            _, rate = self._write(recording, self._decode(recording))
             assert rate is not None, "only a trace has a rate"
             return rate
 
@@ -170,7 +169,7 @@ class Store:
             decoded = self._decode(recording)
         except UserError as error:
             return Unusable(recording, str(error))
-        self._keep(recording, entry, decoded)
+        self._write(recording, decoded)
         return None
 
     def _entry(self, recording: Recording) -> Path:
@@ -192,28 +191,17 @@ class Store:
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
         return self.root / digest[:2] / f"{digest[2:34]}.npy"
 
-    def _write(self, recording: Recording) -> Decoded:
-        entry = self._identify(recording)
-        decoded = self._decode(recording)
-        self._keep(recording, entry, decoded)
-        return decoded
-
     def _decode(self, recording: Recording) -> Decoded:
         decoder = self.decoders[recording.modality]
         array, rate = decoder.decode(recording.path, recording.sampling_rate)
         return cut_part(array, recording.part, recording.path), rate
 
-    def _keep(self, recording: Recording, entry: Path, decoded: Decoded) -> None:
-        """Write what was decoded, unless its files are no longer those that the entry names."""
-        if self._identify(recording) != entry:
-            return
-        if recording in self.entries:
-            self.entries[recording] = entry
+    def _write(self, recording: Recording, decoded: Decoded) -> Decoded:
         try:
-            write_atomically(entry, lambda path: _save(path, *decoded))
+            write_atomically(self._entry(recording), lambda path: _save(path, *decoded))
         except UserError as error:
-            if isinstance(error.__cause__, OSError) and not isinstance(error.__cause__, EMPTIED):
-                raise _unwritable(self.root.parent, error.__cause__) from error
+            raise _unwritable(self.root.parent, error.__cause__) from error
+        return decoded
 
 
 def _save(path: Path, array: npt.NDArray[Any], rate: SourceRate | None) -> None:
