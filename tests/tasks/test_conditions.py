@@ -126,10 +126,10 @@ def test_a_checkpoint_is_tested_on_the_same_conditions_or_not_at_all(
     [
         (
             ["data.test_where={sped: 60}"],
-            "sped, which no recording says (did you mean speed?)",
+            "no recording has sped 60 (did you mean speed?); choose from speed",
         ),
         (["data.test_where={speed: 70}"], "no recording has speed 70; choose from 40, 50, 60"),
-        (["data.test_where={light: lamp}", "model=haptic"], "light, which no recording says"),
+        (["data.test_where={light: lamp}", "model=haptic"], "no recording has light lamp; choose"),
         (["data.test_where=60"], "data.test_where is 60: give names and values"),
         ([FAST, "data.inverted=true"], "data.test_where some conditions: give one"),
         ([FAST, "task=crossval"], "data.test_where is read by task=fit"),

@@ -22,31 +22,17 @@ from tex_lightning.data.recordings import Recording, Recordings, natural_key, pl
 from tex_lightning.errors import UserError, listed
 
 
-def comparable(value: object) -> float | str:
-    """Return a value for comparison, by which ``60``, ``"60"`` and ``60.0`` are one.
+def comparable(value: object) -> str:
+    """Return one text for all values that are equal, such as ``60``, ``"60"`` and ``60.0``.
 
     So are YAML's ``true`` and Python's ``True``; other words are compared as text.
     """
     text = str(value)
-    if text.lower() in ("true", "false"):
-        return text.lower()
     try:
         number = float(text)
     except ValueError:
-        return text
-    return number if math.isfinite(number) else text
-
-
-def shown(value: str) -> str:
-    """Return one text for all values that are equal in comparison."""
-    known = comparable(value)
-    return str(known).removesuffix(".0")
-
-
-def in_order(value: str) -> tuple[bool, float, Any]:
-    """Sort key of values: numbers by size, then words."""
-    known = comparable(value)
-    return isinstance(known, str), 0.0 if isinstance(known, str) else known, natural_key(value)
+        return text.lower() if text in ("True", "False") else text
+    return str(number).removesuffix(".0") if math.isfinite(number) else text
 
 
 def is_tested(row: Recording, where: Mapping[str, Any]) -> bool | None:
@@ -72,13 +58,17 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
     """
     for name, wanted in where.items():
         values = [(row, dict(row.conditions).get(name)) for row in recordings]
-        known = {comparable(value): shown(value) for _, value in values if value is not None}
-        if not known:
-            names = list(dict.fromkeys(key for row in recordings for key, _ in row.conditions))
-            raise UserError(
-                f"data.test_where names {name}, which no recording says{nearest(name, names)}; "
-                f"choose from {listed(names) or 'further columns of a manifest (data=manifest)'}."
-            )
+        known = sorted(
+            {comparable(value) for _, value in values if value is not None}, key=natural_key
+        )
+        for value in _values(wanted):
+            if comparable(value) not in known:
+                names = dict.fromkeys(key for row in recordings for key, _ in row.conditions)
+                near = nearest(str(value), known) if known else nearest(name, names)
+                raise UserError(
+                    f"data.test_where: no recording has {name} {value}{near}; choose from "
+                    f"{listed(known or list(names)) or 'columns of a manifest (data=manifest)'}."
+                )
         having = {row.modality for row, value in values if value is not None}
         absent = [row for row, value in values if value is None and row.modality in having]
         if absent:
@@ -86,13 +76,6 @@ def check_conditions(recordings: Recordings, where: Mapping[str, Any]) -> None:
                 f"data.test_where names {name}, which {len(absent)} of the {len(values)} "
                 f"recordings do not say, {absent[0].path} for one: fill it in, or leave them out."
             )
-        for value in _values(wanted):
-            if comparable(value) not in known:
-                choices = sorted(known.values(), key=in_order)
-                raise UserError(
-                    f"data.test_where: no recording has {name} {value}"
-                    f"{nearest(str(value), choices)}; choose from {listed(choices)}."
-                )
 
 
 def tested_part(by: Folding) -> str:

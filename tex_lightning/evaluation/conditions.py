@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from tex_lightning.data.folds import Sample, in_order, shown
+from tex_lightning.data.folds import Sample, comparable
+from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.outcomes import Outcome, wilson_interval
 
 KEY = "conditions"  # of a network's entry in results.json
@@ -28,7 +29,7 @@ def by_condition(samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> dict
     for sample, outcome in zip(samples, outcomes, strict=True):
         rows = sample.recordings.values()
         given = dict.fromkeys(
-            (name, shown(value)) for row in rows for name, value in row.conditions
+            (name, comparable(value)) for row in rows for name, value in row.conditions
         )
         votes += [(*each, int(outcome.label == outcome.predicted), 1) for each in given]
     return _entry(votes)
@@ -51,7 +52,7 @@ def _entry(votes: Iterable[Votes]) -> dict[str, Any]:
         before = values.get(value, (0, 0))
         values[value] = before[0] + correct, before[1] + count
     found = {
-        name: {value: counted(*values[value]) for value in sorted(values, key=in_order)}
+        name: {value: counted(*values[value]) for value in sorted(values, key=natural_key)}
         for name, values in totals.items()
     }
     return {KEY: found} if found else {}

@@ -12,7 +12,7 @@ from rich.table import Table as Screened
 from tex_lightning.core.console import DEBUG, Screen, console
 from tex_lightning.core.files import read_record
 from tex_lightning.core.run_folder import SETTINGS
-from tex_lightning.data.folds import in_order
+from tex_lightning.data.recordings import natural_key
 from tex_lightning.evaluation.conditions import KEY
 
 PAPER = Path(__file__).with_name("paper.yaml")
@@ -131,7 +131,7 @@ def condition_rows(networks: Mapping[str, Network]) -> list[dict[str, str]]:
             values.setdefault(name, {}).update(dict.fromkeys(counts))
     rows = []
     for name, known in values.items():
-        for value in sorted(known, key=in_order) if 1 < len(known) <= MAX_LISTED else ():
+        for value in sorted(known, key=natural_key) if 1 < len(known) <= MAX_LISTED else ():
             votes = {network: entry.get(KEY, {}).get(name, {}).get(value)
                      for network, entry in networks.items()}  # fmt: skip
             cells = {network: counted(each) if each else "" for network, each in votes.items()}
