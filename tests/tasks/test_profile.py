@@ -63,7 +63,7 @@ class Plain(nn.Module):
         return self.layer(x).squeeze(2)
 
 
-def test_the_geometry_of_a_network_of_ones_own_is_found(cli, tmp_path, monkeypatch, fused):
+def test_the_geometry_of_a_network_of_ones_own_is_found(cli, tmp_path, monkeypatch):
     module = ModuleType("plain_network")
     module.Plain = Plain
     monkeypatch.setitem(sys.modules, "plain_network", module)
@@ -74,18 +74,6 @@ def test_the_geometry_of_a_network_of_ones_own_is_found(cli, tmp_path, monkeypat
     profile = json.loads((tmp_path / "run" / "results.json").read_text())["networks"]["haptic"]
     assert profile["windows"] > 1
     assert profile["label_agreement"] == 1
-
-
-@pytest.mark.slow
-def test_a_trained_network_is_profiled_on_a_real_file(cli, surfaces, fused, tmp_path):
-    wav = surfaces / "alpha" / "haptic" / "alpha_0.wav"
-    common = ["task=profile", f"checkpoint={fused}/checkpoints/haptic.ckpt", "debug=tiny"]
-    outcome = cli(*common, f"haptic={wav}", f"hydra.run.dir={tmp_path}/profile")
-    assert outcome.status == 0, outcome.err
-    assert "195.4" not in outcome.err  # the paper's figures are not of one's own data
-    wrong = cli(*common, "image=photo.png", f"hydra.run.dir={tmp_path}/wrong")
-    assert wrong.status == 2
-    assert "cannot be profiled with" in wrong.err
 
 
 def test_a_twin_with_other_weights_is_found_out():

@@ -55,12 +55,12 @@ class Config:
     )
     checkpoint: str | None = key("trained network to classify with or to measure")
     haptic: Any = key(
-        "trace(s): a file or a list to predict from; one to profile with; one, or -, to stream; a "
-        "source to record: -, serial:PORT, soundcard, soundcard:NAME, a file",
+        "trace(s): a file or a list to predict from; one, or -, to stream; a source to record: -, "
+        "serial:PORT, soundcard, soundcard:NAME, a file",
         default=None,
     )
     image: Any = key(
-        "photo(s): a file or a list to predict from; one to profile with; camera:NUMBER, or a file "
+        "photo(s): a file or a list to predict from; camera:NUMBER, or a file "
         "that OpenCV reads, to record",
         default=None,
     )

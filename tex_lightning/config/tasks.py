@@ -11,7 +11,7 @@ SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
 EVERY_SENSE = "auto"  # of frontier.senses
-READ_FILES = ("predict", "profile", "record", "stream")  # tasks that read files, by modality
+READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
 OURS = ("threads", "tf32")  # of TrainerConfig, unknown to Lightning
@@ -166,7 +166,7 @@ class GenerateConfig:
 
 @dataclass
 class ProfileConfig:
-    """Inputs and time limits of the profile; haptic=FILE and image=FILE take real inputs."""
+    """Inputs and time limits of the profile."""
 
     classes: int = key("classes of a network without a checkpoint", least=2, most=100_000)
     seconds: float = key("length of the rendered trace", unit="s", least=3, most=600)
@@ -252,8 +252,8 @@ READS = {
     "stability": ("stability", "trusted", "seed", "data", "engine", *_DEVICE),
     "frontier": (*_TRAINING, "crossval.only", "frontier"),
     "profile": (
-        *_TRAINED, *_FILES, "seed", "profile", "model", "data.file_rate", "data.sampling_rate",
-        "data.half_scale", "data.resize",
+        *_TRAINED, "seed", "profile", "model", "data.sampling_rate", "data.half_scale",
+        "data.resize",
     ),
     "export": (*_TRAINED, "seed", "export", "data", *_VOTE),
     "generate": ("generate", "data.classes", "data.synthetic"),

@@ -31,7 +31,7 @@ def run(config: Config, job: Job) -> dict[str, Any]:
     """Write ``checkpoint`` to ``export.out`` as ``export.format``, and what was measured.
 
     Raises:
-        UserError: If it cannot be exported, the file says something else than the checkpoint, or
+        UserError: If it cannot be exported, the file gives other scores than the checkpoint, or
             a file that no export wrote would be written over.
     """
     checkpoint = Path(str(config.checkpoint)).expanduser()
@@ -51,9 +51,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         page = page_files(metadata(classifier), runtime)
     card = config.export.format == "card"
     file = out / ("MODEL_CARD.md" if card else f"{classifier.card.kind}.onnx")
-    files = [file.name, *page]
-    written = _written(out)
-    for name in files:  # before any work is done
+    files, record = [file.name, *page], out / RECORD
+    written = read_record(record).get("files", []) if record.is_file() else []
+    for name in [RECORD, *files]:  # before any work is done
         if os.path.lexists(out / name) and name not in written:
             raise UserError(
                 f"{out / name} was not written by an export; move it away or choose another "
@@ -67,24 +67,9 @@ def run(config: Config, job: Job) -> dict[str, Any]:
         entry = _write_onnx(config, classifier, file, page)
     entry |= {"file": file.name, "bytes": file.stat().st_size}
     results = {"task": config.task, "format": config.export.format, **entry}
-    results["files"] = list(dict.fromkeys([*written, *files]))
-    write_text(out / RECORD, json.dumps(results, indent=1))
+    results["files"] = list(dict.fromkeys([RECORD, *written, *files]))
+    write_text(record, json.dumps(results, indent=1))
     return results
-
-
-def _written(out: Path) -> list[str]:
-    """Return names of the files that exports have written to a folder.
-
-    Raises:
-        UserError: If its record is of something else.
-    """
-    path = out / RECORD
-    if not os.path.lexists(path):
-        return []
-    record = read_record(path)
-    if record.get("task") != "export" or not isinstance(files := record.get("files"), list):
-        raise UserError(f"{path} was not written by an export; choose another export.out.")
-    return files
 
 
 def _write_onnx(

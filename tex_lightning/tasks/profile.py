@@ -3,7 +3,6 @@
 import logging
 import time
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -72,47 +71,30 @@ def run(config: Config, job: Job) -> dict[str, Any]:
 
 
 def _classifiers(config: Config) -> list[SurfaceClassifier]:
-    """Load the unimodal networks of a checkpoint, or make them: no time depends on weights.
-
-    Raises:
-        UserError: If a recording is given that none of them reads.
-    """
+    """Load the unimodal networks of a checkpoint, or make them: no time depends on weights."""
     if config.checkpoint is not None:
         whole = SurfaceClassifier.from_checkpoint(config.checkpoint)
-        networks = [whole.with_senses([name]) for name in whole.card.sense_names]
-    else:
-        names = [f"class{number}" for number in range(config.profile.classes)]
-        torch.manual_seed(config.seed)
-        cards = [configured_card(config, [sense], names) for sense in config.model.senses]
-        networks = [SurfaceClassifier(card) for card in cards]
-    needed = [only_sense(network).modality for network in networks]
-    for key, value in config.files.items():
-        if key not in needed or isinstance(value, list | dict):
-            raise UserError(
-                f"{key}={value} cannot be profiled with; give one file for each of "
-                f"{', '.join(needed)}, or none."
-            )
-    return networks
+        return [whole.with_senses([name]) for name in whole.card.sense_names]
+    names = [f"class{number}" for number in range(config.profile.classes)]
+    torch.manual_seed(config.seed)
+    cards = [configured_card(config, [sense], names) for sense in config.model.senses]
+    return [SurfaceClassifier(card) for card in cards]
 
 
 def _recording(config: Config, classifier: SurfaceClassifier) -> Tensor:
-    """Read or render a recording; features of an untrained network learn statistics from it.
+    """Render a recording; features of an untrained network learn statistics from it.
 
     Raises:
         UserError: If the recording is too small for a window.
     """
     sense = only_sense(classifier)
-    if (file := config.files.get(sense.modality)) is None:
-        decoded = render_recording(sense, config.profile, config.seed)
-    else:
-        decoder = sense.decoder.assuming(config.data.file_rate)
-        decoded = decoder.decode(Path(str(file)).expanduser())[0]
-    recording = torch.from_numpy(decoded.copy())
+    recording = torch.from_numpy(render_recording(sense, config.profile, config.seed).copy())
     size, window = sense.input_size(recording), sense.window_size
     if size[0] < window[0] or size[1] < window[1]:
         raise UserError(
             f"The {sense.what} gives an input of {size[0]}x{size[1]}, height first, and one window "
-            f"of the {sense.name} network takes {window[0]}x{window[1]}; give a larger recording."
+            f"of the {sense.name} network takes {window[0]}x{window[1]}; raise profile.seconds, or "
+            "profile.width and profile.height."
         )
     features: Any = sense.features
     if config.checkpoint is None and hasattr(features, "fit"):
