@@ -36,7 +36,7 @@ from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import keep_memory
 from tex_lightning.data.datamodule import Batch, SurfaceData, TrainingBatches
 from tex_lightning.evaluation.outcomes import environment
-from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.train import train_network
 from tex_lightning.studies.dataset import Dataset, make_card, open_dataset
 

@@ -90,7 +90,7 @@ def test_an_interpolation_in_a_card_is_refused_and_runs_nothing(
         ("senses.haptic.network._target_", 3, "package 3 is not trusted"),
         (
             "senses.haptic.network._target_",
-            "tex_lightning.learning.base.SurfaceModule",
+            "tex_lightning.learning.module.SurfaceModule",
             "tex_lightning is not trusted",
         ),
     ],

@@ -5,7 +5,7 @@ import torch
 from conftest import make_card, trunk_node
 
 from tex_lightning.errors import UserError
-from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.module import SurfaceModule
 
 FLIP = {"_target_": "kornia.augmentation.RandomHorizontalFlip", "p": 1.0}
 INVERT = {"_target_": "kornia.augmentation.RandomInvert", "p": 1.0}  # 1 - x of pixels in [0, 1]

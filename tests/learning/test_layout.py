@@ -5,7 +5,7 @@ import torch
 from conftest import make_card
 from torch import nn
 
-from tex_lightning.learning.base import SurfaceModule, training_layout
+from tex_lightning.learning.module import SurfaceModule, training_layout
 from tex_lightning.networks.trunks import TRUNKS, published
 
 

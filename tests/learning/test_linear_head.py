@@ -9,8 +9,8 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import PredefinedSplit, cross_val_predict
 
 from tex_lightning.core.groups import leave_out
-from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.visual_head import _view, fit_linear_head
+from tex_lightning.learning.module import SurfaceModule
+from tex_lightning.learning.start import _view, fit_linear_head
 from tex_lightning.networks.linear import fit_temperature
 from tex_lightning.perturbations.table import Augmentation
 

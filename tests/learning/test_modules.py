@@ -10,8 +10,7 @@ from torch import nn
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.vote import random_tuples
 from tex_lightning.errors import UserError
-from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.fusion import FusionModule, start_fusion
+from tex_lightning.learning.module import SurfaceModule, start_fusion
 
 SCHEDULES = "torch.optim.lr_scheduler"
 FIT = {
@@ -40,9 +39,8 @@ def module(kind: str, **changes) -> SurfaceModule:
     senses = SENSES[kind]
     card = make_card(*senses, width=0.1)
     torch.manual_seed(0)
-    make = SurfaceModule if len(senses) == 1 else FusionModule
     pieces = {name: PIECES[name] for name in senses}
-    return make(card, {**FIT, **changes}, 0, pieces)
+    return SurfaceModule(card, {**FIT, **changes}, 0, pieces)
 
 
 def quiet(model: SurfaceModule) -> SurfaceModule:
@@ -216,11 +214,10 @@ def test_fusion_starts_from_checkpoints_of_three_senses(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["fusion", "three"])
-def test_a_dropped_modality_leaves_the_scores_of_a_single_one(monkeypatch, kind):
+def test_a_dropped_modality_leaves_the_scores_of_a_single_one(kind):
     model = module(kind, modality_dropout=0.6)
     parts = list(torch.randn(len(SENSES[kind]), 4000, 3, 1))
-    monkeypatch.setattr(model, "parts", lambda inputs: parts)
-    scores = model.scores_of([])
+    scores = model.fused(parts)
     counts = [
         int((scores == expected).flatten(1).all(1).sum()) for expected in (*parts, sum(parts))
     ]

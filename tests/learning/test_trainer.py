@@ -6,14 +6,12 @@ from types import SimpleNamespace
 import pytest
 import torch
 from conftest import make_card
-from lightning.pytorch.callbacks import ModelCheckpoint, TQDMProgressBar
 
 from tex_lightning.classifier.classifier import SurfaceClassifier, lightning_state
 from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError
-from tex_lightning.learning.callbacks import ProgressBar
 from tex_lightning.learning.train import _fit, _take_best, checkpoint_of, train_network
-from tex_lightning.learning.trainer import CheckpointFiles, _with_progress_bar
+from tex_lightning.learning.trainer import CheckpointFiles, ProgressBar
 
 
 class Unsaveable:
@@ -51,8 +49,7 @@ def test_a_write_that_fails_leaves_the_earlier_checkpoint_whole(tmp_path: Path) 
 def test_the_progress_bar_counts_from_the_epoch_that_it_resumes_at() -> None:
     metrics = {"train/loss": torch.tensor(0.5), "val/vote_accuracy": torch.tensor(0.4), "lr": 1}
     trainer = SimpleNamespace(
-        max_epochs=4, current_epoch=2, num_training_batches=10, num_val_batches=[3],
-        callback_metrics=metrics,
+        max_epochs=4, current_epoch=2, num_training_batches=10, callback_metrics=metrics
     )  # fmt: skip
     bar = ProgressBar()
     bar.on_train_start(trainer, None)
@@ -60,25 +57,10 @@ def test_the_progress_bar_counts_from_the_epoch_that_it_resumes_at() -> None:
     assert (epochs.label, epochs.done) == ("epoch 3/4", 2)
     bar.on_train_batch_end(trainer, None, None, None, 4)
     assert (epochs.label, epochs.done) == ("epoch 3/4, loss 0.5, votes 40%", 2.5)
-    bar.on_validation_start(trainer, None)
-    bar.on_validation_batch_end()
-    assert Stage.levels[-1].label == "validation 2/3"
-    bar.on_validation_end(trainer, None)
     bar.on_train_epoch_end(trainer, None)
     assert (Stage.levels, epochs.done) == ([epochs], 3)
     bar.on_exception(trainer, None, KeyboardInterrupt())
     assert Stage.levels == []
-
-
-def test_another_progress_bar_takes_its_place_and_none_is_none() -> None:
-    theirs, other = TQDMProgressBar(), ModelCheckpoint()
-    cases = [
-        ([other], {}, [ModelCheckpoint, ProgressBar]),
-        ([other, theirs], {}, [ModelCheckpoint, TQDMProgressBar]),
-        ([other, theirs], {"enable_progress_bar": False}, [ModelCheckpoint]),
-    ]
-    for callbacks, flags, left in cases:
-        assert [type(each) for each in _with_progress_bar(callbacks, flags)] == left
 
 
 def test_what_a_killed_run_kept_to_resume_from_goes_once_it_is_trained(tmp_path: Path) -> None:

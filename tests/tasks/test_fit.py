@@ -16,7 +16,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tex_lightning.config import CONF
-from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.module import SurfaceModule
 
 NETWORK_KEYS = {
     "fragment_accuracy", "vote_accuracy", "vote_ci95", "correct", "test_samples", "parameters",

@@ -105,13 +105,12 @@ class SampleSet(Dataset[Batch]):
 
 
 class SurfaceData(LightningDataModule):
-    """Loaders of training batches, and of whole samples for validation, testing and prediction.
+    """Loaders of training batches, and of whole samples for validation.
 
     Args:
         batches: An endless sequence, of which every epoch takes its part; None trains nothing.
         steps: Batches in an epoch.
         validation: Whole samples; none leaves out validation.
-        test: Whole samples to test on, or to predict.
         num_workers: Processes that make batches; 0 makes them in this one.
 
     Example:
@@ -121,7 +120,7 @@ class SurfaceData(LightningDataModule):
         >>> bank = InputBank([torch.rand(1, 50, 300) for _ in range(4)], frames=192)
         >>> traces = bank, np.array([0, 0, 1, 1])  # their classes
         >>> batches = TrainingBatches({"haptic": traces}, batch_size=2, seed=0)
-        >>> data = tl.SurfaceData(batches, steps=5, validation=None, test=None, num_workers=0)
+        >>> data = tl.SurfaceData(batches, steps=5, validation=None, num_workers=0)
         >>> [batch["haptic"]["input"].shape for batch in data.train_dataloader()][4]
         torch.Size([2, 1, 50, 192])
     """
@@ -131,14 +130,12 @@ class SurfaceData(LightningDataModule):
         batches: TrainingBatches | None,
         steps: int,
         validation: SampleSet | None,
-        test: SampleSet | None,
         num_workers: int,
     ) -> None:
         super().__init__()
         self.batches = batches
         self.steps = steps
         self.validation = validation
-        self.test = test
         self.num_workers = num_workers
 
     def train_dataloader(self) -> DataLoader[Batch] | list[Any]:
@@ -169,22 +166,11 @@ class SurfaceData(LightningDataModule):
         return slice(self.trainer.global_rank, None, self.trainer.world_size)
 
     def val_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """Return a loader of the validation samples, one at a time."""
-        return self._whole(self.validation)
-
-    def test_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """Return a loader of the test samples, one at a time."""
-        return self._whole(self.test)
-
-    def predict_dataloader(self) -> DataLoader[Batch] | list[Any]:
-        """Return a loader of the test samples, one at a time."""
-        return self._whole(self.test)
-
-    def _whole(self, samples: SampleSet | None) -> DataLoader[Batch] | list[Any]:
-        """Load one sample at a time, since samples have unequal sizes.
+        """Return a loader of the validation samples, one at a time: they have unequal sizes.
 
         Where there are fewer samples than processes, all take all, and the means are the same.
         """
+        samples = self.validation
         if not samples:
             return []
         numbers = range(len(samples))

@@ -11,7 +11,7 @@ from typing import cast
 import torch
 from torch import Tensor
 
-from tex_lightning.classifier.card import NOVELTIES, Card
+from tex_lightning.classifier.card import NOVELTIES
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.classifier.statistics import FeatureStatistics
 from tex_lightning.config import Config
@@ -99,7 +99,7 @@ def complete_card(
     left_out: Mapping[str, Sequence[float]],
     parts: Split,
     store: Store,
-) -> Card:
+) -> None:
     """Complete the card of a trained network by what is set on the validation fold.
 
     That is the temperature, the threshold of sequential decisions, and the novelties of known
@@ -125,7 +125,6 @@ def complete_card(
             columns = zip(card.sense_names, map(list, zip(*rows, strict=True)), strict=True)
             card = replace(card, calibration={**card.calibration, NOVELTIES: dict(columns)})
     classifier.cpu().card = card
-    return card
 
 
 @torch.inference_mode()

@@ -7,7 +7,7 @@ import shutil
 import time
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import cast
 
@@ -17,24 +17,21 @@ from lightning import Callback, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.trainer.states import TrainerStatus
 
-from tex_lightning.classifier.card import Card, read_checkpoint
-from tex_lightning.classifier.classifier import SurfaceClassifier, Trained, read_trained
+from tex_lightning.classifier.card import Card
+from tex_lightning.classifier.classifier import Trained, read_trained
 from tex_lightning.config import Config
-from tex_lightning.config.model import FUSION
 from tex_lightning.core.devices import pick_device
-from tex_lightning.core.files import write_atomically
+from tex_lightning.core.files import write_bytes
 from tex_lightning.core.progress import hidden
 from tex_lightning.data.datamodule import SampleSet, SurfaceData, TrainingBatches
 from tex_lightning.data.folds import Split, make_samples
 from tex_lightning.data.recordings import class_indices
 from tex_lightning.data.store import Store
 from tex_lightning.errors import UserError
-from tex_lightning.learning.base import SurfaceModule
-from tex_lightning.learning.callbacks import ProgressBar
-from tex_lightning.learning.fusion import FusionModule, start_fusion
+from tex_lightning.learning.module import SurfaceModule, start_fusion
 from tex_lightning.learning.start import start_network
 from tex_lightning.learning.statistics import complete_card, keep_statistics
-from tex_lightning.learning.trainer import make_trainer, quiet_lightning
+from tex_lightning.learning.trainer import ProgressBar, make_trainer, quiet_lightning
 
 log = logging.getLogger(__name__)
 ONE_VALUE = "Expected more than 1 value per channel"  # PyTorch's words of batch normalisation
@@ -53,7 +50,6 @@ def train_network(
     directory: Path,
     unimodal: Mapping[str, Trained],
     *watchers: Callback,
-    calibrated: bool = True,
 ) -> Trained:
     """Train, calibrate and write the checkpoint, unless it is there already.
 
@@ -65,7 +61,6 @@ def train_network(
         directory: The run folder.
         unimodal: By sense the networks that FusionNet starts from; empty for the others.
         watchers: Callbacks beside the configured ones.
-        calibrated: Whether probabilities and thresholds are set on the validation fold.
 
     Raises:
         UserError: If a recording is too short, or weights or checkpoints do not fit.
@@ -82,8 +77,11 @@ def train_network(
     resumed = _check_resumable(last)
     if not resumed:
         groups = [row.group_key for row in parts.train.of(card.modalities[0]).rows]
-        start_network(config, module, batches, groups)
-    data = _with_samples(config, card, parts, store, batches)
+        device = pick_device(config.trainer.accelerator)
+        start_network(module, batches, groups, config.start_of(card.kind), device)
+    validation = SampleSet(make_samples(parts.val, card.modalities), store, card.classes)
+    steps = module.fit_config["steps_per_epoch"]
+    data = SurfaceData(batches, steps, validation, config.data.num_workers)
     preparation, validated = time.perf_counter() - begin, bool(data.validation)
     with quiet_lightning():
         trainer, timer, keeper = make_trainer(config, card.kind, directory, validated, watchers)
@@ -91,7 +89,7 @@ def train_network(
         _take_best(module, keeper)
         module.fit_seconds = preparation + timer.time_elapsed("train")
         if trainer.is_global_zero:
-            _complete(config, module, parts, store, unimodal, calibrated)
+            _complete(config, module, parts, store, unimodal)
         trainer.save_checkpoint(final, weights_only=True)
         if trainer.is_global_zero:  # what a resumption would need goes
             shutil.rmtree(working, ignore_errors=True)
@@ -106,8 +104,8 @@ def _prepare(
     torch.manual_seed(config.seed)
     fit, seed = config.model.fit_values(card.kind), config.seed
     pieces = {name: config.model.sense(name).fit.piece for name in card.sense_names}
-    module = (FusionModule if card.kind == FUSION else SurfaceModule)(card, fit, seed, pieces)
-    if isinstance(module, FusionModule) and unimodal:
+    module = SurfaceModule(card, fit, seed, pieces)
+    if unimodal:
         starts = {name: start.classifier for name, start in unimodal.items()}
         start_fusion(module, starts, config.model.fusion.head_start)
     device, banks = pick_device(config.trainer.accelerator), {}
@@ -119,18 +117,6 @@ def _prepare(
         bank = sense.bank(rows, store, recipe, size=size, seed=seed, learn=not unimodal)
         banks[name] = bank, labels
     return module, TrainingBatches(banks, fit["batch_size"], seed)
-
-
-def _with_samples(
-    config: Config, card: Card, parts: Split, store: Store, batches: TrainingBatches
-) -> SurfaceData:
-    """Add the samples to validate and to test on."""
-    validation, test = (
-        SampleSet(make_samples(part, card.modalities), store, card.classes)
-        for part in (parts.val, parts.test)
-    )
-    steps = config.model.fit_values(card.kind)["steps_per_epoch"]
-    return SurfaceData(batches, steps, validation, test, config.data.num_workers)
 
 
 def _check_resumable(last: Path) -> bool:
@@ -199,7 +185,6 @@ def _complete(
     parts: Split,
     store: Store,
     unimodal: Mapping[str, Trained],
-    calibrated: bool,
 ) -> None:
     """Add statistics of the features and what is set on the validation fold."""
     begin, classifier = time.perf_counter(), module.classifier
@@ -211,9 +196,8 @@ def _complete(
     module.fit_seconds += time.perf_counter() - begin
     for part in classifier.trained_modules():
         part.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]  # no stub
-    if calibrated:
-        card = complete_card(config, classifier, module.left_out, parts, store)
-        module.hparams["card"] = card.to_dict()
+    complete_card(config, classifier, module.left_out, parts, store)
+    module.hparams["card"] = classifier.card.to_dict()
 
 
 def train_once(
@@ -232,32 +216,20 @@ def train_once(
     :func:`train_network`, and the folder of the family.
     """
     final = checkpoint_of(directory, card.kind)
-    if final.is_file():
-        return read_trained(final)
-    recipe = {
-        "card": card.to_dict(),
-        "fit": config.model.fit_values(card.kind),
-        "seed": config.seed,
-        "weights": config.start_of(card.kind),
-        "trainer": config.trainer.flags,
-    }
-    if unimodal:
-        recipe["model"] = asdict(config.model)
-        recipe["starts"] = [_digest(start.classifier) for start in unimodal.values()]
-    digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
-    home = folder / f"{card.kind}-{digest}"
-    trained = train_network(config, card, parts, store, home, unimodal, calibrated=False)
-    content = read_checkpoint(trained.checkpoint)
-    complete = complete_card(config, trained.classifier, trained.left_out, parts, store)
-    content["hyper_parameters"]["card"] = complete.to_dict()
-    write_atomically(final, lambda partial: torch.save(content, partial))
-    return replace(trained, checkpoint=final)
-
-
-def _digest(classifier: SurfaceClassifier) -> str:
-    """Return the digest of the weights alone, since another calibration changes the rest."""
-    digest = hashlib.sha256()
-    for name, value in classifier.cpu().state_dict().items():
-        digest.update(name.encode())
-        digest.update(value.numpy().tobytes())
-    return digest.hexdigest()
+    if not final.is_file():
+        recipe = {
+            "card": card.to_dict(),
+            "fit": config.model.fit_values(card.kind),
+            "seed": config.seed,
+            "weights": config.start_of(card.kind),
+            "trainer": config.trainer.flags,
+        }
+        if unimodal:
+            recipe["model"] = asdict(config.model)
+            starts = [start.checkpoint.read_bytes() for start in unimodal.values()]
+            recipe["starts"] = [hashlib.sha256(start).hexdigest() for start in starts]
+        digest = hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
+        home = folder / f"{card.kind}-{digest}"
+        trained = train_network(config, card, parts, store, home, unimodal)
+        write_bytes(final, trained.checkpoint.read_bytes())
+    return read_trained(final)

@@ -1,12 +1,11 @@
 """Lightning's Trainer as this package uses it: flags, callbacks, loggers, no advertisements."""
 
 import logging
-import signal
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from lightning import Callback, LightningModule, Trainer
@@ -15,16 +14,15 @@ from lightning.pytorch.callbacks import ModelCheckpoint, Timer
 from lightning.pytorch.callbacks import ProgressBar as LightningProgressBar
 from torch import nn
 
-from tex_lightning.config import Config, TrainerConfig
+from tex_lightning.config import Config
 from tex_lightning.config.instantiation import build, build_derived
-from tex_lightning.config.model import FUSION
 from tex_lightning.core.console import DEBUG, Screen
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import write_atomically
+from tex_lightning.core.progress import Stage
 from tex_lightning.errors import UserError, reason
-from tex_lightning.learning.base import make_optimizer
-from tex_lightning.learning.callbacks import ProgressBar
 from tex_lightning.learning.loggers import make_loggers, open_loggers
+from tex_lightning.learning.module import REFRESH, make_optimizer
 
 UNHELPFUL = (
     ".*does not have many workers.*",  # data is decoded already; workers rarely pay
@@ -34,6 +32,65 @@ UNHELPFUL = (
     ".*LeafSpec.*is deprecated.*",  # Lightning 2.6 with PyTorch 2.13, until Lightning follows
 )
 LOGGERS = ("lightning", "lightning.pytorch", "lightning.fabric")
+
+log = logging.getLogger(__name__)
+
+
+class ProgressBar(LightningProgressBar):
+    """Epochs, loss and votes."""
+
+    shown: ClassVar = {
+        "train/loss": "loss {:.3g}".format,
+        "val/loss": "val {:.3g}".format,
+        "val/vote_accuracy": "votes {:.0%}".format,
+    }
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.epochs: Stage | None = None
+
+    def disable(self) -> None:
+        """Lightning asks for this where another process shows the bar; the screen knows that."""
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Begin to count, after the epochs that an earlier run has done."""
+        self.epochs = Stage("epoch", trainer.max_epochs, trainer.current_epoch)
+
+    def on_train_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: object,
+        batch: object,
+        batch_idx: int,
+    ) -> None:
+        """Count a step."""
+        last = batch_idx + 1 >= trainer.num_training_batches
+        if self.epochs is not None and not last and (batch_idx + 1) % REFRESH == 0:
+            part = (batch_idx + 1) / trainer.num_training_batches
+            self.epochs.update(trainer.current_epoch + part, notes=self._notes(trainer))
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Count an epoch."""
+        notes = self._notes(trainer)
+        log.debug("Epoch %d: %s.", trainer.current_epoch + 1, ", ".join(notes))
+        if self.epochs is not None:
+            self.epochs.update(trainer.current_epoch + 1, notes=notes)
+
+    def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Count no more."""
+        if self.epochs is not None:
+            self.epochs.end()
+
+    def on_exception(
+        self, trainer: Trainer, pl_module: LightningModule, exception: BaseException
+    ) -> None:
+        """Count no more."""
+        self.on_train_end(trainer, pl_module)
+
+    def _notes(self, trainer: Trainer) -> list[str]:
+        metrics = trainer.callback_metrics
+        return [text(float(metrics[name])) for name, text in self.shown.items() if name in metrics]
 
 
 class CheckpointFiles(TorchCheckpointIO):
@@ -54,19 +111,6 @@ class CheckpointFiles(TorchCheckpointIO):
             UserError: If it cannot be written.
         """
         write_atomically(Path(path), lambda partial: torch.save(checkpoint, partial))
-
-
-class PlainTermination(Callback):
-    """Let SIGTERM end one process of several at once.
-
-    Lightning's handler talks to the other processes from within the signal, wherever they are, and
-    all of them hang. The last finished epoch is kept in any case.
-    """
-
-    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Undo what Lightning has registered just before."""
-        if trainer.world_size > 1:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager
@@ -106,22 +150,23 @@ def make_trainer(
     """
     fit, working = config.model.fit_values(kind), directory / "checkpoints" / kind
     timer, keeper = Timer(), _keep(working, "best", "val/loss") if validated else None
-    # not Lightning's save_last, which leaves out the epochs that are not the best
-    callbacks = [timer, keeper, _keep(working, "last", None), PlainTermination(), *watchers]
-    callbacks += _configured_callbacks(config)
+    # not Lightning's save_last, which leaves out the epochs that are not the best; the last file
+    # holds the state of the keeper, which therefore comes first
+    keepers = [*([keeper] if keeper else []), _keep(working, "last", None)]
+    callbacks = [timer, *keepers, *watchers, *_configured_callbacks(config)]
     flags = {
         "log_every_n_steps": min(10, fit["steps_per_epoch"]),
         "limit_val_batches": 1.0 if validated else 0,
         "num_sanity_val_steps": 0,
         "enable_model_summary": False,
-        "sync_batchnorm": _synchronises(config.trainer, kind),
+        "sync_batchnorm": pick_device(config.trainer.accelerator).type == "cuda",
         **config.trainer.flags,
     }
     trainer = _lightning_trainer(
         flags,
         plugins=[CheckpointFiles()],
         max_epochs=fit["epochs"],
-        callbacks=_with_progress_bar([each for each in callbacks if each is not None], flags),
+        callbacks=callbacks,
         logger=open_loggers(config.logger, directory, kind),
         use_distributed_sampler=False,  # every process knows its share of a batch
         default_root_dir=directory,
@@ -155,10 +200,13 @@ def try_parts_of_training(config: Config, directory: Path) -> None:
 
 
 def _configured_callbacks(config: Config) -> list[Callback]:
-    return [
+    callbacks = [
         build_derived(f"callbacks.{name}", node, Callback)
         for name, node in config.callbacks.items()
     ]
+    if config.trainer.flags.get("enable_progress_bar", True):
+        return callbacks
+    return [each for each in callbacks if not isinstance(each, LightningProgressBar)]
 
 
 def _lightning_trainer(flags: dict[str, Any], **own: Any) -> Trainer:  # noqa: ANN401
@@ -170,20 +218,6 @@ def _lightning_trainer(flags: dict[str, Any], **own: Any) -> Trainer:  # noqa: A
         raise UserError(
             f"Lightning's Trainer refuses what trainer says: {reason(error)}; correct that flag."
         ) from error
-
-
-def _with_progress_bar(callbacks: list[Callback], flags: dict[str, Any]) -> list[Callback]:
-    """Add this package's bar, unless the user has named another one or wants none."""
-    bars = [each for each in callbacks if isinstance(each, LightningProgressBar)]
-    if not flags.get("enable_progress_bar", True):
-        return [each for each in callbacks if each not in bars]
-    return callbacks if bars else [*callbacks, ProgressBar()]
-
-
-def _synchronises(trainer: TrainerConfig, kind: str) -> bool:
-    """Whether batch normalisation is over whole batches: on GPUs, but for FusionNet's, fixed."""
-    several = trainer.devices != 1 or trainer.num_nodes != 1
-    return several and kind != FUSION and pick_device(trainer.accelerator).type == "cuda"
 
 
 def _keep(working: Path, name: str, monitor: str | None) -> ModelCheckpoint:

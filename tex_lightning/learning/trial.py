@@ -18,7 +18,7 @@ from tex_lightning.core.contract import Part, breach, calling, describe
 from tex_lightning.data.datamodule import TrainingBatches
 from tex_lightning.data.recordings import Recording, Recordings, class_indices
 from tex_lightning.data.store import Store
-from tex_lightning.learning.base import SurfaceModule
+from tex_lightning.learning.module import SurfaceModule
 from tex_lightning.learning.start import fit_closed_form
 from tex_lightning.networks.blocks import score_layer_of
 from tex_lightning.senses.base import Sense, as_tensor

@@ -1,7 +1,11 @@
-"""Training of the network of one sense: loss, metrics, optimiser and checkpoint."""
+"""Training of the network of one sense, or of FusionNet: loss, metrics, optimiser, checkpoint.
 
-from collections.abc import Iterator
-from typing import Any
+FusionNet learns from trained unimodal networks (paper, section III-B), on pieces that give one
+prediction each, with a faster head.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Self
 
 import torch
 from lightning import LightningModule
@@ -17,6 +21,7 @@ from tex_lightning.core.contract import breach, calling, describe
 from tex_lightning.data.datamodule import Batch
 from tex_lightning.errors import UserError
 from tex_lightning.networks.blocks import is_builtin
+from tex_lightning.networks.fusionnet import FusionLayer
 
 REFRESH = 5  # steps, after which the progress bar shows new figures
 APART = 1 << 50  # between the dropout of two processes, more than seeds and epochs span
@@ -25,7 +30,8 @@ APART = 1 << 50  # between the dropout of two processes, more than seeds and epo
 class SurfaceModule(LightningModule):
     """Train a :class:`SurfaceClassifier` on pieces of recordings.
 
-    Every position of a piece is a fragment with the label of its recording.
+    Every position of a piece is a fragment with the label of its recording. FusionNet learns on
+    tuples of fragments, one of each sense, all of one class.
 
     Logged: ``train/loss`` (cross entropy per fragment, lower is better), the share of correct
     fragments as ``train/fragment_accuracy`` (higher is better), ``lr/backbone`` and ``lr/head``;
@@ -36,7 +42,8 @@ class SurfaceModule(LightningModule):
         card: What is trained.
         fit: The training recipe as a dictionary of plain values.
         seed: Seed of dropout; batches have their own.
-        pieces: By sense the length or side of the pieces.
+        pieces: By sense the length or side of the pieces. Those of FusionNet are as small as a
+            single fragment where the network says how small that is.
     """
 
     def __init__(self, card: Card, fit: dict[str, Any], seed: int, pieces: dict[str, int]) -> None:
@@ -45,7 +52,10 @@ class SurfaceModule(LightningModule):
         self.save_hyperparameters(kept, logger=False)
         self.classifier, self.kind = SurfaceClassifier(card), card.kind
         self.layout = training_layout(self.classifier)
-        if self.kind != FUSION:
+        if self.kind == FUSION:
+            senses = self.classifier.senses.items()
+            pieces = {name: sense.piece_size(pieces[name]) for name, sense in senses}
+        else:
             self.network.to(memory_format=self.layout)
         self.fit_config, self.seed, self.pieces = fit, seed, pieces
         node, key = fit.get("augmentation"), f"model.{self.kind}.fit.augmentation"
@@ -60,11 +70,11 @@ class SurfaceModule(LightningModule):
     def inputs(self, batch: Batch) -> list[Tensor]:
         """The network's input tensors (batch, ...) for a training batch, one for each sense."""
         change = self._augmented if self.augmentation is not None and self.training else None
-        found = []
+        inputs = []
         for name, sense in self.classifier.senses.items():
             x = sense.training_input(batch[name], self.pieces[name], change)
-            found.append(x.contiguous() if self.layout is torch.contiguous_format else x)
-        return found
+            inputs.append(x.contiguous() if self.layout is torch.contiguous_format else x)
+        return inputs
 
     def _augmented(self, patches: Tensor) -> Tensor:
         """Apply the recipe's augmentation to photos (batch, 3, side, side) in [0, 1]."""
@@ -80,23 +90,75 @@ class SurfaceModule(LightningModule):
         """The network of a single sense."""
         return self.classifier.network
 
-    def backbone_parameters(self) -> Iterator[nn.Parameter]:
-        """Parameters at the base learning rate: the trunk's, or of a network without one all."""
-        yield from getattr(self.network, "trunk", self.network).parameters()
+    @property
+    def fusion(self) -> FusionLayer:
+        """The fusion layer of several senses."""
+        layer = self.classifier.fusion
+        assert layer is not None  # a card of several senses has one
+        return layer
 
-    def head_parameters(self) -> Iterator[nn.Parameter]:
-        """Parameters at ``head_factor`` times the base learning rate: the other ones."""
-        trunk = set(self.backbone_parameters())
-        yield from (each for each in self.network.parameters() if each not in trunk)
+    def train(self, mode: bool = True) -> Self:
+        """Keep the statistics of batch normalisation that FusionNet's networks learnt.
+
+        They were gathered on dense outputs of larger inputs, as in testing.
+        """
+        super().train(mode)
+        for module in self.classifier.modules() if self.kind == FUSION else ():
+            if isinstance(module, nn.modules.batchnorm._BatchNorm):
+                module.eval()
+        return self
+
+    def parameter_groups(self) -> tuple[list[nn.Parameter], list[nn.Parameter]]:
+        """Return parameters at the base learning rate, and at ``head_factor`` times it.
+
+        The former are those of the trunk, of a network without one all, or of all networks that a
+        fusion layer joins.
+        """
+        if self.kind == FUSION:
+            senses = self.classifier.senses.values()
+            networks = nn.ModuleList(sense.network for sense in senses)
+            return list(networks.parameters()), list(self.fusion.parameters())
+        backbone = list(getattr(self.network, "trunk", self.network).parameters())
+        trunk = set(backbone)
+        return backbone, [weight for weight in self.network.parameters() if weight not in trunk]
 
     def scores(self, batch: Batch) -> Tensor:
-        """Class scores (batch, classes, fragments) of a training batch."""
-        return self.scores_of(self.inputs(batch))
-
-    def scores_of(self, inputs: list[Tensor]) -> Tensor:
-        """Class scores of the network's input tensors, one for each sense."""
-        (x,), (sense,) = inputs, self.classifier.senses.values()
+        """Class scores (batch, classes, fragments or tuples) of a training batch."""
+        inputs, senses = self.inputs(batch), self.classifier.senses.values()
+        if self.kind == FUSION:
+            levels = self.fusion.levels
+            features = [
+                sense.score(x, level).flatten(2)
+                for sense, level, x in zip(senses, levels, inputs, strict=True)
+            ]
+            return self.fused(
+                [self.fusion.project(index, part) for index, part in enumerate(features)]
+            )
+        (x,), (sense,) = inputs, senses
         return sense.score(x, "fc3").flatten(2)
+
+    def fused(self, parts: list[Tensor]) -> Tensor:
+        """Class scores (batch, classes, tuples); for a share of the samples of one sense alone.
+
+        What one sense says is trained to be right, and to be weak where it is not: a modality that
+        is missing, or out of order, then leaves the decision to the others.
+
+        Args:
+            parts: Partial logits (batch, classes, positions) of each sense.
+        """
+        dropout: float = self.fit_config["modality_dropout"]
+        if dropout > 0:
+            draw = torch.rand(len(parts[0]), 1, 1, device=parts[0].device)
+            alone = (draw * len(parts) / dropout).long()  # a sense, or beyond them all of them
+            parts = [
+                part * ((alone == index) | (alone >= len(parts)))
+                for index, part in enumerate(parts)
+            ]
+        counts, tuples = [part.shape[-1] for part in parts], None
+        if max(counts) > 1:  # of a network that gives several positions for a piece
+            positions = torch.arange(max(counts), device=parts[0].device)
+            tuples = torch.stack([positions % count for count in counts], dim=1)
+        return self.fusion.fuse(parts, tuples)
 
     def on_train_epoch_start(self) -> None:
         """Make dropout a function of seed, epoch and process: a resumed run repeats it exactly."""
@@ -150,7 +212,7 @@ class SurfaceModule(LightningModule):
         Raises:
             UserError: If one of the two cannot be made, or is none.
         """
-        backbone, head = list(self.backbone_parameters()), list(self.head_parameters())
+        backbone, head = self.parameter_groups()
         if not backbone + head:
             return None  # of a network that was fitted in closed form to its buffers
         where = f"model.{self.kind}.fit"
@@ -169,6 +231,28 @@ class SurfaceModule(LightningModule):
         checkpoint["fit_seconds"] = self.fit_seconds
         checkpoint["val_loss"] = self.val_loss
         checkpoint[LEFT_OUT] = self.left_out
+
+
+def start_fusion(
+    module: SurfaceModule, starts: Mapping[str, SurfaceClassifier], head_start: str
+) -> None:
+    """Copy the weights of unimodal networks, and what their features have learnt.
+
+    Args:
+        module: Module of the fusion.
+        starts: By sense the classifier whose weights are copied.
+        head_start: ``scores`` begins with the sum of all networks' class scores, ``random`` with
+            small random weights.
+    """
+    for name, start in starts.items():
+        sense, source = module.classifier.senses[name], start.cpu().senses[name]
+        sense.features.load_state_dict(source.features.state_dict())
+        kept = sense.network.state_dict()  # without FC3 where FC2 is fused
+        weights = source.network.state_dict()
+        sense.network.load_state_dict({key: weights[key] for key in kept})
+        sense.network.eval()  # and stays so: networks that are trained already need no dropout
+    if head_start == "scores":
+        module.fusion.start_from_scores(*(start.network for start in starts.values()))
 
 
 def accuracy(classes: int) -> MulticlassAccuracy:
