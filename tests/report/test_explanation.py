@@ -15,25 +15,20 @@ import tex_lightning as tl
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.data.quality import Quality
 from tex_lightning.errors import UserError
-from tex_lightning.inference.evidence import (
-    PhotoEvidence,
-    SignalEvidence,
-    classify_with_maps,
-    equal_parts,
-)
+from tex_lightning.inference.evidence import Evidence, classify_with_maps, equal_parts
 from tex_lightning.inference.prediction import describe
 from tex_lightning.report.explanation import Explanation
 
 
-def photo_evidence(labels: np.ndarray, classes: int) -> PhotoEvidence:
+def photo_evidence(labels: np.ndarray, classes: int) -> Evidence:
     """A photo whose positions say the labels, all as surely."""
     scores = 2.0 * (np.arange(classes)[:, None, None] == labels)
     rows, columns = (equal_parts(count, 0, 300) for count in labels.shape)
     pixels = np.zeros((300, 300, 3), np.uint8)
-    return PhotoEvidence("visual", scores, rows, columns, 1.0, pixels)
+    return Evidence("visual", scores, rows, columns, 1.0, pixels)
 
 
-def explanation(*evidence: PhotoEvidence | SignalEvidence, label: int = 0) -> Explanation:
+def explanation(*evidence: Evidence, label: int = 0) -> Explanation:
     classes = [f"class {index}" for index in range(len(evidence[0].scores))]
     prediction = tl.Prediction(
         classes[label], None, 0.5, 0.5, ({"label": classes[label], "share": 0.5},), 1, 1.0, (), (),
@@ -134,10 +129,10 @@ def test_files_are_small_however_large_the_input(tmp_path):
     photo = photo_evidence(labels, 12)
     noise = rng.integers(0, 255, (2448, 3264, 3), dtype=np.uint8)
     rows, columns = (equal_parts(count, 0, size) for count, size in ((70, 2448), (95, 3264)))
-    photo = PhotoEvidence("visual", photo.scores, rows, columns, 1.0, noise)
+    photo = Evidence("visual", photo.scores, rows, columns, 1.0, noise)
     scores = rng.standard_normal((12, 1, 120))
     trace = rng.standard_normal((1, 20 * RATE)).astype(np.float32)
-    signal = SignalEvidence(
+    signal = Evidence(
         "haptic", scores, np.zeros((1, 2)), equal_parts(120, 0, 20), 1.0, trace,
         RATE, 0.0,
     )  # fmt: skip

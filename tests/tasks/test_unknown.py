@@ -46,7 +46,7 @@ def test_novelty_in_python_is_that_of_the_prediction(bands, recordings, caplog):
     model = tl.load(bands, "decision.unknown=0.05")
     prediction = model.predict(haptic=strange)
     trace = torch.from_numpy(make_trace(STRANGE, 42, 4.0))[None]
-    novelty = model.classifier.novelty(haptic=trace).item()
+    novelty = model.classifier.classify(haptic=trace).novelty
     assert prediction.novelty == pytest.approx(novelty, rel=1e-3)
     assert model.card.unknown_above < novelty
     assert len(model.card.known_novelties) == 27  # 24 left out in turn, 3 of the validation fold

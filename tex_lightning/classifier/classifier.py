@@ -164,33 +164,8 @@ class SurfaceClassifier(nn.Module):
     @torch.inference_mode()
     def classify(self, **recordings: Tensor) -> Vote:
         """Decide on one sample; arguments are those of :meth:`logits`."""
-        outputs: dict[str, SenseOutput] = {}
-        for name, sense in self.senses.items():
-            if sense.modality not in recordings:
-                self.require(recordings)
-            outputs[name] = self.sense_output(name, recordings[sense.modality])
-        if self.fusion is not None:
-            return self.vote(outputs, self.seed(**recordings))
-        logits, novelty = outputs[name]
-        vote = RULES[self.card.rule](logits, self.card.temperature)
-        return vote if novelty is None else replace(vote, novelty=float(novelty))
-
-    @torch.inference_mode()
-    def novelty(self, **recordings: Tensor) -> Tensor:
-        """Return how unlike every class of the training one sample is: (), 0 to 2 for each sense.
-
-        The sum over its senses of :meth:`.FeatureStatistics.novelty` of their mean features.
-
-        Raises:
-            UserError: If the checkpoint has no statistics, or as :meth:`logits` does.
-        """
-        found = join_novelties(self.sense_outputs(**recordings).values())
-        if found is None:
-            raise UserError(
-                f"This {self.card.title} keeps no statistics of its features, so what it has never "
-                "seen cannot be told; train it by task=fit."
-            )
-        return found
+        outputs = self.sense_outputs(**recordings)
+        return self.vote(outputs, 0 if self.fusion is None else self.seed(**recordings))
 
     def decide(self, logits: Tensor, temperature: float) -> Vote:
         """Decide by class scores (classes, fragments) with the card's rule."""
@@ -224,21 +199,13 @@ class SurfaceClassifier(nn.Module):
 
     def sense_output(self, name: str, recording: Tensor) -> SenseOutput:
         """Compute scores and novelty of a decoded recording by one sense, in one pass."""
-        sense = self.senses[name]
-        grid = sense.dense_grid(sense.dense_input(recording), self.layers[name][0])
-        return self.output_of(name, grid.flatten(1))
+        return self.output_of(name, self.embedding(name, recording))
 
     def output_of(self, name: str, features: Tensor) -> SenseOutput:
         """Compute the same from features (D, positions), see :meth:`embedding`."""
-        embedded, fused = self.layers[name]
-        novelty: Tensor | None = None
-        if name in self.statistics:
-            statistics: Any = self.statistics[name]
-            novelty = statistics.novelty(features.mean(dim=1))
-        if embedded != fused:
-            features = class_scores(self.senses[name].network, features)
-        partial_logits = features if self.fusion is None else self.project(name, features)
-        return SenseOutput(partial_logits, novelty)
+        statistics = self.statistics_of(name)
+        novelty = None if statistics is None else statistics.novelty(features.mean(dim=1))
+        return SenseOutput(self._partial_logits(name, features), novelty)
 
     def statistics_of(self, name: str) -> FeatureStatistics | None:
         """Return the class statistics of one sense; None of a checkpoint without them."""
@@ -257,14 +224,12 @@ class SurfaceClassifier(nn.Module):
 
     def partial_logits(self, name: str, recording: Tensor) -> Tensor:
         """Compute what one sense adds to the class scores: (classes, positions)."""
-        features = self.embedding(name, recording)
+        return self._partial_logits(name, self.embedding(name, recording))
+
+    def _partial_logits(self, name: str, features: Tensor) -> Tensor:
         if self.embedding_layer(name) != self.level(name):
             features = class_scores(self.senses[name].network, features)
         return self.project(name, features)
-
-    def positions(self, name: str, recording: Tensor) -> Tensor:
-        """Compute features (D, positions) of the layer that is fused; of a single sense scores."""
-        return self.senses[name].positions(recording, self.level(name))
 
     def embedding(self, name: str, recording: Tensor) -> Tensor:
         """Compute the features (D, positions) of one sense that its :attr:`statistics` are about.
@@ -378,14 +343,14 @@ def _set_scores(network: Any, fresh: Any, head: nn.Linear) -> None:  # noqa: ANN
     layer.bias.copy_(head.bias)
 
 
-def join_novelties(sensed: Iterable[SenseOutput]) -> Tensor | None:
-    """The novelty of a sample: the sum over its senses; None if it is not known of all."""
-    total: Tensor | None = None
-    for each in sensed:
-        if each.novelty is None:
+def join_novelties(outputs: Iterable[SenseOutput]) -> Tensor | None:
+    """Return the novelty of a sample: the sum over its senses; None if it is not known of all."""
+    known: list[Tensor] = []
+    for output in outputs:
+        if output.novelty is None:
             return None
-        total = each.novelty if total is None else total + each.novelty
-    return total
+        known.append(output.novelty)
+    return sum(known, torch.zeros_like(known[0]))
 
 
 def class_scores(network: nn.Module, features: Tensor) -> Tensor:

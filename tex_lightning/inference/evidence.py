@@ -8,7 +8,6 @@ does not say where its positions lie, the recording is taken as cut into as many
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,6 +40,10 @@ class Evidence:
         columns: (columns, 2) the same from the left, in pixels; of signals begin and end in
             seconds of the recording.
         temperature: What scores are divided by before they become probabilities.
+        recording: What the network reads: a photo (height, width, 3) uint8, or a signal (axes,
+            samples) float32.
+        rate: Rate of a signal in Hz; None for a photo.
+        start: Seconds of a signal before steady movement, which the network does not read.
     """
 
     name: str
@@ -48,29 +51,21 @@ class Evidence:
     rows: Floats
     columns: Floats
     temperature: float
+    recording: npt.NDArray[Any]
+    rate: float | None = None
+    start: float = 0.0
 
     @property
     def labels(self) -> Labels:
         """(rows, columns) class of every position."""
-        found: Labels = self.scores.argmax(axis=0)
-        return found
+        labels: Labels = self.scores.argmax(axis=0)
+        return labels
 
     def probabilities(self, label: int) -> Floats:
         """(rows, columns) probability of a class at every position, 0 to 1."""
         scores = torch.from_numpy(self.scores).double().div(self.temperature)
-        found: Floats = scores.softmax(dim=0)[label].numpy()
-        return found
-
-
-@dataclass(frozen=True)
-class PhotoEvidence(Evidence):
-    """Dense scores of a photo.
-
-    Attributes:
-        pixels: (height, width, 3) uint8 as the network reads it: halved if the checkpoint says so.
-    """
-
-    pixels: npt.NDArray[np.uint8]
+        shares: Floats = scores.softmax(dim=0)[label].numpy()
+        return shares
 
     def label_map(self, step: int = 1) -> Labels:
         """Class of the middle of squares of pixels: that of the fragment whose centre is nearest.
@@ -83,36 +78,21 @@ class PhotoEvidence(Evidence):
         """
         places = [
             nearest(extents, (np.arange(0, size, step) + step / 2).clip(max=size - 0.5))
-            for extents, size in zip((self.rows, self.columns), self.pixels.shape, strict=False)
+            for extents, size in zip((self.rows, self.columns), self.recording.shape, strict=False)
         ]
-        found: Labels = self.labels[np.ix_(*places)]
-        found[places[0] < 0] = -1
-        found[:, places[1] < 0] = -1
-        return found
-
-
-@dataclass(frozen=True)
-class SignalEvidence(Evidence):
-    """Dense scores of a signal.
-
-    Attributes:
-        samples: (axes, samples) float32 in the unit of the recording.
-        rate: Rate of the samples in Hz.
-        start: Seconds of the recording before steady movement, which the network does not read.
-    """
-
-    samples: Floats
-    rate: float
-    start: float
+        labels: Labels = self.labels[np.ix_(*places)]
+        labels[places[0] < 0] = -1
+        labels[:, places[1] < 0] = -1
+        return labels
 
     @property
     def seconds(self) -> float:
-        """Length of the recording."""
-        return float(self.samples.shape[-1] / self.rate)
+        """Length of a signal."""
+        return float(self.recording.shape[-1] / (self.rate or 1.0))
 
-    @cached_property
+    @property
     def edges(self) -> Floats:
-        """(columns + 1,) borders of the positions, halfway between the fragments' centres."""
+        """(columns + 1,) borders of the positions of a signal, halfway between their centres."""
         return cell_edges(self.columns).clip(0, self.seconds)
 
 
@@ -190,32 +170,28 @@ def refuse_baseline(classifier: SurfaceClassifier) -> None:
 
 
 def _evidence(sense: Sense, recording: Tensor, scores: Floats, temperature: float) -> Evidence:
+    counts, array = scores.shape[1:], recording.cpu().numpy()
+    known = sense.geometry is not None
     if isinstance(sense, SignalSense):
-        return _of_signal(sense, recording, scores, temperature)
-    counts, sizes = scores.shape[1:], recording.shape[:2]
-    if is_builtin(sense.features) and sense.geometry is not None:
+        rate, features = sense.decoder.sampling_rate, sense.spectrogram
+        skips = getattr(sense.features, "skip_impact", False)
+        start = movement_start(recording, rate) / rate if skips else 0.0
+        if features is not None and known:
+            frames = window_extents(counts[1], sense.stride, sense.window_size[1])
+            frames[:, 1] -= 1  # the last frame begins there
+            columns = start + frames * features.hop_length / rate
+            columns[:, 1] += features.window_length / rate
+        else:
+            columns = equal_parts(counts[1], start, array.shape[-1] / rate)
+        rows = np.array([[0.0, 1.0]])
+        return Evidence(sense.name, scores, rows, columns, temperature, array, rate, start)
+    if is_builtin(sense.features) and known:
         rows, columns = (
             window_extents(count, sense.stride, window)
             for count, window in zip(counts, sense.window_size, strict=True)
         )
     else:
-        rows, columns = (equal_parts(*each) for each in zip(counts, (0, 0), sizes, strict=True))
-    pixels = recording.cpu().numpy()
-    return PhotoEvidence(sense.name, scores, rows, columns, temperature, pixels)
-
-
-def _of_signal(
-    sense: SignalSense, recording: Tensor, scores: Floats, temperature: float
-) -> SignalEvidence:
-    rate, features = sense.decoder.sampling_rate, sense.spectrogram
-    skips = getattr(sense.features, "skip_impact", False)
-    start = movement_start(recording, rate) / rate if skips else 0.0
-    if features is not None and sense.geometry is not None:
-        frames = window_extents(scores.shape[2], sense.stride, sense.window_size[1])
-        frames[:, 1] -= 1  # the last frame begins there
-        columns = start + frames * features.hop_length / rate
-        columns[:, 1] += features.window_length / rate
-    else:
-        columns = equal_parts(scores.shape[2], start, recording.shape[-1] / rate)
-    rows, samples = np.array([[0.0, 1.0]]), recording.cpu().numpy()
-    return SignalEvidence(sense.name, scores, rows, columns, temperature, samples, rate, start)
+        rows, columns = (
+            equal_parts(count, 0, size) for count, size in zip(counts, array.shape, strict=False)
+        )
+    return Evidence(sense.name, scores, rows, columns, temperature, array)

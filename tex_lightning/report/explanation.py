@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 from PIL import Image
 
-from tex_lightning.inference.evidence import Evidence, Floats, PhotoEvidence, SignalEvidence
+from tex_lightning.inference.evidence import Evidence, Floats
 from tex_lightning.inference.prediction import Prediction
 from tex_lightning.report.figures import write_figure
 from tex_lightning.report.style import brief, styled
@@ -33,9 +33,9 @@ BINS = 1200  # of a waveform, each drawn from its lowest to its highest sample
 MIX = 0.5  # of a class's colour over a grey photo
 
 
-def overlaid(evidence: PhotoEvidence, step: int, colours: Sequence[str]) -> Floats:
+def overlaid(evidence: Evidence, step: int, colours: Sequence[str]) -> Floats:
     """A grey photo under the colours of its classes (height, width, 3), 0 to 1."""
-    grey = np.asarray(Image.fromarray(evidence.pixels).convert("L").reduce(step)) / 255
+    grey = np.asarray(Image.fromarray(evidence.recording).convert("L").reduce(step)) / 255
     labels = evidence.label_map(step)
     pixels = np.repeat(grey[..., None], 3, axis=2)
     painted = np.array([to_rgb(colour) for colour in colours])
@@ -114,7 +114,7 @@ class Explanation:
         colours = self._colours()
         legend = self._legend(colours)
         columns = max(1, CHARACTERS // (8 + max(len(str(each.get_label())) for each in legend)))
-        ratios = [SIGNAL if isinstance(e, SignalEvidence) else PHOTO for e in self.senses.values()]
+        ratios = [PHOTO if e.rate is None else SIGNAL for e in self.senses.values()]
         ratios += [LINE * (1 + -(-len(legend) // columns))]
         total = sum(ratios) + LINE * (title.count("\n") + 1)
         figure = Figure(figsize=(WIDTH, total), dpi=DPI, layout="constrained")
@@ -162,18 +162,18 @@ class Explanation:
         """Draw one sense under its mean margin."""
         margin, rival = self.contributions[evidence.name], brief(self.classes[self.rival], LONGEST)
         part.suptitle(f"{evidence.name}: mean margin {margin:+.1f} over {rival}", ha="left", x=0.01)
-        if isinstance(evidence, SignalEvidence):
-            _draw_signal(part, evidence, colours, self.label)
-        elif isinstance(evidence, PhotoEvidence):
+        if evidence.rate is None:
             _draw_photo(part, evidence, colours)
+        else:
+            _draw_signal(part, evidence, colours, self.label)
 
 
-def _draw_photo(figure: SubFigure, evidence: PhotoEvidence, colours: Sequence[str]) -> None:
+def _draw_photo(figure: SubFigure, evidence: Evidence, colours: Sequence[str]) -> None:
     """Draw the photo, and the class of every position over it."""
-    height, width = evidence.pixels.shape[:2]
+    height, width = evidence.recording.shape[:2]
     photo, mapped = figure.subplots(1, 2)
     step = -(-max(height, width) // SHOWN)
-    small = np.asarray(Image.fromarray(evidence.pixels).reduce(step))
+    small = np.asarray(Image.fromarray(evidence.recording).reduce(step))
     extent = (0, small.shape[1] * step, small.shape[0] * step, 0)
     photo.imshow(small, extent=extent)
     mapped.imshow(overlaid(evidence, step, colours), extent=extent)
@@ -183,9 +183,7 @@ def _draw_photo(figure: SubFigure, evidence: PhotoEvidence, colours: Sequence[st
         axes.set(xlim=(0, width), ylim=(height, 0))
 
 
-def _draw_signal(
-    figure: SubFigure, evidence: SignalEvidence, colours: Sequence[str], label: int
-) -> None:
+def _draw_signal(figure: SubFigure, evidence: Evidence, colours: Sequence[str], label: int) -> None:
     """Draw waveform, spectrogram, class and probability over time."""
     wave, spectrogram, strip, line = figure.subplots(
         4, 1, sharex=True, height_ratios=(1, 1.7, 0.25, 0.7)
@@ -203,27 +201,28 @@ def _draw_signal(
     line.set(ylim=(-0.05, 1.05), yticks=(0, 0.5, 1), xlabel="s", ylabel="probability")
 
 
-def _draw_wave(axes: Axes, evidence: SignalEvidence) -> None:
-    count = evidence.samples.shape[1]
+def _draw_wave(axes: Axes, evidence: Evidence) -> None:
+    count = evidence.recording.shape[1]
     begins = np.arange(bins := min(BINS, count)) * count // bins
-    for samples, colour in zip(evidence.samples, AXES, strict=False):
+    for samples, colour in zip(evidence.recording, AXES, strict=False):
         low, high = (each.reduceat(samples, begins) for each in (np.minimum, np.maximum))
-        axes.fill_between(begins / evidence.rate, low, high, color=colour, alpha=0.7, linewidth=0.3)
+        seconds = begins / count * evidence.seconds
+        axes.fill_between(seconds, low, high, color=colour, alpha=0.7, linewidth=0.3)
     axes.axvline(evidence.start, color="#cc3311", linestyle="--")
     axes.set_title(f"movement from {evidence.start:.2f} s", loc="left", color="#cc3311", pad=2)
     axes.set(xlim=(0, evidence.seconds), ylabel="signal")
 
 
-def _draw_spectrogram(axes: Axes, evidence: SignalEvidence) -> None:
+def _draw_spectrogram(axes: Axes, evidence: Evidence) -> None:
     """Draw the spectrogram of the axis that varies most."""
     axes.set_ylabel("Hz")
-    strongest = evidence.samples[evidence.samples.std(axis=1).argmax()]
+    strongest = evidence.recording[evidence.recording.std(axis=1).argmax()]
     length = min(FRAME, len(strongest))
     if length > 1:
         axes.specgram(
             strongest,
             NFFT=length,
-            Fs=evidence.rate,
+            Fs=evidence.rate or 1.0,
             noverlap=length * 3 // 4,
             detrend="mean",
             cmap="magma",
