@@ -53,7 +53,7 @@ NOT_RUN = {
 }
 WEIGHTS = {
     "ALEXNET.caffemodel": "alexnet_caffe",
-    "VGG_M.mat": "vgg_m",
+    "VGG_M.caffemodel": "vgg_m",
 }
 ELSEWHERE = {"extend.md": "plugin", "data_sets.md": "data/readers"}
 RUNNABLE = [page for page in PAGES if page.name not in ELSEWHERE]

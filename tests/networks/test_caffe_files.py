@@ -1,8 +1,7 @@
-"""Published files of Caffe and MatConvNet, written by Google's protobuf and by SciPy."""
+"""Published files of Caffe, written by Google's protobuf."""
 
 import numpy as np
 import pytest
-import scipy.io
 import torch
 from conftest import visualnet as make
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -30,8 +29,6 @@ VGG_M = {
 SHAPES = {"alexnet_caffe": ALEXNET, "tcnn": ALEXNET, "vgg_m": VGG_M}
 STRIDES = {"alexnet_caffe": 4, "tcnn": 4, "vgg_m": 2}
 FORMS = ["layers", "layer", "unpacked", "double"]
-COLOUR = np.array([125.0, 114.0, 101.0])  # RGB
-
 # Name, number, type and, where it is a message or repeated, which, as in caffe.proto.
 FLOAT, DOUBLE, INT64, INT32, STRING, MESSAGE = 2, 1, 3, 5, 9, 11
 SCHEMA = {
@@ -118,23 +115,6 @@ def write_caffemodel(path, arrays, form="layers"):
     return path
 
 
-def write_mat(path, arrays, *, nested=True, mean=True):
-    """RGB weights (height, width, inputs, outputs), as MatConvNet's importer saves them."""
-    layers = []
-    for name, (weight, bias) in arrays.items():
-        cell = np.empty((1, 2), dtype=object)
-        wide = weight if weight.ndim == 4 else weight[:, :, None, None]
-        cell[0, 0], cell[0, 1] = wide.transpose(2, 3, 1, 0), bias[None]
-        layers += [{"name": name, "type": "conv", "weights": cell}, {"name": "r", "type": "relu"}]
-    ripple = np.array([-5.0, 5.0]).repeat(112)[:, None, None]
-    image = COLOUR + ripple + np.zeros((224, 224, 1))
-    normalization = {"averageImage": image.astype(np.float32) if mean else np.zeros((0, 0))}
-    more = {"normalization": normalization}
-    content = {"layers": np.array(layers).reshape(1, -1), **({"meta": more} if nested else more)}
-    scipy.io.savemat(path, content, do_compression=True)
-    return path
-
-
 def visualnet(trunk, norm="lrn"):
     return make(3, trunk=trunk, norm=norm).eval()
 
@@ -184,17 +164,6 @@ def test_caffemodel_gives_caffes_conv1_and_the_other_layers_as_they_are(tmp_path
     np.testing.assert_array_equal(weight, arrays["conv2"][0])
 
 
-@pytest.mark.parametrize("nested", [False, True])
-@pytest.mark.parametrize("trunk", ["alexnet_caffe", "vgg_m"])
-def test_mat_gives_matconvnets_conv1_less_the_mean_colour_of_the_file(tmp_path, trunk, nested):
-    arrays = fabricate(SHAPES[trunk])
-    net = visualnet(trunk)
-    load_trunk_weights(net.trunk, write_mat(tmp_path / "a.mat", arrays, nested=nested))
-    assert_conv1(net, trunk, photo() - COLOUR[:, None, None], *arrays["conv1"])
-    weight = net.trunk.layers.conv3[0].weight.detach().numpy()
-    np.testing.assert_array_equal(weight, arrays["conv3"][0])
-
-
 def test_vgg_m_normalises_as_its_files_say():
     """MatConvNet's parameters [5 2 1e-4 0.75]: x_i / (2 + 1e-4 sum of 5 squares)^0.75."""
     x = 100 * np.random.default_rng(0).standard_normal((96, 3, 3))
@@ -213,21 +182,18 @@ def refused(net, path, *parts):
     assert all(part in str(caught.value) for part in parts), caught.value
 
 
-@pytest.mark.parametrize("write", [write_caffemodel, write_mat])
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.999])
-def test_truncated_files(tmp_path, write, kept):
-    suffix = write.__name__.removeprefix("write_")
-    path = write(tmp_path / f"a.{suffix}", fabricate({"conv1": (96, 3, 7, 7)}))
+def test_truncated_files(tmp_path, kept):
+    path = write_caffemodel(tmp_path / "a.caffemodel", fabricate({"conv1": (96, 3, 7, 7)}))
     content = path.read_bytes()
     path.write_bytes(content[: int(kept * len(content))])
     refused(visualnet("vgg_m"), path, str(path), "cannot be read")
 
 
-@pytest.mark.parametrize("suffix", ["caffemodel", "mat"])
 @pytest.mark.parametrize(
     "content", [b"<html>not found</html>", bytes(range(256)) * 9, b"\x80" * 99]
 )
-def test_files_of_something_else(tmp_path, suffix, content):
-    path = tmp_path / f"a.{suffix}"
+def test_files_of_something_else(tmp_path, content):
+    path = tmp_path / "a.caffemodel"
     path.write_bytes(content)
     refused(visualnet("vgg_m"), path, "cannot be read")

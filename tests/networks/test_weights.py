@@ -66,7 +66,7 @@ def test_what_is_no_file_of_this_trunk_is_refused(tmp_path):
     refused(visualnet(), tmp_path / "none.npz", "there is no file", "none.npz")
     for name in ("weights.h5", "weights.pth"):
         (tmp_path / name).touch()
-        refused(visualnet(), tmp_path / name, name, "reads .npz, .caffemodel, .mat")
+        refused(visualnet(), tmp_path / name, name, "reads .npz, .caffemodel")
     refused(visualnet(width=0.5), "imagenet", "width=1")
     refused(visualnet(norm="batch"), "imagenet", "norm=batch")
 

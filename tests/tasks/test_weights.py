@@ -16,7 +16,7 @@ from tex_lightning.errors import UserError
 
 GIVEN = {
     "alexnet_caffe": "a.caffemodel",
-    "vgg_m": "v.mat",
+    "vgg_m": "v.caffemodel",
     "efficientnet_lite0": "imagenet",
 }
 
@@ -32,8 +32,8 @@ def config(model: str) -> Config:
     [
         ("visual", "a.caffemodel"),
         ("alexnet_fv", "a.caffemodel"),
-        ("visual_vgg_m", "v.mat"),
-        ("vgg_m_fv", "v.mat"),
+        ("visual_vgg_m", "v.caffemodel"),
+        ("vgg_m_fv", "v.caffemodel"),
         ("fusion_efficientnet", "imagenet"),
         ("visual_tcnn", None),
         ("haptic", None),

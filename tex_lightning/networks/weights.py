@@ -1,4 +1,4 @@
-"""Reading ImageNet weights of VisualNet's trunks: files of Caffe, MatConvNet and EfficientNet-Lite.
+"""Reading ImageNet weights of VisualNet's trunks: files of Caffe and EfficientNet-Lite.
 
 A ``.caffemodel`` is read from protobuf's wire format without Caffe or a schema. Field numbers are
 those of ``caffe.proto``: a network holds ``layer`` (100) or, in files of 2014, ``layers`` (2); a
@@ -26,11 +26,9 @@ from tex_lightning.networks.trunks.base import Layout
 
 log = logging.getLogger(__name__)
 LARGEST = 1e6  # of a weight; published ones are below 100, and larger ones overflow in a product
-CAFFE_MEAN = (123.0, 117.0, 104.0)  # RGB, subtracted from values in 0-255
 LAYOUTS: dict[str, Layout] = {
     ".npz": "caffe",
     ".caffemodel": "caffe",
-    ".mat": "caffe",
     ".pth": "efficientnet",
     ".pt": "efficientnet",
 }
@@ -40,12 +38,15 @@ Array = npt.NDArray[np.floating]
 class PixelInput(NamedTuple):
     """What a network was trained on: values in 0-255 less a mean colour, divided by a number."""
 
-    mean: tuple[float, ...] = CAFFE_MEAN
-    bgr: bool = True
-    divisor: float = 1.0
+    mean: tuple[float, float, float]
+    bgr: bool
+    divisor: float
 
 
-EFFICIENTNET_INPUT = PixelInput((127.0, 127.0, 127.0), bgr=False, divisor=128.0)
+PIXELS: dict[Layout, PixelInput] = {
+    "caffe": PixelInput((123.0, 117.0, 104.0), bgr=True, divisor=1.0),  # the mean in R, G, B
+    "efficientnet": PixelInput((127.0, 127.0, 127.0), bgr=False, divisor=128.0),
+}
 
 
 def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
@@ -56,12 +57,10 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
 
     Args:
         trunk: Trunk of width 1 without batch normalisation.
-        source: A .caffemodel file, a .mat file of MatConvNet or a .npz file with Caffe's names
-            (their input convention, BGR or RGB in 0-255 less the mean, is folded into the first
-            convolution, so that the network keeps the input it documents; of a mean image the
-            mean colour is taken), a .pth or .pt file of EfficientNet-Lite, or "imagenet" for the
-            trunk's official weights, which are in a package. Normalisation and input convention of
-            EfficientNet-Lite are folded into the convolutions.
+        source: A .caffemodel file or a .npz file with Caffe's names, a .pth or .pt file of
+            EfficientNet-Lite, or "imagenet" for the trunk's official weights, which are in a
+            package. The file's input convention, such as BGR in 0-255 less the mean, is folded into
+            the first convolution, and normalisation into all.
 
     Returns:
         One line saying what was loaded.
@@ -82,9 +81,8 @@ def load_trunk_weights(trunk: Trunk, source: str | Path) -> str:
     if layout is None or layout not in trunk.layouts:
         usable = [suffix for suffix, known in LAYOUTS.items() if known in trunk.layouts]
         raise UserError(f"weights: {path} is not for {name}, which reads {', '.join(usable)}.")
-    content, pixels = _read(path)
-    state = _select(trunk, content, layout, path)
-    _fold_input(state, next(iter(trunk.layouts[layout].values())), pixels)
+    state = _select(trunk, _read(path), layout, path)
+    _fold_input(state, next(iter(trunk.layouts[layout].values())), PIXELS[layout])
     trunk.load_state_dict({**dict(trunk.named_buffers()), **state})
     if not trunk.textures:
         _scale_features(trunk)
@@ -114,7 +112,7 @@ def find_weights(trunk: Trunk, source: str) -> Path:
     name, package = name_trunk(type(trunk)), trunk.imagenet_package
     if package is None or trunk.imagenet_sha256 is None:
         raise UserError(
-            f"weights=imagenet is not available for {name}; give a .caffemodel, .mat or .npz file."
+            f"weights=imagenet is not available for {name}; give a .caffemodel or .npz file."
         )
     spec = find_spec(package)  # no code of it is run
     folders = [] if spec is None else list(spec.submodule_search_locations or [])
@@ -134,26 +132,20 @@ def find_weights(trunk: Trunk, source: str) -> Path:
     return files[0]
 
 
-def _read(path: Path) -> tuple[Mapping[str, Tensor], PixelInput]:
-    """Weights and biases by name, and the input they expect."""
-    arrays: Mapping[str, npt.NDArray[Any]]
-    pixels = PixelInput()
+def _read(path: Path) -> Mapping[str, Tensor]:
+    """Return weights and biases by name."""
     try:
         check_archive(path)
         if LAYOUTS[path.suffix] == "efficientnet":
             with suppress_warnings():
                 content: Any = torch.load(path, map_location="cpu", weights_only=True)
-            return fold_statistics(content), EFFICIENTNET_INPUT
+            return fold_statistics(content)
         if path.suffix == ".caffemodel":
-            arrays = read_caffemodel(path)
-        elif path.suffix == ".mat":
-            arrays, mean = read_matconvnet(path)
-            colour = CAFFE_MEAN if mean is None else tuple(map(float, mean))
-            pixels = PixelInput(colour, bgr=False)
+            arrays: Mapping[str, npt.NDArray[Any]] = read_caffemodel(path)
         else:  # opened here because NumPy leaves a damaged file open
             with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 arrays = {name: stored[name] for name in stored.files}
-        return {name: torch.from_numpy(np.array(each)) for name, each in arrays.items()}, pixels
+        return {name: torch.from_numpy(np.array(each)) for name, each in arrays.items()}
     except Exception as error:  # zip, zlib, pickle and NumPy each raise their own kinds
         raise UserError(
             f"weights: {path} cannot be read, it may be truncated or not a weight file; replace it."
@@ -299,37 +291,6 @@ def _varints(packed: int | memoryview) -> Iterator[int]:
     while place < len(packed):
         value, place = _varint(packed, place)
         yield value
-
-
-def read_matconvnet(path: Path) -> tuple[dict[str, Array], Array | None]:
-    """Read ``{layer}.weight`` and ``{layer}.bias`` of all layers, and the mean colour.
-
-    Weights come as (outputs, inputs, height, width), for RGB inputs as MatConvNet has them.
-
-    Returns:
-        The arrays, and RGB in 0-255, the mean over the mean image where the file has one; None
-        where it has no mean.
-
-    Raises:
-        ValueError: If the file holds no such network; SciPy's errors if it is damaged.
-    """
-    import scipy.io  # slow
-
-    wanted = ("layers", "meta", "normalization", "net")
-    content: Mapping[str, Any] = scipy.io.loadmat(path, simplify_cells=True, variable_names=wanted)
-    net = content.get("net", content)
-    arrays: dict[str, Array] = {}
-    for layer in net["layers"]:
-        weights, name = layer.get("weights", ()), layer["name"]
-        if layer["type"] == "conv" and len(weights) == 2 and np.ndim(weights[0]) == 4:
-            arrays[f"{name}.weight"] = np.ascontiguousarray(weights[0].transpose(3, 2, 0, 1))
-            arrays[f"{name}.bias"] = np.ravel(weights[1])
-    if not arrays:
-        raise ValueError("no convolutions")
-    normalization = net.get("meta", net).get("normalization", {})  # newer files keep it deeper
-    image = np.asarray(normalization.get("averageImage", ()), dtype=np.float64)
-    known = image.size > 0 and image.shape[-1] == 3
-    return arrays, image.reshape(-1, 3).mean(axis=0) if known else None
 
 
 EPSILON = 1e-3  # of the variance, as in TensorFlow's network
