@@ -55,7 +55,7 @@ def test_every_system_of_a_frontier_composes(family):
 )
 def test_subsets_of_senses_are_of_the_model_that_is_asked_for(given, model):
     config = composed("task=frontier", "frontier=senses", *given)
-    assert (config.frontier.senses, config.model.name) == ("auto", model)
+    assert (config.frontier.senses, config.model.name) == (["haptic", "visual"], model)
 
 
 def test_all_of_the_papers_rows_are_swept():

@@ -66,11 +66,11 @@ def make(tmp_path):
 
 
 def asked(system: PerturbedSystem, perturbation: str, severity: float, monkeypatch) -> list:
-    """The recordings, and the number of tuples, that samples are decided by."""
+    """The recordings that samples are decided by."""
     given = []
 
-    def label(rows, *_, pairs=None):
-        given.append((dict(rows), pairs))
+    def label(rows, *_):
+        given.append(dict(rows))
 
     monkeypatch.setattr(system.folds[0], "label", label)
     system.decide(TABLE[perturbation], severity)
@@ -83,15 +83,15 @@ def test_a_system_meets_what_hits_a_modality_that_it_reads_beside_another(make):
         return {each.name for each in both if make(*senses).meets(each)}
 
     assert names("haptic") == set()
-    pairs = {"haptic_missing", "image_missing", "haptic_swapped", "image_swapped", "fewer_pairs"}
-    assert names("haptic", "visual") == pairs
-    assert names(*MODALITIES) == {*pairs, "sound_missing", "sound_swapped"}
+    either = {"haptic_missing", "image_missing", "haptic_swapped", "image_swapped"}
+    assert names("haptic", "visual") == either
+    assert names(*MODALITIES) == {*either, "sound_missing", "sound_swapped"}
 
 
 def test_a_swapped_recording_is_of_another_class_and_the_same_fold(make, monkeypatch):
     system = make(*MODALITIES)
     found = asked(system, "sound_swapped", 5, monkeypatch)
-    for (rows, _), sample in zip(found, system.folds[0].samples, strict=True):
+    for rows, sample in zip(found, system.folds[0].samples, strict=True):
         assert rows["sound"].label != sample.label
         assert rows["sound"].group == sample.recordings["sound"].group
         assert rows["image"] == sample.recordings["image"]
@@ -100,10 +100,9 @@ def test_a_swapped_recording_is_of_another_class_and_the_same_fold(make, monkeyp
 def test_a_share_lacks_a_modality_that_the_files_decide(make, monkeypatch):
     system, table = make("haptic", "visual"), TABLE["haptic_missing"]
     found = asked(system, "haptic_missing", 2, monkeypatch)
-    for (rows, _), sample in zip(found, system.folds[0].samples, strict=True):
+    for rows, sample in zip(found, system.folds[0].samples, strict=True):
         chance = make_rng(0, table.name, *sample.recordings.values()).random()
         assert ("haptic" in rows) == (chance >= table.value(2))
-    assert {count for _, count in asked(system, "fewer_pairs", 3, monkeypatch)} == {10}
 
 
 def test_the_draws_of_a_sample_are_those_of_its_content_and_part(make):

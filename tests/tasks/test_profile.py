@@ -13,10 +13,11 @@ from torch import nn
 from tex_lightning.data.decode import SignalDecoder
 from tex_lightning.inference.engine import count_macs
 from tex_lightning.networks.hapticnet import HapticNet
-from tex_lightning.networks.windows import WindowNet, cut_windows
 from tex_lightning.studies.profile import (
     SHAPES,
+    WindowNet,
     agreement,
+    cut_windows,
     gemm_gflops,
     products,
     render_recording,

@@ -18,7 +18,6 @@ from tex_lightning.config.instantiation import TARGET, find_callable, find_class
 from tex_lightning.config.keys import beyond, choice, nearest, walk
 from tex_lightning.config.mistakes import unknown_key
 from tex_lightning.config.model import CHECKPOINT, FUSION, SignalFitConfig
-from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.errors import UserError, shorten
 
 RECORDED = ("haptic", "sound", "image")  # modalities of task=record
@@ -251,9 +250,8 @@ def _unknown_names(config: Config) -> Iterator[str]:
     for key in vars(model.fusion):
         if key.endswith(CHECKPOINT):
             yield from choice("a key of model.fusion", key, checkpoints)
-    allowed = model.known if isinstance(senses, list) else (EVERY_SENSE, None)
-    for sense in senses if isinstance(senses, list) else [senses]:
-        yield from choice("frontier.senses", sense, allowed)
+    for sense in senses or ():
+        yield from choice("frontier.senses", sense, model.known)
     perturbed = [name for name in model.known if model.sense(name).fit.perturb]
     if not perturbed and stability.only is None and not stability.severities:
         return

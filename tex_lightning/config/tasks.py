@@ -10,7 +10,6 @@ ROUNDS = {"least": 1, "most": 10_000}
 SHARE = {"least": 0, "most": 1}
 CHANCE = {"least": 0, "below": 1}
 OPTIMIZED_METRICS = ("val_loss", "vote_error")
-EVERY_SENSE = "auto"  # of frontier.senses
 READ_FILES = ("predict", "record", "stream")  # tasks that read files, by modality
 TRAINING = ("fit", "crossval")  # tasks that train one model
 SILENT = ("predict", "stream", "record", "generate", "export")  # tasks that leave no results.json
@@ -186,8 +185,8 @@ class FrontierConfig:
     systems: dict[str, str | None] = key(
         "overrides by name of the system, set by frontier=NAME; null leaves one out", factory=dict
     )
-    senses: Any = key(
-        "senses whose subsets are systems of model=NAME: a list, or auto for all in the data",
+    senses: list[str] | None = key(
+        "senses whose subsets are systems of model=NAME",
         default=None,
     )
     only: list[str] | None = key("some of the systems by name; null runs all", default=None)

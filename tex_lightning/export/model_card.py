@@ -4,7 +4,6 @@ Front matter and headings are those of model hubs (Mitchell et al., "Model Cards
 Reporting", 2019); the text is ``model_card.md.jinja``.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,9 @@ from tex_lightning.classifier.card import Card
 from tex_lightning.classifier.classifier import SurfaceClassifier
 from tex_lightning.core.files import read_record
 from tex_lightning.errors import listed
-from tex_lightning.text import printable, render, to_markdown
+from tex_lightning.text import printable, render
 
 RESULTS = "results.json"
-OFFICIAL = "imagenet"  # the source that stands for a trunk's official weights
-LICENCES = {"efficientnet": "Apache-2.0 (EfficientNet-Lite)"}
 TEMPLATE = Path(__file__).with_name("model_card.md.jinja")
 
 
@@ -43,7 +40,7 @@ def model_card(classifier: SurfaceClassifier, checkpoint: Path) -> str:
         "fused": f", fused on {card.fusion['level'].upper()}" if classifier.fusion else "",
         "parameters": classifier.count_parameters(),
         "version": __version__,
-        "licence": _licence(card),
+        "sources": card.trained_on.get("trunks") or {},
         "checkpoint": printable(checkpoint.name).replace("`", "'"),  # which would end the block
         "inputs": ", ".join(f'{printable(name)}="FILE"' for name in card.modalities),
     }
@@ -74,17 +71,3 @@ def _front_matter(card: Card, entry: Mapping[str, Any], results: Mapping[str, An
         }
         values["model-index"] = [{"name": card.kind, "results": [test]}]
     return str(yaml.safe_dump(values, sort_keys=False, allow_unicode=True))
-
-
-def _licence(card: Card) -> str:
-    """Return the licence of every trunk's pretrained weights, in Markdown."""
-    trunks = card.trained_on.get("trunks") or {}
-    if not trunks:
-        return "None were used: all weights began at random."
-    licences = []
-    for sense, source in trunks.items():
-        node = json.dumps(card.senses.get(sense, {}))
-        known = [text for name, text in LICENCES.items() if name in node and source == OFFICIAL]
-        text = known[0] if known else f"as stated by the publisher of {source}"
-        licences.append(to_markdown(f"{sense}: {text}"))
-    return "; ".join(licences) + "."

@@ -16,9 +16,8 @@ from tex_lightning.errors import UserError, reason
 from tex_lightning.perturbations import pixels, traces
 from tex_lightning.perturbations.pixels import Array, Scene
 
-BOTH = "both"  # of what is wrong with how recordings are put together, and with none of them
-FEWER = "fewer_pairs"  # that one of them which hits no modality
-MISSING, SWAPPED = "missing", "swapped"  # what becomes of the modality that the others hit
+BOTH = "both"  # of what is wrong with how recordings are put together
+MISSING, SWAPPED = "missing", "swapped"  # what becomes of the modality that is hit
 SEVERITIES = (1, 2, 3, 4, 5)
 LARGEST = 1e30  # of a level; recordings are float32
 SCALES = Path(__file__).with_name("severities.yaml")

@@ -19,7 +19,6 @@ from tex_lightning.config import Config
 from tex_lightning.config.check import check_config
 from tex_lightning.config.composition import Job
 from tex_lightning.config.instantiation import INSTALL, missing_library, named_classes, trust
-from tex_lightning.config.tasks import EVERY_SENSE
 from tex_lightning.config.weights import read_config
 from tex_lightning.core.devices import pick_device
 from tex_lightning.core.files import read_record
@@ -143,7 +142,7 @@ def _subsets(config: Config, job: Job) -> dict[str, str]:
         return {}
     given = [item.partition("=")[2] for item in job.overrides if item.startswith("model=")]
     model = given[-1] if given else config.model.name
-    senses, systems = _chosen_senses(config), {}
+    senses, systems = config.frontier.senses, {}
     for decision, smallest in (("", 1), (SEQUENTIAL, 2)):
         for count in range(smallest, len(senses) + 1):
             for subset in combinations(senses, count):
@@ -151,26 +150,6 @@ def _subsets(config: Config, job: Job) -> dict[str, str]:
                 how = f" decision={decision}" if decision else ""
                 systems[name] = f"model={model} model.senses=[{','.join(subset)}]{how}"
     return systems
-
-
-def _chosen_senses(config: Config) -> list[str]:
-    """Return the senses whose subsets are compared: those named, or all that the data has.
-
-    Raises:
-        UserError: If the data has recordings of no known sense, or cannot be read.
-    """
-    if config.frontier.senses != EVERY_SENSE:
-        return list(config.frontier.senses)
-    modalities = {name: config.model.sense(name).modality for name in config.model.known}
-    table = read_recordings(config.data, list(dict.fromkeys(modalities.values())))
-    present = {row.modality for row in table}
-    senses = [name for name, modality in modalities.items() if modality in present]
-    if not senses:
-        raise UserError(
-            f"The data has recordings of {', '.join(sorted(present))}, and no sense reads these: "
-            f"known are {', '.join(modalities)}; write conf/sense/NAME.yaml for another."
-        )
-    return senses
 
 
 def measure_family(systems: Sequence[System], folds: Sequence[int], directory: Path) -> None:

@@ -20,7 +20,7 @@ from tex_lightning.data.store import Store, Unusable, fingerprint
 from tex_lightning.errors import UserError
 from tex_lightning.evaluation.outcomes import wilson_interval
 from tex_lightning.perturbations.pixels import Array, Scene
-from tex_lightning.perturbations.table import BOTH, FEWER, MISSING, Perturbation
+from tex_lightning.perturbations.table import BOTH, MISSING, Perturbation
 from tex_lightning.report.stability_charts import StabilityRow
 
 Labels = list[int | None]  # class index of each sample; None where the classifier refuses it
@@ -114,8 +114,6 @@ class SystemFold:
     ) -> int | None:
         """Label recordings that are whole, put together wrongly."""
         value, rows = perturbation.value(severity), dict(sample.recordings)
-        if perturbation.name == FEWER:
-            return self.label(rows, pairs=max(1, round(value)))
         modality, becomes = perturbation.effect
         dataset = self.datasets[modality]
         rng = make_rng(dataset.seed, perturbation.name, *rows.values())
@@ -131,8 +129,6 @@ class SystemFold:
         rows: Mapping[str, Recording],
         perturbation: Perturbation | None = None,
         severity: float = 0,
-        *,
-        pairs: int | None = None,
     ) -> int | None:
         """Label one sample; senses whose modality is missing are left out.
 
@@ -140,7 +136,6 @@ class SystemFold:
             rows: The recordings, by modality.
             perturbation: Changes those of its modality; None leaves all as they are.
             severity: Severity of the perturbation.
-            pairs: Number of tuples of a FusionNet; None takes the card's.
         """
         part = self._part(rows)
         recordings, outputs = {}, {}
@@ -161,7 +156,7 @@ class SystemFold:
                 if sense.modality == modality:
                     outputs[name] = changed[key]
         partials = [outputs[name].partial_logits for name in part.senses]
-        scores = part.fuse(partials, part.seed(**recordings), pairs)
+        scores = part.fuse(partials, part.seed(**recordings))
         return part.decide(scores, part.card.temperature).label
 
     def _part(self, modalities: Iterable[str]) -> SurfaceClassifier:
@@ -210,8 +205,7 @@ class PerturbedSystem:
         read = {*self.folds[0].classifier.card.modalities}
         if perturbation.modality != BOTH:
             return perturbation.modality in read
-        affects = perturbation.name == FEWER or perturbation.effect[0] in read
-        return affects and len(read) > 1
+        return perturbation.effect[0] in read and len(read) > 1
 
 
 def run_trial(system: PerturbedSystem, perturbation: Perturbation, severity: float) -> StabilityRow:
