@@ -44,7 +44,7 @@ NOT_RUN = {
     "mypy": "the lint step of .ci/run",
     "lint-imports": "the lint step of .ci/run",
     "npm pack": "fetches from the network; a stand-in lies there",
-    "http.server": "serves until it is stopped; tests/export opens pages in a browser",
+    "http.server": "serves until it is stopped",
     "hydra/launcher=submitit_slurm": "needs a SLURM cluster",
     "srun": "needs a SLURM cluster; tests/learning trains in two processes",
     "task=record": "needs a sensor; tests/recording runs",

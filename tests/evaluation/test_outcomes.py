@@ -13,14 +13,12 @@ from tex_lightning.classifier.vote import Vote
 from tex_lightning.data.folds import Sample
 from tex_lightning.evaluation.outcomes import (
     Outcome,
-    environment,
     read_outcomes,
     summarise,
     vote_counts,
     wilson_interval,
     worst_samples,
     write_outcomes,
-    write_results,
 )
 from tex_lightning.evaluation.samples import run_test
 
@@ -76,23 +74,6 @@ def test_outcomes_survive_a_round_trip(tmp_path):
     ]
     write_outcomes(outcomes, tmp_path / "sub" / "o.csv")
     assert read_outcomes(tmp_path / "sub" / "o.csv") == outcomes
-
-
-def test_results_are_whole_or_not_there(tmp_path):
-    path = tmp_path / "results.json"
-    write_results(path, {"a": 1})
-    with pytest.raises(TypeError):
-        write_results(path, {"a": object()})
-    assert json.loads(path.read_text()) == {"a": 1}
-    assert [item.name for item in tmp_path.iterdir()] == ["results.json"]
-
-
-def test_the_environment_says_what_matters():
-    facts = environment(torch.device("cpu"))
-    assert facts["versions"]["torch"] == torch.__version__
-    assert facts["threads"] == torch.get_num_threads()
-    assert facts["device"] == "cpu"
-    json.dumps(facts)
 
 
 def test_a_tested_sample_of_a_class_that_was_not_trained_is_wrong():

@@ -15,8 +15,6 @@ from PIL import Image
 import tex_lightning as tl
 from tex_lightning.classifier.card import read_checkpoint
 from tex_lightning.config.search import use_config_dir
-from tex_lightning.perturbations.pixels import Scene
-from tex_lightning.perturbations.table import read_severities
 
 HERE = Path(__file__).parent
 CONF = ["--config-dir", HERE / "my_ext" / "conf"]
@@ -221,16 +219,6 @@ def test_a_broken_file_of_the_user_ends_in_one_sentence(cli, tmp_path):
     assert f"{tmp_path}/data/bad.yaml" in outcome.err
 
 
-def test_the_current_folder_is_importable_with_the_flag(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [each for each in sys.path if each not in ("", str(tmp_path))])
-    use_config_dir(["model=small"])
-    assert str(tmp_path) not in sys.path
-    (tmp_path / "conf").mkdir()
-    use_config_dir(["--config-dir", "conf"])
-    assert sys.path[-1] == str(tmp_path)
-
-
 def forge(run: Path, path: Path, target: str) -> Path:
     """The checkpoint with another class for its trunk."""
     content = torch.load(run / "checkpoints" / "visual.ckpt", weights_only=True)
@@ -294,12 +282,3 @@ def test_an_installed_package_brings_its_files_and_is_trusted(
     outcome = cli("task=predict", f"checkpoint={run}", f"image={flat}/beta_0.png")
     assert json.loads(outcome.out)["label"] in CLASSES
     assert tl.load(run).card.kind == "fusion"
-
-
-def test_a_users_function_changes_the_photo():
-    own = read_severities(HERE / "my_ext" / "severities.yaml")["stains"]
-    photo = np.full((40, 40, 3), 200, np.uint8)
-    scene = Scene(np.random.default_rng(0), 0.0)
-    stained = own.apply(photo, 4.5, scene)  # between 0.6 and 0.9
-    assert (stained == 0).all(axis=2).mean() == pytest.approx(0.75, abs=0.05)
-    assert (photo == 200).all()

@@ -6,9 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from conftest import RATE, make_card, make_photo, make_trace
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from PIL import Image
+from conftest import make_card, make_photo, make_trace
 from torch import nn
 
 import tex_lightning as tl
@@ -108,39 +106,6 @@ def test_it_is_drawn_over_seconds_hertz_and_pixels(fused):
     assert covered[0][0] == 0
     assert covered[-1][1] == pytest.approx(2.4)
     assert all(one[1] == other[0] for one, other in pairwise(covered))
-
-
-def test_nothing_is_cut_or_overlaps(fused):
-    figure = fused.figure("x" * 60)
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    renderer = canvas.get_renderer()
-    width, height = figure.bbox.size
-    boxes = [axes.get_tightbbox(renderer) for part in figure.subfigs for axes in part.axes]
-    assert all(box.x0 >= -1 and box.y0 >= -1 for box in boxes)
-    assert all(box.x1 <= width + 1 and box.y1 <= height + 1 for box in boxes)
-    for index, box in enumerate(boxes):
-        assert not any(box.padded(-2).overlaps(other.padded(-2)) for other in boxes[index + 1 :])
-
-
-def test_files_are_small_however_large_the_input(tmp_path):
-    rng = np.random.default_rng(0)
-    labels = rng.integers(0, 3, (70, 95))
-    photo = photo_evidence(labels, 12)
-    noise = rng.integers(0, 255, (2448, 3264, 3), dtype=np.uint8)
-    rows, columns = (equal_parts(count, 0, size) for count, size in ((70, 2448), (95, 3264)))
-    photo = Evidence("visual", photo.scores, rows, columns, 1.0, noise)
-    scores = rng.standard_normal((12, 1, 120))
-    trace = rng.standard_normal((1, 20 * RATE)).astype(np.float32)
-    signal = Evidence(
-        "haptic", scores, np.zeros((1, 2)), equal_parts(120, 0, 20), 1.0, trace,
-        RATE, 0.0,
-    )  # fmt: skip
-    path = tmp_path / "why.png"
-    explanation(signal, photo).save(path)
-    assert path.stat().st_size < 1e6
-    with Image.open(path) as picture:
-        assert picture.size[0] == 1200
 
 
 def test_a_rejected_sample_is_drawn_and_what_cannot_be_written_is_said(fused, tmp_path):

@@ -2,18 +2,12 @@
 
 import base64
 import re
-import shutil
-import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from tex_lightning.report.page import write_report
-
-CHROMIUM = shutil.which("chromium")
-FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-quic"]
-FLAGS += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
 
 
 class Page(HTMLParser):
@@ -81,23 +75,3 @@ def test_what_files_say_is_text(tmp_path):
 def test_an_empty_run_folder_gives_a_page(tmp_path):
     write_report(tmp_path)
     assert "This command repeats it" in (tmp_path / "report.html").read_text()
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
-@pytest.mark.parametrize("width", [1280, 390])
-def test_nothing_is_wider_than_the_screen(run, tmp_path, width):
-    text = (run / "report.html").read_text()
-    frame = f"<iframe id=f style='width:{width}px;height:900px;border:0' srcdoc=\"{{}}\"></iframe>"
-    escaped = text.replace("&", "&amp;").replace('"', "&quot;")
-    measure = (
-        "<script>f.onload=()=>{const d=f.contentDocument.documentElement;"
-        "document.title=d.scrollWidth+' of '+d.clientWidth}</script>"
-    )
-    (tmp_path / "frame.html").write_text(frame.format(escaped) + measure)
-    found = subprocess.run(
-        [CHROMIUM, *FLAGS, f"--user-data-dir={tmp_path}/profile", "--dump-dom",
-         "--virtual-time-budget=5000", f"file://{tmp_path}/frame.html"],
-        capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
-    inside, outside = re.search(r"<title>(\d+) of (\d+)</title>", found.stdout).groups()
-    assert int(inside) <= int(outside) <= width

@@ -16,9 +16,3 @@ def test_standardised_features_have_mean_zero_and_unit_length():
     assert standardised.square().sum(dim=1).mean() == pytest.approx(1, abs=0.02)
     maps = features([rows[:3, :, None, None]])
     torch.testing.assert_close(maps[..., 0, 0], standardised[:3])
-
-
-def test_a_feature_that_hardly_varies_is_not_blown_up():
-    features = TextureFeatures(Window(13, 2), 1)
-    rows = torch.tensor([[1.0], [1.0], [1.001]])
-    assert features.standardise(rows).abs().max() < 0.01
