@@ -17,8 +17,8 @@ def _sound(specimen, recording=0, spec=SPEC):
     return listen(spec, specimen, 0, recording)
 
 
-def _hear(specimen, speed=90, seed=0):
-    stroke = draw_stroke(np.random.default_rng(seed), 2.0, 10_000, mean_speed=speed).at_rate(RATE)
+def _hear(specimen):
+    stroke = draw_stroke(np.random.default_rng(0), 2.0, 10_000).at_rate(RATE)
     return hear_stroke(specimen, stroke, np.random.default_rng(1), np.random.default_rng(2))
 
 

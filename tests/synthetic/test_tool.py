@@ -1,13 +1,7 @@
-import dataclasses
-
 import numpy as np
 import pytest
 
-from tex_lightning.synthetic.tool import (
-    accelerate,
-    draw_stroke,
-    slide_tool,
-)
+from tex_lightning.synthetic.tool import slide_tool
 
 RATE = 10_000
 
@@ -38,24 +32,6 @@ def test_tool_hangs_still_under_gravity_until_the_impact(specimen):
         landing = int(np.argmax(moved > 0.5))
         assert 0.2 * RATE <= landing <= 0.42 * RATE
         assert moved[landing : landing + 300].max() > 2
-
-
-def test_faster_strokes_shift_the_grooves_to_higher_frequencies(specimen):
-    # Over a mesh of wavelength w at speed v, the relief's lowest line lies at v / w.
-    wavelength = specimen(1).material.relief.wavelength
-    for speed in (60, 120):
-        stroke = draw_stroke(np.random.default_rng(3), 4.0, RATE, mean_speed=speed)
-        straight = dataclasses.replace(
-            stroke,
-            position=np.stack([np.cumsum(stroke.speed) / RATE, np.full(4 * RATE, 0.3)]),
-        )
-        normal = accelerate(specimen(1), straight, np.random.default_rng(2))[2, 8000:]
-        spectrum = np.abs(np.fft.rfft(normal * np.hanning(len(normal)))) ** 2
-        hertz = np.fft.rfftfreq(len(normal), 1 / RATE)
-        line = stroke.speed[8000:].mean() / wavelength
-        near = spectrum[(hertz > 0.7 * line) & (hertz < 1.3 * line)].sum()
-        below = spectrum[(hertz > 0.1 * line) & (hertz < 0.7 * line)].sum()
-        assert near > 5 * below
 
 
 def test_feel_alikes_give_the_very_same_trace_from_the_same_random_numbers(specimen):

@@ -68,42 +68,49 @@ def write_folder(
         root: Folder to write to; missing or empty.
         modalities: Some of ``haptic``, ``image`` and ``sound``.
     """
+    materials = make_materials(spec.classes, spec.seed)
 
-    def write(specimen: Specimen, index: int) -> None:
+    def write(index: int) -> None:
+        specimen = Specimen(materials[index])
         for modality in modalities:
             suffix, take, save = _FILES[modality]
             folder = root / specimen.material.name / modality
             folder.mkdir(parents=True)
             for recording in range(spec.recordings):
-                taken = take(spec, specimen, index, recording)
-                save(folder / f"{recording:02d}{suffix}", taken)
+                save(folder / f"{recording:02d}{suffix}", take(spec, specimen, index, recording))
 
-    _for_each_class(spec, write)
+    # Threads do, as the work is done inside NumPy, SciPy and OpenCV, and they start anywhere.
+    with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
+        jobs = [pool.submit(write, index) for index in range(spec.classes)]
+        for job in track(jobs, "Rendering surfaces"):
+            job.result()
+
+
+def _rng(spec: SyntheticSpec, index: int, recording: int, sense: int) -> np.random.Generator:
+    return np.random.default_rng([spec.seed, index, recording, sense])
 
 
 def record(
     spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.float32]:
     """Record one trace of class ``index``, in g, shape (3, T)."""
-    rng = np.random.default_rng([spec.seed, index, recording, _HAPTIC])
-    return slide_tool(specimen, rng, spec.seconds, RATE)
+    return slide_tool(specimen, _rng(spec, index, recording, _HAPTIC), spec.seconds, RATE)
 
 
 def listen(
     spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.float32]:
     """Record what a microphone hears of the stroke of :func:`record`, shape (T,), in [-1, 1]."""
-    contact = np.random.default_rng([spec.seed, index, recording, _HAPTIC])
+    contact = _rng(spec, index, recording, _HAPTIC)
     stroke = draw_stroke(contact, spec.seconds, RATE).at_rate(SOUND_RATE)
-    rng = np.random.default_rng([spec.seed, index, recording, _SOUND])
-    return hear_stroke(specimen, stroke, contact, rng)
+    return hear_stroke(specimen, stroke, contact, _rng(spec, index, recording, _SOUND))
 
 
 def photograph(
     spec: SyntheticSpec, specimen: Specimen, index: int, recording: int
 ) -> NDArray[np.uint8]:
     """Take one photo of class ``index``, RGB, shape (photo_height, photo_width, 3)."""
-    rng = np.random.default_rng([spec.seed, index, recording, _IMAGE])
+    rng = _rng(spec, index, recording, _IMAGE)
     size = spec.photo_width, spec.photo_height
     return render_photo(specimen, rng, _light(spec, recording), size)
 
@@ -111,17 +118,16 @@ def photograph(
 def recorded_under(
     spec: SyntheticSpec, modality: str, index: int, recording: int
 ) -> dict[str, str]:
-    """The conditions of one recording of class ``index``, drawn again and not rendered.
+    """Return the conditions of one recording of class ``index``, drawn again and not rendered.
 
     Returns:
         Of a trace and of its sound ``speed``, typical, to 10 mm/s, and ``force``, to 0.2 N; of a
         photo ``light`` and ``distance``, to a tenth of the mean.
     """
     if modality == "image":
-        camera = np.random.default_rng([spec.seed, index, recording, _IMAGE])
-        distance = draw_distance(camera)
+        distance = draw_distance(_rng(spec, index, recording, _IMAGE))
         return {"light": _light(spec, recording), "distance": f"{distance:.1f}"}
-    speed, force = draw_hand(np.random.default_rng([spec.seed, index, recording, _HAPTIC]))
+    speed, force = draw_hand(_rng(spec, index, recording, _HAPTIC))
     return {"speed": f"{round(speed, -1):.0f}", "force": f"{0.2 * round(force / 0.2):.1f}"}
 
 
@@ -129,23 +135,13 @@ def _light(spec: SyntheticSpec, recording: int) -> Light:
     return "daylight" if recording < (spec.recordings + 1) // 2 else "ambient"
 
 
-def _for_each_class(spec: SyntheticSpec, write: Callable[[Specimen, int], None]) -> None:
-    """Make up and write the classes side by side; the files do not depend on the order."""
-    materials = make_materials(spec.classes, spec.seed)
-
-    def write_class(index: int) -> None:
-        write(Specimen(materials[index]), index)
-
-    # Threads do, as the work is done inside NumPy, SciPy and OpenCV, and they start anywhere.
-    with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
-        jobs = [pool.submit(write_class, index) for index in range(spec.classes)]
-        for job in track(jobs, "Rendering surfaces"):
-            job.result()
-
-
 def _write_jpeg(path: Path, photo: NDArray[np.uint8]) -> None:
     encoded = cv2.imencode(".jpg", cv2.cvtColor(photo, cv2.COLOR_RGB2BGR), _JPEG)[1]
     path.write_bytes(encoded.tobytes())
+
+
+def _write_flac(path: Path, sound: NDArray[np.float32]) -> None:
+    soundfile.write(path, sound, SOUND_RATE, "PCM_16")
 
 
 _Take = Callable[[SyntheticSpec, Specimen, int, int], NDArray[Any]]
@@ -153,9 +149,5 @@ _Save = Callable[[Path, NDArray[Any]], None]
 _FILES: dict[str, tuple[str, _Take, _Save]] = {
     "haptic": (".npy", record, np.save),
     "image": (".jpg", photograph, _write_jpeg),
-    "sound": (
-        ".flac",
-        listen,
-        lambda path, sound: soundfile.write(path, sound, SOUND_RATE, "PCM_16"),
-    ),
+    "sound": (".flac", listen, _write_flac),
 }

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tex_lightning.synthetic.materials import Body, Material, ReliefSpec, Skin
+from tex_lightning.synthetic.materials import Material, ReliefSpec, Skin
 
 Field = NDArray[np.float32]
 
@@ -33,18 +33,6 @@ def make_relief(spec: ReliefSpec) -> Field:
     shape = _SHAPES[spec.family](rng, spec.wavelength)
     grain = shaped_noise(rng, TILE, PITCH, lambda _, __, k: np.exp(-0.5 * (0.4 * k) ** 2))
     return _scaled(shape + 0.08 * grain, spec.depth)
-
-
-def make_micro(body: Body) -> Field:
-    """Build the fine roughness that the tool feels and the photo leaves out.
-
-    Returns:
-        Heights in mm with zero mean and root mean square ``body.micro_depth``,
-        shape (``MICRO_TILE``, ``MICRO_TILE``), at ``MICRO_PITCH``.
-    """
-    rng = np.random.default_rng([body.seed, 1])
-    noise = _band(rng, MICRO_TILE, MICRO_PITCH, body.micro_wavelength, width=0.35)
-    return _scaled(noise, body.micro_depth)
 
 
 def smooth(tile: Field, sigma: float) -> Field:
@@ -127,11 +115,11 @@ def _mesh(rng: np.random.Generator, wavelength: float) -> Field:
     return np.tanh(3 * np.maximum(np.cos(2 * np.pi * x), np.cos(2 * np.pi * y)) - 1.8)
 
 
-def _domes(rng: np.random.Generator, spacing: float, radius: float, jitter: float) -> Field:
+def _domes(rng: np.random.Generator, spacing: float, radius: float) -> Field:
     """Lay hemispheres of ``radius`` mm around a jittered lattice of ``spacing`` mm, in [0, 1]."""
     count = round(TILE * PITCH / spacing)
     lattice = np.stack(np.meshgrid(*[np.arange(count)] * 2), axis=-1).reshape(-1, 2)
-    centres = (lattice + jitter * rng.uniform(-1, 1, lattice.shape)) * (TILE / count)
+    centres = (lattice + 0.5 * rng.uniform(-1, 1, lattice.shape)) * (TILE / count)
     column, row = (np.rint(centres).astype(int) % TILE).T
     empty = np.ones((TILE, TILE), np.uint8)
     empty[row, column] = 0
@@ -140,14 +128,6 @@ def _domes(rng: np.random.Generator, spacing: float, radius: float, jitter: floa
     distance = cv2.distanceTransform(wrapped, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     distance = distance[margin:-margin, margin:-margin] * np.float32(PITCH / radius)
     return np.sqrt(np.maximum(1 - distance**2, 0))
-
-
-def _granular(rng: np.random.Generator, wavelength: float) -> Field:
-    return _domes(rng, wavelength, 0.75 * wavelength, 0.5)
-
-
-def _porous(rng: np.random.Generator, wavelength: float) -> Field:
-    return -_domes(rng, wavelength, 0.38 * wavelength, 0.5)
 
 
 def _fibrous(rng: np.random.Generator, wavelength: float) -> Field:
@@ -176,8 +156,8 @@ _SHAPES: dict[str, Callable[[np.random.Generator, float], Field]] = {
     "grooved": _grooved,
     "woven": _woven,
     "mesh": _mesh,
-    "granular": _granular,
-    "porous": _porous,
+    "granular": lambda rng, wavelength: _domes(rng, wavelength, 0.75 * wavelength),
+    "porous": lambda rng, wavelength: -_domes(rng, wavelength, 0.38 * wavelength),
     "fibrous": _fibrous,
     "rough": _rough,
     "creased": _creased,
@@ -244,8 +224,11 @@ class Specimen:
 
     @cached_property
     def micro(self) -> Field:
-        """Fine roughness in mm, shape (``MICRO_TILE``, ``MICRO_TILE``)."""
-        return make_micro(self.material.body)
+        """Fine roughness in mm, which photos leave out, shape (``MICRO_TILE``, ``MICRO_TILE``)."""
+        body = self.material.body
+        rng = np.random.default_rng([body.seed, 1])
+        noise = _band(rng, MICRO_TILE, MICRO_PITCH, body.micro_wavelength, width=0.35)
+        return _scaled(noise, body.micro_depth)
 
 
 def _slope(height: Field, axis: int) -> Field:

@@ -45,7 +45,7 @@ class Stroke:
     sampling_rate: int
 
     def at_rate(self, sampling_rate: int) -> "Stroke":
-        """The same movement in samples of another rate."""
+        """Return the same movement in samples of another rate."""
         ratio = sampling_rate / self.sampling_rate
         before = np.arange(len(self.speed))
         after = np.arange(round(len(self.speed) * ratio)) / ratio
@@ -63,9 +63,7 @@ def draw_hand(rng: np.random.Generator) -> tuple[float, float]:
     return float(speed), float(force)
 
 
-def draw_stroke(
-    rng: np.random.Generator, seconds: float, sampling_rate: int, mean_speed: float | None = None
-) -> Stroke:
+def draw_stroke(rng: np.random.Generator, seconds: float, sampling_rate: int) -> Stroke:
     """Draw a free-hand stroke.
 
     The tool hangs in the air for 0.2 to 0.4 s, lands, and then wanders mainly across the grooves
@@ -75,17 +73,16 @@ def draw_stroke(
         rng: Source of everything that varies from stroke to stroke.
         seconds: Duration of the recording, at least 1.
         sampling_rate: Samples per second.
-        mean_speed: Typical speed in mm/s; drawn around 90 if not given.
     """
     count = round(seconds * sampling_rate)
-    drawn_speed, mean_force = draw_hand(rng)
+    mean_speed, mean_force = draw_hand(rng)
     lead = rng.uniform(0.2, 0.4)
     speed = np.exp(0.15 * drift(rng, count, sampling_rate))
     force = mean_force * np.exp(0.15 * drift(rng, count, sampling_rate))
     heading = np.deg2rad(rng.uniform(-15, 15) + 8 * drift(rng, count, sampling_rate))
     # The hand rests for a moment after the landing and then sets off smoothly.
     since_start = np.arange(count) / sampling_rate - lead - 0.06
-    speed *= (drawn_speed if mean_speed is None else mean_speed) * _ramp(since_start / 0.15)
+    speed *= mean_speed * _smooth_step(since_start / 0.15)
     velocity = speed * np.stack([np.cos(heading), np.sin(heading)])
     origin = rng.uniform(0, 60, (2, 1))
     position = origin + np.cumsum(velocity, axis=1) / sampling_rate
@@ -93,10 +90,7 @@ def draw_stroke(
 
 
 def slide_tool(
-    specimen: Specimen,
-    rng: np.random.Generator,
-    seconds: float = 8.0,
-    sampling_rate: int = 10_000,
+    specimen: Specimen, rng: np.random.Generator, seconds: float, sampling_rate: int
 ) -> NDArray[np.float32]:
     """Record one stroke over a specimen with a three-axis accelerometer.
 
@@ -211,6 +205,6 @@ def drift(rng: np.random.Generator, count: int, sampling_rate: int, hertz: float
     return ndimage.map_coordinates(values, at[None], order=3, mode="nearest")
 
 
-def _ramp(position: Signal) -> Signal:
+def _smooth_step(position: Signal) -> Signal:
     position = np.clip(position, 0, 1)
     return position * position * (3 - 2 * position)

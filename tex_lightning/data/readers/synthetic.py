@@ -50,16 +50,23 @@ class SyntheticReader:
         return with_conditions(spec, Recordings(tuple(rows)))
 
     def _folder(self, spec: SyntheticSpec, modalities: tuple[str, ...]) -> Path:
-        """Return the folder of the cache with these recordings."""
+        """Return the folder of the cache with these recordings, rendered there if it is missing."""
         identity = {"version": __version__, **asdict(spec)}
         if SOUND in modalities:
             identity["modality"] = SOUND
         digest = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:16]
         target = cache_root(self.cache_dir) / "synthetic" / digest
-        if not target.is_dir():
-            what = " and ".join(map(plural, modalities))
-            log.info("Rendering %s of %d synthetic surfaces, once.", what, spec.classes)
-            _render(spec, target, modalities)
+        if target.is_dir():
+            return target
+        what = " and ".join(map(plural, modalities))
+        log.info("Rendering %s of %d synthetic surfaces, once.", what, spec.classes)
+        try:
+            with partial_path(target, folder=True) as partial:
+                write_folder(spec, partial, modalities)
+                partial.rename(target)
+        except OSError as error:
+            if not target.is_dir():  # another process may have been faster
+                raise unwritable(target, error) from error
         return target
 
 
@@ -70,22 +77,10 @@ def spec_of(classes: int | None, surfaces: Mapping[str, Any]) -> SyntheticSpec:
 
 def with_conditions(spec: SyntheticSpec, recordings: Recordings) -> Recordings:
     """Return the same rendered recordings with the conditions that they were drawn under."""
-    places = {
-        material.name: at for at, material in enumerate(make_materials(spec.classes, spec.seed))
-    }
+    names = [material.name for material in make_materials(spec.classes, spec.seed)]
     rows = []
     for row in recordings:
-        conditions = recorded_under(spec, row.modality, places[row.label], int(row.group))
+        index = names.index(row.label)
+        conditions = recorded_under(spec, row.modality, index, int(row.group))
         rows.append(replace(row, conditions=tuple(conditions.items())))
     return replace(recordings, rows=tuple(rows))
-
-
-def _render(spec: SyntheticSpec, target: Path, modalities: tuple[str, ...]) -> None:
-    """Write beside the target and move it there whole; another process may have been faster."""
-    try:
-        with partial_path(target, folder=True) as partial:
-            write_folder(spec, partial, modalities)
-            partial.rename(target)
-    except OSError as error:
-        if not target.is_dir():
-            raise unwritable(target, error) from error
