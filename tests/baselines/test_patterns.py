@@ -1,7 +1,5 @@
 """Local binary patterns: invariance, an independent count, and the command line."""
 
-import json
-
 import numpy as np
 import pytest
 from conftest import make_photo
@@ -25,13 +23,3 @@ def test_a_bright_dot_by_hand():
     assert shares.shape == (CODES,)
     assert shares.sum() == pytest.approx(1)
     assert shares[0] == pytest.approx(1 / 49)  # the dot, all of whose neighbours are darker
-
-
-def test_command_line(cli, surfaces, tmp_path):
-    outcome = cli(
-        "model=lbp", "data=folder", f"data.root={surfaces}", "data.half_scale=false",
-        "debug=tiny", f"hydra.run.dir={tmp_path}",
-    )  # fmt: skip
-    assert outcome.status == 0, outcome.err
-    results = json.loads((tmp_path / "results.json").read_text())
-    assert results["networks"]["visual"]["test_samples"] == 3

@@ -4,15 +4,12 @@ from pathlib import Path
 
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tex_lightning.config import Folding
 from tex_lightning.data.folds import (
     as_override,
     check_conditions,
     check_split,
-    comparable,
     split,
 )
 from tex_lightning.data.recordings import Recording, Recordings
@@ -108,12 +105,6 @@ def test_conditions_that_leave_nothing_to_train_or_test_are_said():
     ):
         with pytest.raises(UserError, match=message):
             check_split(split(rows, by(where)), ["a", "b"], ["haptic"], by(where))
-
-
-@given(st.floats(allow_nan=False, allow_infinity=False, width=32))
-def test_a_number_is_one_value_however_it_is_written(number):
-    assert len({comparable(text) for text in (number, str(number), f" {number:.60f}")}) == 1
-    assert comparable(comparable(number)) == comparable(number)
 
 
 @pytest.mark.parametrize(

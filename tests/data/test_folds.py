@@ -1,4 +1,3 @@
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tex_lightning.config import DataConfig, Folding
+from tex_lightning.config import Folding
 from tex_lightning.data.folds import (
     check_split,
     count_folds,
@@ -14,7 +13,6 @@ from tex_lightning.data.folds import (
     split,
     with_folds,
 )
-from tex_lightning.data.readers import read_recordings
 from tex_lightning.data.recordings import Recording, Recordings
 from tex_lightning.errors import UserError
 
@@ -86,23 +84,6 @@ def test_named_groups_stay_together_across_modalities_and_no_fold_is_empty(group
         assert {row.fold for row in found} == set(range(count))
     turned = with_folds(Recordings(rows[::-1]), folds)
     assert [row.fold for row in turned][::-1] == [row.fold for row in found]  # no chance, no order
-
-
-@pytest.mark.parametrize("name", ["borealtc", "fabricslide"])
-def test_real_manifests_with_named_groups_are_split_without_a_leak(shared, name):
-    reader = {"_target_": "tex_lightning.data.readers.folder.ManifestReader"}
-    reader["manifest"] = str(shared / "data" / name / "manifest.csv")
-    rows = read_recordings(DataConfig(reader=reader, folds=5))
-    shares = Counter((row.label, row.fold) for row in rows)
-    for fold in range(5):
-        parts = split(rows, by(5, fold, (fold + 1) % 5))
-        groups = [{row.group for row in part} for part in (parts.train, parts.val, parts.test)]
-        assert not groups[0] & groups[1] | groups[0] & groups[2] | groups[1] & groups[2]
-        check_split(parts, rows.classes, ["haptic"], by(5, fold))
-        for label in rows.classes:  # stratified as far as whole groups allow
-            sizes = Counter(row.group for row in rows.in_classes([label]))
-            most = max(0.3 * sizes.total(), max(sizes.values()))
-            assert 0.08 * sizes.total() < shares[label, fold] <= most
 
 
 def test_inverted_swaps_training_and_test_and_leaves_validation_out_of_both():

@@ -8,7 +8,6 @@ from tex_lightning.data.quality import (
     TraceMonitor,
     photo_quality,
     together,
-    trace_measures,
     training_ranges,
 )
 from tex_lightning.data.recordings import Recording
@@ -67,11 +66,6 @@ def test_only_what_is_far_outside_of_the_training_is_said():
     assert len(quality(NOISE, rate=[44_100, 44_100]).warnings) == 1
 
 
-def test_a_rate_above_the_networks_own_adds_nothing():
-    assert trace_measures(NOISE, 44_100, 10_000)["rate"] == 10_000
-    assert trace_measures(NOISE, 2_500, 10_000)["rate"] == 2_500
-
-
 def test_photos_that_show_nothing_or_little():
     photo = RNG.integers(60, 200, (300, 400, 3)).astype(np.uint8)
     ranges = {"brightness": [90.0, 160.0], "contrast": [20.0, 50.0]}
@@ -101,15 +95,3 @@ def test_ranges_leave_out_the_oddest_recordings(tmp_path):
     assert 0.9 < ranges["level"][0] < 1.2
     assert 3 < ranges["level"][1] < 5
     assert ranges["rate"] == pytest.approx([5000, 5000])
-
-
-def test_the_rate_in_the_ranges_is_the_one_that_the_file_was_decoded_at(tmp_path):
-    path = tmp_path / "timed.csv"
-    times = np.arange(600) / 2500.0
-    rows = "\n".join(
-        f"{time:.6f},{value:.6f}" for time, value in zip(times, NOISE[0], strict=False)
-    )
-    path.write_text(f"time,x\n{rows}\n")
-    row = Recording("a", "haptic", path, 0)
-    ranges = training_ranges([row], Store(tmp_path, {"haptic": SignalDecoder()}))
-    assert ranges["rate"] == pytest.approx([2500, 2500], rel=1e-3)

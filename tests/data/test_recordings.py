@@ -17,9 +17,7 @@ from tex_lightning.data.recordings import (
     natural_key,
     overlap,
     read_manifest,
-    read_part,
     write_manifest,
-    write_part,
 )
 from tex_lightning.errors import UserError
 
@@ -38,11 +36,6 @@ def test_natural_order_counts():
     assert sorted(names, key=natural_key) == ["G1z", "G2b", "Q1", "q2", "q10"]
 
 
-@given(st.lists(st.text(), min_size=2))
-def test_natural_order_is_defined_for_any_names(names):
-    assert sorted(sorted(names), key=natural_key)
-
-
 def test_a_manifest_survives_a_round_trip(tmp_path):
     path = manifest(tmp_path, HEADER + "wood,haptic,a.wav,3\n")
     table = read_manifest(path)
@@ -59,15 +52,6 @@ def test_a_manifest_survives_a_round_trip(tmp_path):
 def test_a_spreadsheets_semicolons_and_decimal_commas_are_read(tmp_path):
     lines = "\ufefflabel;modality;path;group;rate\r\nw;haptic;a.wav;0;2500,5\r\n"
     assert read_manifest(manifest(tmp_path, lines)).rows[0].sampling_rate == 2500.5
-
-
-def test_further_columns_are_conditions_that_are_written_back(tmp_path):
-    lines = "label,modality,path,group,speed,light\nw,haptic,a.wav,0,60,\n"
-    table = read_manifest(manifest(tmp_path, lines))
-    assert table.rows[0].conditions == (("speed", "60"),)
-    assert table.notes == ()
-    write_manifest(table, tmp_path / "copy.csv")
-    assert read_manifest(tmp_path / "copy.csv") == table
 
 
 def test_parts_of_a_file_may_share_it_unless_they_overlap(tmp_path):
@@ -138,11 +122,6 @@ BORDERS = st.floats(0, 1).map(lambda x: round(x, 9))
 PARTS = st.tuples(BORDERS, BORDERS).filter(lambda part: part[0] < part[1])
 
 
-@given(PARTS)
-def test_text_gives_the_same_part_back(part):
-    assert read_part(write_part(part)) == part
-
-
 @given(PARTS, PARTS)
 def test_parts_overlap_if_they_share_a_point_inside(one, other):
     shared = min(map(Fraction, (one[1], other[1]))) - max(map(Fraction, (one[0], other[0])))
@@ -158,12 +137,6 @@ def test_equal_parts_hold_every_sample_once(count, samples):
     np.testing.assert_array_equal(np.concatenate(pieces, axis=1), array)
     assert max(piece.shape[1] for piece in pieces) - min(piece.shape[1] for piece in pieces) <= 1
     assert not any(overlap(*pair) for pair in pairwise(parts))
-
-
-@pytest.mark.parametrize("text", ["0.5", "0.5-0.5", "-1-0", "0-2", "a-b", "0-nan"])
-def test_what_is_no_part_is_refused(text):
-    with pytest.raises(ValueError):  # noqa: PT011
-        read_part(text)
 
 
 ROWS = tuple(

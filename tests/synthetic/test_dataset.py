@@ -5,7 +5,6 @@ import soundfile
 
 from tex_lightning.errors import UserError
 from tex_lightning.synthetic import SyntheticSpec, make_materials, write_folder
-from tex_lightning.synthetic.camera import _draw_view
 from tex_lightning.synthetic.dataset import listen, photograph, recorded_under
 from tex_lightning.synthetic.tool import draw_stroke
 
@@ -60,16 +59,3 @@ def test_conditions_of_strokes_are_those_of_the_movement():
     for wanted, found in zip(np.transpose(said), np.transpose(done), strict=True):
         assert np.corrcoef(wanted, found)[0, 1] > 0.8
         np.testing.assert_allclose(wanted, found, rtol=0.35)
-
-
-def test_conditions_of_photos_are_those_of_the_view_and_the_light(specimen):
-    spec = SyntheticSpec(classes=2, recordings=6, photo_width=64, photo_height=48)
-    warmth: dict[str, list[float]] = {"daylight": [], "ambient": []}
-    for number in range(6):
-        conditions = recorded_under(spec, "image", 1, number)
-        view, _ = _draw_view(np.random.default_rng([0, 1, number, 1]), (64, 48))
-        scale = np.sqrt(abs(np.linalg.det(view)))  # tile points for a pixel, tilt aside
-        assert abs(float(conditions["distance"]) - scale) < 0.1
-        colour = photograph(spec, specimen(1), 1, number).mean((0, 1))
-        warmth[conditions["light"]].append(colour[0] / colour[2])
-    assert max(warmth["daylight"]) < min(warmth["ambient"])

@@ -42,15 +42,3 @@ def test_every_block_has_one_pair_alike_to_each_sense(seed):
     for place, alike in ((0, look_alike), (2, feel_alike), (4, sound_alike)):
         found = [(i, j) for (i, first), (j, second) in pairs if alike(first, second)]
         assert found == [(at, at + 1) for at in range(place, 72, BLOCK)]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_parameters_stay_physical(seed):
-    for material in make_materials(69, seed):
-        assert 0.8 <= material.relief.wavelength <= 4
-        assert 0 < material.relief.depth < material.relief.wavelength / 10
-        assert 0 < material.body.damping < 1
-        assert 0 < material.body.stick < 1
-        assert material.voice.loudness > 0
-        assert 500 <= material.voice.pitch <= 5000
-        assert all(0 <= part <= 1 for part in material.skin.colour + material.skin.accent)

@@ -45,17 +45,6 @@ def test_sound_begins_with_the_touch_that_the_trace_of_its_number_shows(specimen
     assert touch[0] == pytest.approx(touch[1], abs=0.003)
 
 
-def test_the_stroke_is_the_same_at_any_rate():
-    coarse = draw_stroke(np.random.default_rng(0), 2.0, 10_000)
-    fine = coarse.at_rate(RATE)
-    assert fine.landing / RATE == pytest.approx(coarse.landing / 10_000, abs=1 / RATE)
-    assert (fine.speed[: fine.landing] == 0).all()
-    np.testing.assert_allclose(fine.position[:, ::441], coarse.position[:, ::100], atol=1e-9)
-    np.testing.assert_allclose(fine.force[::441], coarse.force[::100])
-    travelled = np.linalg.norm(np.diff(fine.position), axis=0) * RATE
-    np.testing.assert_allclose(travelled[RATE:], fine.speed[RATE + 1 :], rtol=1e-2)
-
-
 def test_foil_drowns_what_the_tool_tells_apart(specimen):
     def spectrum(sound):
         edges = np.geomspace(500, 20_000, 13)

@@ -1,7 +1,6 @@
 """Readers of published data sets, on small files under their real names."""
 
 import json
-import re
 import shutil
 from pathlib import Path
 
@@ -268,53 +267,3 @@ def test_lmt108_end_to_end_with_predictions_from_one_axis_path(cli, tmp_path):
     other = ["task=evaluate", checkpoint, "data.reader.split=testing", "data.test_fold=null"]
     networks = results(cli, tmp_path / "other", *other, *data, "debug=tiny")
     assert networks["haptic"]["test_samples"] == 20
-
-
-@pytest.mark.slow
-def test_kth_tips2b_end_to_end_in_both_protocols(cli, tmp_path):
-    write_kth(tmp_path / "kth_tips2b", 24, 24, scales=3)
-    keys = ["model=visual", "model.visual.width=0.1", "data.resize=224", "debug=tiny"]
-    keys += given(tmp_path, "kth_tips2b")
-    modern = results(cli, tmp_path / "modern", *keys, "data.val_fold=2", "data.inverted=false")
-    assert modern["visual"]["test_samples"] == 2 * 36
-    paper = ["task=crossval", "data.inverted=true", "crossval.only=[1]"]
-    networks = results(cli, tmp_path / "paper", *keys, *paper)
-    assert networks["visual"]["test_samples"] == 3 * 2 * 36
-    csv = (tmp_path / "paper" / "folds" / "1" / "predictions" / "visual.csv").read_text()
-    assert [sample for sample in "abcd" if f"sample_{sample}" in csv] == ["a", "c", "d"]
-
-
-@pytest.mark.slow
-def test_cluster_is_cross_validated_by_speed(cli, tiny, tmp_path):
-    keys = ["experiment=few/haptic", *given(tiny, "cluster"), "task=crossval", "data.folds=2"]
-    networks = results(cli, tmp_path / "crossval", *keys)
-    assert networks["haptic"]["correct"] == len(SURFACES) * len(STROKES)
-    table = (tmp_path / "crossval/folds/1/predictions/haptic.csv").read_text().splitlines()
-    assert {re.search(r"_(\d+)_\d+_\d\.csv", line)[1] for line in table[1:]} == {"60"}
-
-
-def test_hatt_is_fitted_and_overlapping_stretches_are_a_leak(cli, tiny, tmp_path):
-    data = given(tiny, "hatt")
-    fit = results(cli, tmp_path / "fit", "model=mfcc_nb", *data)
-    assert fit["haptic"]["correct"] == 6
-    again = ["task=evaluate", f"checkpoint={tmp_path}/fit", *data, "data.folds=2"]
-    leak = cli(*again, f"hydra.run.dir={tmp_path}/leak")
-    assert leak.status == 2
-    assert "has trained on 6 of the 6 test recordings" in leak.err
-
-
-def test_a_run_ends_with_all_defects_of_files(cli, copy, tmp_path):
-    damages = (
-        ("<SampleRate>10000", "<SampleRate>0", "has a sampling rate of 0 Hz"),
-        ("(?s)<AccelY.*AccelY>", "", "cannot be read .AccelX, AccelY, AccelZ have 18000, 0, 18000"),
-        ("(?s)<ForceX.*", "", "cannot be read .no element found"),
-    )
-    files = sorted((copy / "hatt/RecordedData").iterdir())[:3]
-    for path, (old, new, _) in zip(files, damages, strict=True):
-        path.write_text(re.sub(old, new, path.read_text()))
-    keys = ["experiment=few/haptic", *given(copy, "hatt"), "data.folds=2", "data.val_fold=null"]
-    outcome = cli(*keys, "data.group_by=recording", f"hydra.run.dir={tmp_path}/run")
-    assert outcome.status == 2
-    assert "3 of 6 files cannot be used" in outcome.err
-    for path, (_, _, message) in zip(files, damages, strict=True):
-        assert re.search(f"{path.name} {message}", outcome.err), outcome.err
